@@ -1,0 +1,1 @@
+//! nelu3d-field

@@ -1,0 +1,65 @@
+//! The flat target of the calibration sweep: what is printed on it, and where its corners are in an image.
+
+/// The flat target of a sweep. The board's frame has its plane at z = 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Board {
+    /// What is printed on it.
+    pub kind: BoardKind,
+    /// Outline `[x_min, y_min, x_max, y_max]`, mm. Pixels whose ray meets the plane outside it are not samples.
+    pub extent_mm: [f64; 4],
+}
+
+/// The kinds of board there are.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BoardKind {
+    /// A chessboard with ArUco markers in its white squares; identifies its corners even when partly seen.
+    Charuco {
+        /// Squares along x.
+        columns: usize,
+        /// Squares along y.
+        rows: usize,
+        /// Side of a square, mm.
+        square_mm: f64,
+        /// Side of a marker, mm.
+        marker_mm: f64,
+        /// OpenCV's name of a predefined dictionary.
+        dictionary: String,
+        /// OpenCV's layout before 4.6.
+        legacy: bool,
+    },
+    /// A plain chessboard; must be seen whole.
+    Chessboard {
+        /// Squares along x.
+        columns: usize,
+        /// Squares along y.
+        rows: usize,
+        /// Side of a square, mm.
+        square_mm: f64,
+    },
+    /// Any layout of ArUco markers.
+    Markers {
+        /// OpenCV's name of a predefined dictionary.
+        dictionary: String,
+        /// The markers.
+        markers: Vec<Marker>,
+    },
+}
+
+/// One ArUco marker on a board.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Marker {
+    /// Its number in the dictionary.
+    pub id: u32,
+    /// Board coordinates of its corners, clockwise from the marker's own top-left, mm.
+    pub corners_mm: [[f64; 2]; 4],
+}
+
+/// A corner of the board found in an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corner {
+    /// Where it is on the board, mm (z = 0).
+    pub board_mm: [f64; 2],
+    /// Where it was seen, px.
+    pub px: [f64; 2],
+}
