@@ -1,1 +1,7 @@
-//! nelu3d
+//! Structured light without a projector model: lookup, color field, reconstruction, evaluation.
+
+pub mod progress;
+pub mod result;
+
+pub use progress::Progress;
+pub use result::{Left, Reconstruction};
