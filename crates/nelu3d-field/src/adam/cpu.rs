@@ -1,0 +1,140 @@
+//! Fast form: touched entries are gathered into short runs that the compiler vectorizes.
+
+use super::{AdamConfig, Moments, Update};
+use pulp::Arch;
+
+/// Parameters updated together.
+const RUN: usize = 64;
+
+/// Factors of one update in single precision.
+#[derive(Clone, Copy)]
+struct Factors {
+    beta1: f32,
+    beta2: f32,
+    epsilon: f32,
+    rate: f32,
+    root: f32,
+}
+
+impl Factors {
+    fn new(config: &AdamConfig, learning_rate: f64, step: u64) -> Self {
+        let u = Update::new(config, learning_rate, step);
+        Self {
+            beta1: u.beta1 as f32,
+            beta2: u.beta2 as f32,
+            epsilon: u.epsilon as f32,
+            rate: u.rate as f32,
+            root: u.root as f32,
+        }
+    }
+}
+
+#[inline(always)]
+fn update(k: Factors, p: &mut f32, m: &mut f32, v: &mut f32, g: f32) {
+    *m += (1.0 - k.beta1) * (g - *m);
+    *v += (1.0 - k.beta2) * (g * g - *v);
+    *p -= k.rate * *m / (v.sqrt() * k.root + k.epsilon);
+}
+
+/// One step of every parameter; `step` counts from 0. `moments[i]` is `[m, v]` of `params[i]`.
+pub fn step(
+    config: &AdamConfig,
+    learning_rate: f64,
+    step: u64,
+    params: &mut [f32],
+    moments: &mut [Moments],
+    gradient: &[f32],
+) {
+    assert!(params.len() == moments.len() && params.len() == gradient.len());
+    let k = Factors::new(config, learning_rate, step);
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for ((p, [m, v]), &g) in params.iter_mut().zip(moments).zip(gradient) {
+                update(k, p, m, v, g);
+            }
+        },
+    );
+}
+
+/// One step of the entries of `F` parameters whose bit in `touched` is set; clears their gradients and the bits.
+#[inline(always)]
+fn step_lazy_features<const F: usize>(
+    k: Factors,
+    params: &mut [f32],
+    moments: &mut [Moments],
+    gradient: &mut [f32],
+    touched: &mut [u64],
+) {
+    let (params, _) = params.as_chunks_mut::<F>();
+    let (moments, _) = moments.as_chunks_mut::<F>();
+    let (gradient, _) = gradient.as_chunks_mut::<F>();
+    let mut entries = [0u32; RUN];
+    let (mut p, mut m, mut v, mut g) = ([0f32; RUN], [0f32; RUN], [0f32; RUN], [0f32; RUN]);
+    let mut n = 0;
+    let n_words = touched.len();
+    for word in 0..n_words {
+        let mut bits = std::mem::take(&mut touched[word]);
+        loop {
+            if bits != 0 {
+                let e = word * 64 + bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                entries[n / F] = e as u32;
+                let gradient = std::mem::replace(&mut gradient[e], [0.0; F]);
+                for f in 0..F {
+                    p[n + f] = params[e][f];
+                    [m[n + f], v[n + f]] = moments[e][f];
+                    g[n + f] = gradient[f];
+                }
+                n += F;
+            }
+            let done = bits == 0;
+            if n == RUN || (done && word + 1 == n_words) {
+                for i in 0..RUN {
+                    update(k, &mut p[i], &mut m[i], &mut v[i], g[i]);
+                }
+                for (r, &e) in entries[..n / F].iter().enumerate() {
+                    for f in 0..F {
+                        params[e as usize][f] = p[r * F + f];
+                        moments[e as usize][f] = [m[r * F + f], v[r * F + f]];
+                    }
+                }
+                n = 0;
+            }
+            if done {
+                break;
+            }
+        }
+    }
+}
+
+/// One step of the entries whose bit is set: bit `e % 64` of `touched[e / 64]` stands for the parameters
+/// `e · n_features ..` of entry e. The gradients used and the bits are cleared on the way, ready for the next step.
+///
+/// # Panics
+/// If `n_features` is not 1, 2, 4 or 8.
+#[expect(clippy::too_many_arguments)]
+pub fn step_lazy(
+    config: &AdamConfig,
+    learning_rate: f64,
+    step: u64,
+    n_features: usize,
+    params: &mut [f32],
+    moments: &mut [Moments],
+    gradient: &mut [f32],
+    touched: &mut [u64],
+) {
+    let n = params.len();
+    assert!(moments.len() == n && gradient.len() == n && touched.len() == n.div_ceil(64 * n_features));
+    let k = Factors::new(config, learning_rate, step);
+    Arch::new().dispatch(
+        #[inline(always)]
+        || match n_features {
+            1 => step_lazy_features::<1>(k, params, moments, gradient, touched),
+            2 => step_lazy_features::<2>(k, params, moments, gradient, touched),
+            4 => step_lazy_features::<4>(k, params, moments, gradient, touched),
+            8 => step_lazy_features::<8>(k, params, moments, gradient, touched),
+            _ => panic!("no kernel for {n_features} features"),
+        },
+    );
+}
