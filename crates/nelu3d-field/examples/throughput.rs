@@ -38,7 +38,9 @@ fn main() -> Result<(), nelu3d_field::field::FieldError> {
         let (points, targets) = &batches[i % batches.len()];
         field.train_step(points, targets, &weights)
     };
-    (0..10).for_each(|i| drop(step(i)));
+    for i in 0..10 {
+        step(i);
+    }
     let start = Instant::now();
     let loss = (0..n_steps).map(&mut step).last();
     report("train_step", n_steps * N_POINTS, start.elapsed().as_secs_f64(), 3 * field.flops_per_query());
@@ -51,8 +53,9 @@ fn main() -> Result<(), nelu3d_field::field::FieldError> {
     }
     report("query, random points", n_steps * N_POINTS, start.elapsed().as_secs_f64(), field.flops_per_query());
 
-    let rays: Vec<[f32; 3]> =
-        (0..N_POINTS).map(|i| [(i / 64 % 16) as f32 / 768.0, (i / 1024) as f32 / 576.0, (i % 64) as f32 / 64.0]).collect();
+    let rays: Vec<[f32; 3]> = (0..N_POINTS)
+        .map(|i| [(i / 64 % 16) as f32 / 768.0, (i / 1024) as f32 / 576.0, (i % 64) as f32 / 64.0])
+        .collect();
     let start = Instant::now();
     for _ in 0..n_steps {
         field.query(&rays, &mut out);
