@@ -26,31 +26,29 @@ fn main() -> Result<(), nelu3d_field::field::FieldError> {
     let threads = rayon::current_num_threads();
     println!("{}, {} parameters, {threads} threads", field.config(), field.params().len());
 
-    let mut rng = StdRng::seed_from_u64(2);
-    let batches: Vec<(Vec<[f32; 3]>, Vec<f32>)> = (0..8)
-        .map(|_| {
-            let points: Vec<[f32; 3]> = (0..N_POINTS).map(|_| std::array::from_fn(|_| rng.random())).collect();
-            let targets = points.iter().flat_map(|&[x, y, z]| [x * y, (20.0 * x).sin(), z * z]).collect();
-            (points, targets)
-        })
-        .collect();
+    let random = batches(1);
     let weights = vec![1.0; N_POINTS];
-    let mut step = |i: usize| {
-        let (points, targets) = &batches[i % batches.len()];
-        field.train_step(points, targets, &weights)
-    };
-    for i in 0..10 {
-        step(i);
-    }
-    let timer = Timer::start();
-    let loss = (0..n_steps).map(&mut step).last();
-    timer.report("train_step, random points", n_steps * N_POINTS, 3 * field.flops_per_query());
-    println!("  loss {loss:?}");
-
     let mut out = vec![0.0; 3 * N_POINTS];
+    // Neighbors along an image row, 1/640 apart, share cache lines of the table.
+    for group in [1, 4, 8, 16] {
+        let batches = batches(group);
+        let mut step = |i: usize| {
+            let (points, targets) = &batches[i % batches.len()];
+            field.train_step(points, targets, &weights)
+        };
+        for i in 0..10 {
+            step(i);
+        }
+        let timer = Timer::start();
+        let loss = (0..n_steps).map(&mut step).last();
+        let flops = 3 * field.flops_per_query();
+        timer.report(&format!("train_step, groups of {group}"), n_steps * N_POINTS, flops);
+        println!("  loss {loss:?}");
+    }
+
     let timer = Timer::start();
     for i in 0..n_steps {
-        field.query(&batches[i % batches.len()].0, &mut out);
+        field.query(&random[i % random.len()].0, &mut out);
     }
     timer.report("query, random points", n_steps * N_POINTS, field.flops_per_query());
 
@@ -90,6 +88,21 @@ fn main() -> Result<(), nelu3d_field::field::FieldError> {
     }
     timer.report("network forward + backward", n_steps * N_POINTS, 3 * field.flops_per_query());
     Ok(())
+}
+
+/// Points and targets of eight steps; points come in groups that are neighbors along x.
+fn batches(group: usize) -> Vec<(Vec<[f32; 3]>, Vec<f32>)> {
+    let mut rng = StdRng::seed_from_u64(2);
+    let mut batch = || {
+        let mut points: Vec<[f32; 3]> = Vec::with_capacity(N_POINTS);
+        while points.len() < N_POINTS {
+            let [x, y, z]: [f32; 3] = std::array::from_fn(|_| rng.random());
+            points.extend((0..group).map(|i| [(x + i as f32 / 640.0).fract(), y, z]));
+        }
+        let targets = points.iter().flat_map(|&[x, y, z]| [x * y, (20.0 * x).sin(), z * z]).collect();
+        (points, targets)
+    };
+    (0..8).map(|_| batch()).collect()
 }
 
 /// Wall and, on Linux, CPU time: the second is what counts on a busy machine.

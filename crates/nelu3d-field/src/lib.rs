@@ -22,6 +22,7 @@ pub mod encoding;
 pub mod field;
 pub mod loss;
 pub mod mlp;
+mod prefetch;
 mod real;
 mod reduce;
 pub mod volrend;

@@ -1,10 +1,15 @@
 //! Fast form: touched entries are gathered into short runs that the compiler vectorizes.
 
 use super::{AdamConfig, Moments, Update};
+use crate::prefetch::prefetch;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Parameters updated together.
 const RUN: usize = 64;
+/// Words of the bit mask between the entries worked on and those asked for.
+const AHEAD: usize = 2;
+/// Bytes of a cache line.
+const LINE: usize = 64;
 
 /// Factors of one update in single precision.
 #[derive(Clone, Copy)]
@@ -82,8 +87,18 @@ fn step_lazy_features<const F: usize>(
     let (mut p, mut m, mut v, mut g) = ([0f32; RUN], [0f32; RUN], [0f32; RUN], [0f32; RUN]);
     let mut n = 0;
     let last = touched.len().wrapping_sub(1);
-    for (word, bits) in touched.iter_mut().enumerate() {
-        let mut bits = std::mem::take(bits);
+    for word in 0..touched.len() {
+        let mut bits = std::mem::take(&mut touched[word]);
+        if touched.get(word + AHEAD).is_some_and(|&bits| bits != 0) {
+            let start = (word + AHEAD) * 64;
+            for e in (start..start + 64).step_by((LINE / (4 * F)).max(1)) {
+                prefetch(params, e);
+                prefetch(gradient, e);
+            }
+            for e in (start..start + 64).step_by((LINE / (8 * F)).max(1)) {
+                prefetch(moments, e);
+            }
+        }
         loop {
             if bits != 0 {
                 let e = word * 64 + bits.trailing_zeros() as usize;

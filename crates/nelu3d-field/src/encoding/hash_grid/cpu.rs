@@ -5,6 +5,7 @@
 #![expect(clippy::needless_range_loop)]
 
 use super::{HashGrid, Level, PRIMES};
+use crate::prefetch::prefetch;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Points whose addresses are computed together: one AVX2 register of indices.
@@ -111,6 +112,17 @@ fn transpose<const D: usize>(points: &[[f32; D]]) -> [[f32; GROUP]; D] {
     xs
 }
 
+/// Asks for the entries of a group, while the group before it is being worked on. The upper neighbor along x is most
+/// often in the same cache line, dense or hashed.
+#[inline(always)]
+fn fetch<T>(entries: &[T], c: &Corners, n_axes: usize) {
+    for corner in (0..1 << n_axes).step_by(2) {
+        for p in 0..GROUP {
+            prefetch(entries, c.index[corner][p] as usize);
+        }
+    }
+}
+
 #[inline(always)]
 fn encode_level<const D: usize, const F: usize>(
     level: &Level<D>,
@@ -122,9 +134,13 @@ fn encode_level<const D: usize, const F: usize>(
 ) {
     let (entries, _) = table.as_chunks::<F>();
     let entries = &entries[level.offset..][..level.n_entries];
-    for (points, out) in points.chunks(GROUP).zip(out.chunks_mut(GROUP * stride)) {
-        let c = corners(level, &transpose(points));
-        for (p, out) in out.chunks_exact_mut(stride).enumerate().take(points.len()) {
+    let mut next = corners(level, &transpose(&points[..GROUP.min(points.len())]));
+    for (group, here) in points.chunks(GROUP).enumerate() {
+        let c = next;
+        let after = &points[((group + 1) * GROUP).min(points.len())..];
+        next = corners(level, &transpose(&after[..GROUP.min(after.len())]));
+        fetch(entries, &next, D);
+        for (p, out) in out[group * GROUP * stride..].chunks_exact_mut(stride).enumerate().take(here.len()) {
             let mut sum = [0.0; F];
             for corner in 0..1 << D {
                 let entry = &entries[c.index[corner][p] as usize];
@@ -191,9 +207,13 @@ fn scatter_level<const D: usize, const F: usize>(
     let (gradient, _) = gradient.as_chunks_mut::<F>();
     let gradient = &mut gradient[..level.n_entries];
     let touched = &mut touched[..level.n_entries.div_ceil(64)];
-    for (points, d_out) in points.chunks(GROUP).zip(d_out.chunks(GROUP * stride)) {
-        let c = corners(level, &transpose(points));
-        for (p, d_out) in d_out.chunks_exact(stride).enumerate().take(points.len()) {
+    let mut next = corners(level, &transpose(&points[..GROUP.min(points.len())]));
+    for (group, here) in points.chunks(GROUP).enumerate() {
+        let c = next;
+        let after = &points[((group + 1) * GROUP).min(points.len())..];
+        next = corners(level, &transpose(&after[..GROUP.min(after.len())]));
+        fetch(gradient, &next, D);
+        for (p, d_out) in d_out[group * GROUP * stride..].chunks_exact(stride).enumerate().take(here.len()) {
             let mut d = [0.0; F];
             d.copy_from_slice(&d_out[column..column + F]);
             for corner in 0..1 << D {
