@@ -1,5 +1,6 @@
 //! Structured light without a projector model: lookup, color field, reconstruction, evaluation.
 
+pub mod evaluate;
 pub mod progress;
 pub mod result;
 
