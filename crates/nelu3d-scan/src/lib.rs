@@ -13,6 +13,7 @@ pub mod camera;
 pub mod image;
 pub mod mesh;
 pub mod npy;
+pub mod output;
 pub mod pattern;
 pub mod pose;
 pub mod rig;

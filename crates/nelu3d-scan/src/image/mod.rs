@@ -1,7 +1,69 @@
 //! Linear images: what a capture is once it has been read.
+//!
+//! A file is first decoded to the sensor's codes ([`decode()`]), then made linear by [`Raw::linearize`], which subtracts
+//! the black level, scales by the saturation and demosaics. [`write_png8`] and [`write_png16`] go the other way.
+
+mod bayer;
+mod decode;
+mod write;
+
+pub use bayer::demosaic;
+pub use decode::{Depth, ImageFileError, Raw, RawData, decode};
+pub use write::{write_gray8, write_png8, write_png16, write_rgb8};
+
+/// How the sensor delivers color.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channels {
+    /// One channel.
+    Mono,
+    /// Three channels a pixel.
+    Rgb,
+    /// A raw mosaic: the colors of the 2×2 cell at the top left, row by row (0 red, 1 green, 2 blue).
+    Bayer([u8; 4]),
+}
+
+impl Channels {
+    /// Every way there is.
+    pub const ALL: [Channels; 6] = [
+        Channels::Mono,
+        Channels::Rgb,
+        Channels::Bayer([0, 1, 1, 2]),
+        Channels::Bayer([2, 1, 1, 0]),
+        Channels::Bayer([1, 0, 2, 1]),
+        Channels::Bayer([1, 2, 0, 1]),
+    ];
+
+    /// Channels of an image once read: 1 or 3.
+    pub fn count(self) -> usize {
+        if self == Channels::Mono { 1 } else { 3 }
+    }
+
+    /// Channels in the file: 3 for [`Channels::Rgb`], else 1 (a mosaic has one value a pixel).
+    pub fn in_file(self) -> usize {
+        if self == Channels::Rgb { 3 } else { 1 }
+    }
+
+    /// Its name in rig.toml, as `bayer-rggb`.
+    pub fn name(self) -> String {
+        match self {
+            Channels::Mono => "mono".into(),
+            Channels::Rgb => "rgb".into(),
+            Channels::Bayer(cell) => {
+                let letters: String = cell.iter().map(|&c| ['r', 'g', 'b'][usize::from(c)]).collect();
+                format!("bayer-{letters}")
+            }
+        }
+    }
+
+    /// The inverse of [`Channels::name`].
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|c| c.name() == name)
+    }
+}
 
 /// A linear image of interleaved channels. Values are (code − black level) / (saturation − black level); a value ≥ 1 is
-/// clipped (a demosaiced value is ≥ 1 when any mosaic pixel it was made from was clipped).
+/// clipped (a demosaiced value is ≥ 1 when any mosaic pixel it was made from was clipped). Noise around the black level
+/// may be negative: it is kept, so that means stay unbiased.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Width in pixels.

@@ -1,27 +1,18 @@
 //! The rig folder: everything about one camera and one light source that did not move. See `docs/capture-format.md`.
 
+mod capture;
+mod error;
+mod file;
+mod shots;
+
 use std::path::PathBuf;
+
+pub use capture::{Capture, Need};
+pub use error::RigError;
 
 use crate::board::Board;
 use crate::camera::{Camera, Projector};
-
-/// How the sensor delivers color.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Channels {
-    /// One channel.
-    Mono,
-    /// Three channels a pixel.
-    Rgb,
-    /// A raw mosaic: the colors of the 2×2 cell at the top left, row by row (0 red, 1 green, 2 blue).
-    Bayer([u8; 4]),
-}
-
-impl Channels {
-    /// Channels of an image once read: 1 or 3.
-    pub fn count(self) -> usize {
-        if self == Channels::Mono { 1 } else { 3 }
-    }
-}
+pub use crate::image::Channels;
 
 /// What one reconstruction uses: k images (mono) or fewer images of three channels.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -81,4 +72,43 @@ pub struct Shot {
     pub name: String,
     /// The folder.
     pub dir: PathBuf,
+}
+
+/// The description of a rig folder.
+pub const RIG_FILE: &str = "rig.toml";
+/// The calibrated projector, where there is one.
+pub const PROJECTOR_FILE: &str = "projector.json";
+
+impl Rig {
+    /// The pattern set of this name; without a name the first (usually the only) one.
+    ///
+    /// # Errors
+    ///
+    /// There is no such set; the message lists those there are.
+    pub fn pattern_set(&self, name: Option<&str>) -> Result<&PatternSet, RigError> {
+        let found = match name {
+            Some(name) => self.pattern_sets.iter().find(|s| s.name == name),
+            None => self.pattern_sets.first(),
+        };
+        found.ok_or_else(|| RigError::NoPatternSet {
+            path: self.root.join(RIG_FILE),
+            name: name.map(str::to_owned),
+            known: self.pattern_sets.iter().map(|s| s.name.clone()).collect(),
+        })
+    }
+
+    /// The k of a pattern set: values per pixel, images × channels.
+    pub fn channels_of(&self, set: &PatternSet) -> usize {
+        set.images.len() * self.channels.count()
+    }
+
+    /// Where the projected form of a pattern is, if the rig keeps it. The file may be absent.
+    pub fn projected(&self, pattern: &str) -> PathBuf {
+        self.root.join("patterns").join(pattern)
+    }
+
+    /// Where the board was at a position, if that is known without looking.
+    pub fn known_pose(&self, position: &str) -> Option<&nalgebra::Isometry3<f64>> {
+        self.poses.iter().find(|p| p.position == position).map(|p| &p.cam_from_board)
+    }
 }

@@ -1,1 +1,0 @@
-//! Camera and projector files: the LookUp3D tools' JSON, OpenCV's FileStorage, ROS camera_info.

@@ -1,0 +1,222 @@
+//! Camera and projector files. Three formats are read, told apart by their keys; the first is written:
+//!
+//! - [`lookup3d`]: the LookUp3D tools' JSON (`resx`, `resy`, `K`, `dist_coeffs`, optional `R`, `T`);
+//! - [`opencv`]: OpenCV `FileStorage`, YAML or JSON (`camera_matrix`, `distortion_coefficients`);
+//! - [`ros`]: ROS `camera_info`, as calibration file or as a recorded message.
+//!
+//! Each turns the file into a [`Calibration`], whose values are checked here, once for all formats.
+
+mod lookup3d;
+mod opencv;
+mod ros;
+mod source;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use self::source::Source;
+use super::{Camera, Distortion, Projector};
+use crate::output::write_atomic;
+
+/// Why a camera file could not be used.
+#[derive(Debug, thiserror::Error)]
+pub enum CameraFileError {
+    /// The file is missing, or the operating system would not let it be read.
+    #[error("{}: cannot be read: {source}; put the calibration there, or correct its name in rig.toml", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Neither JSON nor YAML.
+    #[error("{}: is not valid {format}: {reason}; write the file again with the tool it came from", path.display())]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// JSON or YAML.
+        format: &'static str,
+        /// What the parser said, with line and column.
+        reason: String,
+    },
+    /// A key is missing.
+    #[error("{}: has no `{key}`; {remedy}", path.display())]
+    Missing {
+        /// The file.
+        path: PathBuf,
+        /// The missing key.
+        key: String,
+        /// What to do about it.
+        remedy: String,
+    },
+    /// A value that no camera has.
+    #[error("{}: `{key}` {problem}; {remedy}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// The key.
+        key: String,
+        /// What is wrong with its value.
+        problem: String,
+        /// What to do about it.
+        remedy: String,
+    },
+}
+
+/// What any of the formats holds, with the keys it was found under.
+struct Calibration {
+    width: (String, usize),
+    height: (String, usize),
+    matrix: (String, Vec<f64>),
+    distortion: (String, Vec<f64>),
+    rotation: Option<(String, Vec<f64>)>,
+    translation: Option<(String, Vec<f64>)>,
+}
+
+/// Reads camera intrinsics. `R` and `T`, if there are any, are checked and not used: the camera's frame is the world.
+///
+/// # Errors
+///
+/// The file cannot be read or parsed, a key is missing, or a value is impossible; the message names file and key.
+pub fn read_camera(path: &Path) -> Result<Camera, CameraFileError> {
+    let source = Source::read(path)?;
+    let calibration = read_any(&source)?;
+    let camera = camera(&source, &calibration)?;
+    rotation(&source, &calibration)?;
+    translation(&source, &calibration)?;
+    Ok(camera)
+}
+
+/// Reads a projector: intrinsics and `R`, `T` with `X_projector = R X_camera + T` (mm).
+///
+/// # Errors
+///
+/// As for [`read_camera`]; `R` and `T` are required.
+pub fn read_projector(path: &Path) -> Result<Projector, CameraFileError> {
+    let source = Source::read(path)?;
+    let calibration = read_any(&source)?;
+    let optics = camera(&source, &calibration)?;
+    let missing = |key| {
+        source.missing(key, "a projector needs R and T (X_projector = R X_camera + T, mm), as stereo calibration gives")
+    };
+    let rotation = rotation(&source, &calibration)?.ok_or_else(|| missing("R"))?;
+    let translation = translation(&source, &calibration)?.ok_or_else(|| missing("T"))?;
+    Ok(Projector { optics, proj_from_cam: Isometry3::from_parts(translation.into(), rotation) })
+}
+
+/// Writes camera intrinsics in the LookUp3D tools' format.
+///
+/// # Errors
+///
+/// The file cannot be written.
+pub fn write_camera(path: &Path, camera: &Camera) -> io::Result<()> {
+    let text = lookup3d::to_json(camera, None);
+    write_atomic(path, |w| w.write_all(text.as_bytes()))
+}
+
+/// Writes a projector in the LookUp3D tools' format.
+///
+/// # Errors
+///
+/// The file cannot be written.
+pub fn write_projector(path: &Path, projector: &Projector) -> io::Result<()> {
+    let text = lookup3d::to_json(&projector.optics, Some(&projector.proj_from_cam));
+    write_atomic(path, |w| w.write_all(text.as_bytes()))
+}
+
+fn read_any(source: &Source) -> Result<Calibration, CameraFileError> {
+    if source.has("distortion_model") {
+        ros::read(source)
+    } else if source.has("camera_matrix") {
+        opencv::read(source)
+    } else if source.has("resx") || source.has("resy") || source.has("K") || source.has("dist_coeffs") {
+        lookup3d::read(source)
+    } else {
+        let remedy = "a camera file has resx, resy, K, dist_coeffs (LookUp3D) or image_width, image_height, camera_matrix, \
+                      distortion_coefficients (OpenCV, ROS)";
+        Err(source.missing("K", remedy))
+    }
+}
+
+fn camera(source: &Source, c: &Calibration) -> Result<Camera, CameraFileError> {
+    for (key, size) in [&c.width, &c.height] {
+        if *size == 0 || *size > 1 << 16 {
+            return Err(source.invalid(key, format!("is {size}"), "give the size of the images, in pixels"));
+        }
+    }
+    let (key, k) = &c.matrix;
+    finite(source, key, k)?;
+    let &[fx, skew, cx, k10, fy, cy, k20, k21, k22] = k.as_slice() else {
+        return Err(source.invalid(
+            key,
+            format!("has {} numbers", k.len()),
+            "give all nine of [[fx,0,cx],[0,fy,cy],[0,0,1]]",
+        ));
+    };
+    for (name, f) in [("fx", fx), ("fy", fy)] {
+        if f <= 0.0 {
+            let remedy = "a focal length is positive, in pixels: calibrate again, or undo the flip of the image";
+            return Err(source.invalid(key, format!("has the focal length {name} = {f}"), remedy));
+        }
+    }
+    if [skew, k10, k20, k21] != [0.0; 4] || k22 != 1.0 {
+        let remedy = "it must have the form [[fx,0,cx],[0,fy,cy],[0,0,1]]: no skew, rows first";
+        return Err(source.invalid(key, format!("is {k:?}"), remedy));
+    }
+    let (key, d) = &c.distortion;
+    finite(source, key, d)?;
+    let distortion = Distortion::new(d).ok_or_else(|| {
+        let remedy = "OpenCV's model has 0, 4, 5, 8, 12 or 14: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y";
+        source.invalid(key, format!("has {} coefficients", d.len()), remedy)
+    })?;
+    Ok(Camera { width: c.width.1, height: c.height.1, fx, fy, cx, cy, distortion })
+}
+
+/// The rotation, from a 3×3 matrix or a Rodrigues vector.
+fn rotation(source: &Source, c: &Calibration) -> Result<Option<UnitQuaternion<f64>>, CameraFileError> {
+    let Some((key, r)) = &c.rotation else { return Ok(None) };
+    finite(source, key, r)?;
+    match r.as_slice() {
+        &[x, y, z] => Ok(Some(UnitQuaternion::from_scaled_axis(Vector3::new(x, y, z)))),
+        nine if nine.len() == 9 => {
+            let m = Matrix3::from_row_slice(nine);
+            // Files keep few digits; a matrix off by more than that is something else than a rotation.
+            let off = (m.transpose() * m - Matrix3::identity()).amax();
+            if off > 1e-3 || m.determinant() < 0.0 {
+                let problem = format!("is no rotation (R^T R is off by {off:.2e}, determinant {:.3})", m.determinant());
+                return Err(source.invalid(
+                    key,
+                    problem,
+                    "give an orthonormal, right-handed 3x3 matrix or a Rodrigues vector",
+                ));
+            }
+            let nearest = Rotation3::from_matrix_eps(&m, 1e-15, 100, Rotation3::from_matrix_unchecked(m));
+            Ok(Some(UnitQuaternion::from_rotation_matrix(&nearest)))
+        }
+        other => {
+            let problem = format!("has {} numbers", other.len());
+            Err(source.invalid(key, problem, "give a 3x3 matrix or a Rodrigues vector of 3"))
+        }
+    }
+}
+
+fn translation(source: &Source, c: &Calibration) -> Result<Option<Translation3<f64>>, CameraFileError> {
+    let Some((key, t)) = &c.translation else { return Ok(None) };
+    finite(source, key, t)?;
+    match t.as_slice() {
+        &[x, y, z] => Ok(Some(Translation3::new(x, y, z))),
+        other => Err(source.invalid(key, format!("has {} numbers", other.len()), "give three, in millimeters")),
+    }
+}
+
+fn finite(source: &Source, key: &str, values: &[f64]) -> Result<(), CameraFileError> {
+    match values.iter().find(|v| !v.is_finite()) {
+        Some(v) => Err(source.invalid(key, format!("holds {v}"), "the calibration failed: repeat it")),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,121 @@
+//! A camera file parsed to a tree of values, and typed access to it with errors that name file and key.
+
+use std::path::{Path, PathBuf};
+
+use serde_yaml_ng::Value;
+
+use super::CameraFileError;
+
+/// A parsed JSON or YAML file. Both are held as YAML values, which can also hold NaN and infinity.
+pub(super) struct Source {
+    path: PathBuf,
+    root: Value,
+}
+
+impl Source {
+    pub(super) fn read(path: &Path) -> Result<Self, CameraFileError> {
+        let bytes = std::fs::read(path).map_err(|source| CameraFileError::Io { path: path.to_path_buf(), source })?;
+        let syntax = |format, reason| CameraFileError::Syntax { path: path.to_path_buf(), format, reason };
+        let text = std::str::from_utf8(&bytes).map_err(|e| syntax("text", e.to_string()))?;
+        let root: Value = if text.trim_start().starts_with('{') {
+            serde_json::from_str(&json_with_nan(text)).map_err(|e| syntax("JSON", e.to_string()))?
+        } else {
+            serde_yaml_ng::from_str(&plain_yaml(text)).map_err(|e| syntax("YAML", e.to_string()))?
+        };
+        let source = Self { path: path.to_path_buf(), root };
+        if !source.root.is_mapping() {
+            return Err(source.missing("K", "a camera file holds named values, as resx, resy, K, dist_coeffs"));
+        }
+        Ok(source)
+    }
+
+    pub(super) fn missing(&self, key: &str, remedy: &str) -> CameraFileError {
+        CameraFileError::Missing { path: self.path.clone(), key: key.into(), remedy: remedy.into() }
+    }
+
+    pub(super) fn invalid(&self, key: &str, problem: impl Into<String>, remedy: &str) -> CameraFileError {
+        CameraFileError::Invalid {
+            path: self.path.clone(),
+            key: key.into(),
+            problem: problem.into(),
+            remedy: remedy.into(),
+        }
+    }
+
+    pub(super) fn has(&self, key: &str) -> bool {
+        self.root.get(key).is_some_and(|v| !v.is_null())
+    }
+
+    /// A value that must be there.
+    pub(super) fn value(&self, key: &str) -> Result<&Value, CameraFileError> {
+        self.root.get(key).filter(|v| !v.is_null()).ok_or_else(|| self.missing(key, "add it"))
+    }
+
+    /// A whole number of pixels.
+    pub(super) fn size(&self, key: &str) -> Result<(String, usize), CameraFileError> {
+        let value = self.value(key)?;
+        // Some tools write sizes as floats (640.0).
+        let whole =
+            value.as_u64().or_else(|| value.as_f64().filter(|f| f.fract() == 0.0 && *f >= 0.0).map(|f| f as u64));
+        let n = whole.ok_or_else(|| self.invalid(key, "is not a whole number", "give the image size in pixels"))?;
+        Ok((key.into(), n as usize))
+    }
+
+    /// All numbers under a key, whatever lists they are nested in, row by row.
+    pub(super) fn numbers(&self, key: &str) -> Result<(String, Vec<f64>), CameraFileError> {
+        Ok((key.into(), self.flatten(key, self.value(key)?)?))
+    }
+
+    /// The numbers of `value`, whatever lists they are nested in.
+    pub(super) fn flatten(&self, key: &str, value: &Value) -> Result<Vec<f64>, CameraFileError> {
+        match value {
+            Value::Sequence(items) => {
+                let mut all = Vec::new();
+                for item in items {
+                    all.extend(self.flatten(key, item)?);
+                }
+                Ok(all)
+            }
+            Value::Number(n) => Ok(vec![n.as_f64().unwrap_or(f64::NAN)]),
+            // OpenCV writes `.Nan`, `.Inf`; Python's json writes `NaN`, `Infinity` (see `json_with_nan`).
+            Value::String(s) if s.trim_start_matches('-').eq_ignore_ascii_case(".nan") => Ok(vec![f64::NAN]),
+            Value::String(s) if s.eq_ignore_ascii_case(".inf") => Ok(vec![f64::INFINITY]),
+            Value::String(s) if s.eq_ignore_ascii_case("-.inf") => Ok(vec![f64::NEG_INFINITY]),
+            Value::Null => Err(self.invalid(key, "holds null", "give numbers only")),
+            other => Err(self.invalid(key, format!("holds {other:?}"), "give numbers only")),
+        }
+    }
+}
+
+/// JSON has no NaN, but Python writes it: the bare words become strings, so that the error can name the key.
+fn json_with_nan(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut in_string = false;
+    let mut rest = text;
+    while let Some(c) = rest.chars().next() {
+        if !in_string {
+            let words = [("NaN", "\".nan\""), ("-Infinity", "\"-.inf\""), ("Infinity", "\".inf\"")];
+            if let Some((word, quoted)) = words.iter().find(|(word, _)| rest.starts_with(word)) {
+                out.push_str(quoted);
+                rest = &rest[word.len()..];
+                continue;
+            }
+        }
+        if c == '\\' && in_string {
+            let n = rest.chars().take(2).map(char::len_utf8).sum();
+            out.push_str(&rest[..n]);
+            rest = &rest[n..];
+            continue;
+        }
+        in_string ^= c == '"';
+        out.push(c);
+        rest = &rest[c.len_utf8()..];
+    }
+    out
+}
+
+/// OpenCV's YAML without what makes it no YAML: its `%YAML:1.0` header and its type tags.
+fn plain_yaml(text: &str) -> String {
+    let lines = text.trim_start_matches('\u{feff}').lines().filter(|l| !l.starts_with("%YAML"));
+    lines.map(|l| l.replace("!!opencv-matrix", "")).collect::<Vec<_>>().join("\n")
+}

@@ -1,0 +1,205 @@
+//! Demosaicing: H. S. Malvar, L. He and R. Cutler, "High-quality linear interpolation for demosaicing of Bayer-patterned
+//! color images", ICASSP 2004. Each missing color is bilinear interpolation plus a share of the Laplacian of the color
+//! that was measured there: five 5×5 linear filters (their Fig. 2).
+
+use rayon::prelude::*;
+
+use super::Image;
+
+/// A linear filter: (dx, dy, weight).
+type Taps<const N: usize> = [(isize, isize, f32); N];
+
+/// Green at a red or blue pixel.
+const CROSS: Taps<9> = [
+    (0, 0, 0.5),
+    (1, 0, 0.25),
+    (-1, 0, 0.25),
+    (0, 1, 0.25),
+    (0, -1, 0.25),
+    (2, 0, -0.125),
+    (-2, 0, -0.125),
+    (0, 2, -0.125),
+    (0, -2, -0.125),
+];
+
+/// Red or blue at a green pixel, where the wanted color lies to the left and right.
+const ROW: Taps<11> = [
+    (0, 0, 0.625),
+    (1, 0, 0.5),
+    (-1, 0, 0.5),
+    (2, 0, -0.125),
+    (-2, 0, -0.125),
+    (1, 1, -0.125),
+    (-1, 1, -0.125),
+    (1, -1, -0.125),
+    (-1, -1, -0.125),
+    (0, 2, 0.0625),
+    (0, -2, 0.0625),
+];
+
+/// Red or blue at a green pixel, where the wanted color lies above and below.
+const COLUMN: Taps<11> = transposed(ROW);
+
+/// Red at a blue pixel and the reverse.
+const DIAGONAL: Taps<9> = [
+    (0, 0, 0.75),
+    (1, 1, 0.25),
+    (-1, 1, 0.25),
+    (1, -1, 0.25),
+    (-1, -1, 0.25),
+    (2, 0, -0.1875),
+    (-2, 0, -0.1875),
+    (0, 2, -0.1875),
+    (0, -2, -0.1875),
+];
+
+const fn transposed<const N: usize>(mut taps: Taps<N>) -> Taps<N> {
+    let mut i = 0;
+    while i < N {
+        taps[i] = (taps[i].1, taps[i].0, taps[i].2);
+        i += 1;
+    }
+    taps
+}
+
+/// The largest value that does not count as clipped.
+const BELOW_CLIPPED: f32 = 1.0 - f32::EPSILON / 2.0;
+
+/// RGB from a linear mosaic of one channel whose 2×2 cell at the top left has the colors `cell`, row by row (0 red,
+/// 1 green, 2 blue). A value is ≥ 1 if and only if a mosaic pixel that went into it was.
+///
+/// # Panics
+///
+/// If `mosaic` has more than one channel.
+pub fn demosaic(mosaic: &Image, cell: [u8; 4]) -> Image {
+    assert_eq!(mosaic.channels, 1, "a mosaic has one channel");
+    let (w, h) = (mosaic.width, mosaic.height);
+    let mut out = Image::new(w, h, 3);
+    if w == 0 || h == 0 {
+        return out;
+    }
+    out.data.par_chunks_mut(3 * w).enumerate().for_each(|(y, row)| {
+        // The color beside each green pixel of this row.
+        let in_row = [cell[2 * (y % 2)], cell[2 * (y % 2) + 1]];
+        for (x, rgb) in row.chunks_exact_mut(3).enumerate() {
+            let here = in_row[x % 2];
+            if here == 1 {
+                let beside = in_row[(x + 1) % 2];
+                rgb[1] = mosaic.data[y * w + x];
+                rgb[usize::from(beside)] = filter(mosaic, x, y, &ROW);
+                rgb[usize::from(2 - beside)] = filter(mosaic, x, y, &COLUMN);
+            } else {
+                rgb[usize::from(here)] = mosaic.data[y * w + x];
+                rgb[1] = filter(mosaic, x, y, &CROSS);
+                rgb[usize::from(2 - here)] = filter(mosaic, x, y, &DIAGONAL);
+            }
+        }
+    });
+    out
+}
+
+fn filter<const N: usize>(mosaic: &Image, x: usize, y: usize, taps: &Taps<N>) -> f32 {
+    let (w, h) = (mosaic.width, mosaic.height);
+    let interior = x >= 2 && y >= 2 && x + 2 < w && y + 2 < h;
+    let mut sum = 0.0;
+    let mut brightest = f32::NEG_INFINITY;
+    for &(dx, dy, weight) in taps {
+        let (xx, yy) = (x as isize + dx, y as isize + dy);
+        let (xx, yy) = if interior { (xx as usize, yy as usize) } else { (mirror(xx, w), mirror(yy, h)) };
+        let v = mosaic.data[yy * w + xx];
+        sum += weight * v;
+        brightest = brightest.max(v);
+    }
+    // The filters overshoot at edges: that alone must not look like clipping, nor hide it.
+    if brightest >= 1.0 { sum.max(1.0) } else { sum.min(BELOW_CLIPPED) }
+}
+
+/// Mirrors an index at the first and last pixel, which keeps the mosaic's parity.
+fn mirror(i: isize, n: usize) -> usize {
+    let last = n as isize - 1;
+    let mut i = i;
+    // A mosaic narrower than the filter needs more than one reflection.
+    while i < 0 || i > last {
+        if last == 0 {
+            return 0;
+        }
+        i = if i < 0 { -i } else { 2 * last - i };
+    }
+    i as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Channels;
+
+    /// The mosaic a sensor would take of a color image.
+    fn mosaic_of(color: impl Fn(usize, usize) -> [f32; 3], w: usize, h: usize, cell: [u8; 4]) -> Image {
+        let mut m = Image::new(w, h, 1);
+        for y in 0..h {
+            for x in 0..w {
+                m.data[y * w + x] = color(x, y)[usize::from(cell[2 * (y % 2) + x % 2])];
+            }
+        }
+        m
+    }
+
+    #[test]
+    fn linear_gray_ramps_are_exact_inside() {
+        // All five filters reproduce an image whose colors are one linear function.
+        let ramp = |x: usize, y: usize| [0.1 + 0.02 * x as f32 + 0.03 * y as f32; 3];
+        for channels in Channels::ALL {
+            let Channels::Bayer(cell) = channels else { continue };
+            let rgb = demosaic(&mosaic_of(ramp, 12, 9, cell), cell);
+            for y in 2..7 {
+                for x in 2..10 {
+                    for c in 0..3 {
+                        let e = rgb.pixel(x, y)[c] - ramp(x, y)[c];
+                        assert!(e.abs() < 1e-6, "{} at {x},{y},{c}: {e}", channels.name());
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn flat_colors_are_exact_everywhere() {
+        for channels in Channels::ALL {
+            let Channels::Bayer(cell) = channels else { continue };
+            let color = [0.2, 0.5, 0.7];
+            for (w, h) in [(7, 6), (2, 2), (3, 5)] {
+                let rgb = demosaic(&mosaic_of(|_, _| color, w, h, cell), cell);
+                for p in rgb.data.chunks_exact(3) {
+                    assert!(
+                        p.iter().zip(color).all(|(a, b)| (a - b).abs() < 1e-6),
+                        "{} {w}x{h}: {p:?}",
+                        channels.name()
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn clipped_if_and_only_if_a_contributor_is() {
+        let cell = [0, 1, 1, 2];
+        let mut m = Image::new(16, 16, 1);
+        m.data.fill(0.05);
+        m.data[8 * 16 + 8] = 1.0;
+        let rgb = demosaic(&m, cell);
+        for y in 0..16usize {
+            for x in 0..16usize {
+                let (dx, dy) = (x.abs_diff(8), y.abs_diff(8));
+                let p = rgb.pixel(x, y);
+                if dx > 2 || dy > 2 {
+                    assert!(p.iter().all(|&v| v < 1.0), "far pixel {x},{y} marked");
+                } else if dx + dy == 2 {
+                    assert!(p.iter().any(|&v| v >= 1.0), "neighbor {x},{y} not marked");
+                }
+            }
+        }
+        // A bright edge overshoots, yet nothing was clipped.
+        let edge = mosaic_of(|x, _| if x < 8 { [0.0; 3] } else { [0.999; 3] }, 16, 16, cell);
+        assert!(demosaic(&edge, cell).data.iter().all(|&v| v < 1.0));
+    }
+}

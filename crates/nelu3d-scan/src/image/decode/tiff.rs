@@ -1,0 +1,44 @@
+//! TIFF, through the `tiff` crate (the `image` crate has no gray floats).
+
+use std::io::Cursor;
+
+use ::tiff::ColorType;
+use ::tiff::decoder::{Decoder, DecodingResult, Limits};
+use ::tiff::tags::Tag;
+
+use super::{File, ImageFileError, Raw, RawData};
+
+pub(super) fn decode(file: &File<'_>) -> Result<Raw, ImageFileError> {
+    // The size is checked before any pixel is allocated, which makes the decoder's own limit needless.
+    let mut decoder =
+        Decoder::new(Cursor::new(file.bytes)).map_err(|e| file.damaged(e))?.with_limits(Limits::unlimited());
+    let (width, height) = decoder.dimensions().map_err(|e| file.damaged(e))?;
+    let (width, height) = (width as usize, height as usize);
+    file.check_size(width, height)?;
+    let channels = match decoder.colortype().map_err(|e| file.damaged(e))? {
+        ColorType::Gray(_) => 1,
+        ColorType::RGB(_) => 3,
+        ColorType::GrayA(_) | ColorType::RGBA(_) => return Err(file.alpha()),
+        other => return Err(file.kind(format!("holds {other:?} pixels"), "save it as gray or RGB")),
+    };
+    let planar = matches!(decoder.find_tag_unsigned::<u16>(Tag::PlanarConfiguration), Ok(Some(2)));
+    let n = width * height;
+    let data = match decoder.read_image().map_err(|e| file.damaged(e))? {
+        DecodingResult::U8(v) => RawData::U8(interleaved(v, n, planar)),
+        DecodingResult::U16(v) => RawData::U16(interleaved(v, n, planar)),
+        DecodingResult::F16(v) => RawData::Float(interleaved(v.into_iter().map(f32::from).collect(), n, planar)),
+        DecodingResult::F32(v) => RawData::Float(interleaved(v, n, planar)),
+        _ => {
+            return Err(file.kind("holds numbers of an unusual type", "save it with 8 or 16 bits, or as 32-bit floats"));
+        }
+    };
+    file.raw(width, height, channels, data)
+}
+
+/// `n` pixels stored plane after plane, interleaved.
+fn interleaved<T: Copy>(v: Vec<T>, n: usize, planar: bool) -> Vec<T> {
+    if !planar || n == 0 || v.len() != 3 * n {
+        return v;
+    }
+    (0..n).flat_map(|i| [v[i], v[n + i], v[2 * n + i]]).collect()
+}

@@ -1,0 +1,89 @@
+//! Reading the images of a shot.
+
+use std::path::{Path, PathBuf};
+
+use super::{PatternSet, Rig, RigError, Shot};
+use crate::image::{Depth, Image, decode};
+
+/// Which of a shot's images must be there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// A board position: white, black and every pattern.
+    Calibration,
+    /// A scene or frame: white and every pattern; black where there is one.
+    Scene,
+}
+
+/// The images of one shot, linear (see [`Image`]). All have the camera's size and the same number of channels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capture {
+    /// The flash: every projector pixel at its maximum.
+    pub white: Image,
+    /// The ambient light.
+    pub black: Option<Image>,
+    /// One image per pattern of the set, in its order.
+    pub patterns: Vec<Image>,
+}
+
+impl Rig {
+    /// Reads one image of this rig's camera.
+    ///
+    /// # Errors
+    ///
+    /// The file is missing, cannot be decoded, has another size than the intrinsics, another number of channels than the
+    /// camera, or a bit depth that cannot reach the saturation.
+    pub fn read_image(&self, path: &Path) -> Result<Image, RigError> {
+        self.read_with_depth(path).map(|(image, _)| image)
+    }
+
+    pub(super) fn read_with_depth(&self, path: &Path) -> Result<(Image, Depth), RigError> {
+        let raw = decode(path, Some((self.camera.width, self.camera.height)))?;
+        let image = raw.linearize(path, self.channels, self.black_level, self.saturation)?;
+        Ok((image, raw.depth()))
+    }
+
+    /// Reads a shot's white, black and the patterns of one set.
+    ///
+    /// # Errors
+    ///
+    /// As [`Rig::read_image`], for the first image that fails; or images of different bit depths.
+    pub fn read_shot(&self, shot: &Shot, set: &PatternSet, need: Need) -> Result<Capture, RigError> {
+        let mut depth = None;
+        let white = self.read_agreeing(&shot.dir.join(&self.white), &mut depth)?;
+        let black_path = shot.dir.join(&self.black);
+        let black = if need == Need::Calibration || black_path.exists() {
+            Some(self.read_agreeing(&black_path, &mut depth)?)
+        } else {
+            None
+        };
+        let read = |name: &String| self.read_agreeing(&shot.dir.join(name), &mut depth);
+        let patterns = set.images.iter().map(read).collect::<Result<_, _>>()?;
+        Ok(Capture { white, black, patterns })
+    }
+
+    /// Reads a shot's inverse images of one set, in its order; none if the set has none.
+    ///
+    /// # Errors
+    ///
+    /// As [`Rig::read_shot`].
+    pub fn read_inverse(&self, shot: &Shot, set: &PatternSet) -> Result<Vec<Image>, RigError> {
+        let mut depth = None;
+        set.inverse.iter().map(|name| self.read_agreeing(&shot.dir.join(name), &mut depth)).collect()
+    }
+
+    /// Reads an image and compares its depth with the first one's.
+    fn read_agreeing(&self, path: &Path, first: &mut Option<(Depth, PathBuf)>) -> Result<Image, RigError> {
+        let (image, depth) = self.read_with_depth(path)?;
+        match first {
+            Some((other_depth, other)) if *other_depth != depth => {
+                let (other, other_depth) = (other.clone(), *other_depth);
+                Err(RigError::MixedDepth { path: path.to_path_buf(), depth, other, other_depth })
+            }
+            Some(_) => Ok(image),
+            None => {
+                *first = Some((depth, path.to_path_buf()));
+                Ok(image)
+            }
+        }
+    }
+}
