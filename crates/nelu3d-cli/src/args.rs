@@ -11,7 +11,7 @@ use clap::{Parser, Subcommand};
 /// patterns is learned (a color field). Scenes are then explained by it. Start with `nelu3d demo`.
 #[derive(Debug, Parser)]
 #[command(name = "nelu3d", version, max_term_width = 100)]
-pub struct Args {
+pub(crate) struct Args {
     /// Options of every command.
     #[command(flatten)]
     pub global: Global,
@@ -23,7 +23,7 @@ pub struct Args {
 /// Options of every command.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Global options")]
-pub struct Global {
+pub(crate) struct Global {
     /// Print the answer as one JSON value on standard output.
     #[arg(long, global = true)]
     pub json: bool,
@@ -40,7 +40,7 @@ pub struct Global {
 
 /// The commands.
 #[derive(Debug, Subcommand)]
-pub enum Command {
+pub(crate) enum Command {
     /// Simulate a small scanner, calibrate it, reconstruct a scene and judge the result: no input, no hardware.
     Demo(Demo),
     /// Write the rig folder of a virtual scanner, with exact truth.
@@ -57,7 +57,7 @@ pub enum Command {
 
 /// `nelu3d demo`
 #[derive(Debug, clap::Args)]
-pub struct Demo {
+pub(crate) struct Demo {
     /// Folder to write, new or left by an earlier demo.
     #[arg(short, long, value_name = "DIR", default_value = "nelu3d-demo")]
     pub output: PathBuf,
@@ -65,7 +65,7 @@ pub struct Demo {
 
 /// `nelu3d simulate`
 #[derive(Debug, clap::Args)]
-pub struct Simulate {
+pub(crate) struct Simulate {
     /// Name of a preset, or a file that describes a scanner (.toml).
     #[arg(value_name = "PRESET|SPEC.toml")]
     pub spec: String,
@@ -76,17 +76,17 @@ pub struct Simulate {
 
 /// `nelu3d check`
 #[derive(Debug, clap::Args)]
-pub struct Check {
+pub(crate) struct Check {
     /// Rig folder, or its rig.toml.
     pub rig: PathBuf,
 }
 
 /// `nelu3d calibrate`
 #[derive(Debug, clap::Args)]
-pub struct Calibrate {
+pub(crate) struct Calibrate {
     /// Rig folder, or its rig.toml.
     pub rig: PathBuf,
-    /// Pattern set (default: the rig's only one).
+    /// Pattern set (default: the rig's first).
     #[arg(long, value_name = "NAME")]
     pub set: Option<String>,
     /// Field to write (default: RIG/fields/SET.safetensors).
@@ -99,12 +99,12 @@ pub struct Calibrate {
 
 /// `nelu3d reconstruct`
 #[derive(Debug, clap::Args)]
-pub struct Reconstruct {
+pub(crate) struct Reconstruct {
     /// Rig folder, or its rig.toml.
     pub rig: PathBuf,
     /// A name under RIG/scenes, or a folder with the same files.
     pub scene: String,
-    /// Pattern set (default: the rig's only one).
+    /// Pattern set (default: the rig's first).
     #[arg(long, value_name = "NAME")]
     pub set: Option<String>,
     /// Color field (default: RIG/fields/SET.safetensors, as `calibrate` writes it).
@@ -126,7 +126,7 @@ pub struct Reconstruct {
 
 /// Mesh files besides mesh.ply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum MeshFormat {
+pub(crate) enum MeshFormat {
     /// Wavefront, text.
     Obj,
     /// Stereolithography, binary.
@@ -138,7 +138,7 @@ pub enum MeshFormat {
 /// `nelu3d evaluate`
 #[derive(Debug, clap::Args)]
 #[command(group = clap::ArgGroup::new("reference").required(true))]
-pub struct Evaluate {
+pub(crate) struct Evaluate {
     /// Result folder.
     pub result: PathBuf,
     /// Truth folder: depth.npy and mask.png.

@@ -13,7 +13,7 @@ use tracing_subscriber::filter::LevelFilter;
 const PLAIN_INTERVAL: Duration = Duration::from_secs(10);
 
 /// Shows progress, warnings and the log.
-pub struct Console {
+pub(crate) struct Console {
     quiet: bool,
     terminal: bool,
     stage: Mutex<Option<Stage>>,
@@ -28,12 +28,12 @@ struct Stage {
 
 impl Console {
     /// A console; a quiet one shows only warnings.
-    pub fn new(quiet: bool) -> Self {
+    pub(crate) fn new(quiet: bool) -> Self {
         Self { quiet, terminal: std::io::stderr().is_terminal(), stage: Mutex::new(None) }
     }
 
     /// Sends the log here: warnings, more with each `verbose`, or what NELU3D_LOG asks for.
-    pub fn log(self: Arc<Self>, verbose: u8) {
+    pub(crate) fn log(self: Arc<Self>, verbose: u8) {
         let level = [LevelFilter::WARN, LevelFilter::INFO, LevelFilter::DEBUG][usize::from(verbose.min(2))];
         let filter =
             EnvFilter::builder().with_default_directive(level.into()).with_env_var("NELU3D_LOG").from_env_lossy();
@@ -48,13 +48,13 @@ impl Console {
     }
 
     /// Ends the last stage.
-    pub fn finish(&self) {
+    pub(crate) fn finish(&self) {
         let stage = self.lock().take();
         self.end(stage, true);
     }
 
     /// Ends the last stage, which failed.
-    pub fn abandon(&self) {
+    pub(crate) fn abandon(&self) {
         let stage = self.lock().take();
         self.end(stage, false);
     }

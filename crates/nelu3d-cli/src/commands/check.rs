@@ -9,7 +9,7 @@ use super::{Context, shown};
 use crate::args;
 
 /// Runs the command; fails when there are errors, not when there are only warnings.
-pub fn run(args: args::Check, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: args::Check, context: &Context) -> Result<ExitCode> {
     let rig = Rig::open(&args.rig)?;
     let findings = rig.check();
     Ok(ExitCode::SUCCESS)

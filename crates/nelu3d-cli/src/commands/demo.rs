@@ -16,7 +16,7 @@ use crate::args;
 const MARKER: &str = "nelu3d-demo.txt";
 
 /// Runs the command.
-pub fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
     let spec = nelu3d_sim::Spec::preset("demo")?;
     claim(&args.output)?;
     let rig_dir = args.output.join("rig");

@@ -13,7 +13,7 @@ use super::{Context, shown};
 use crate::args;
 
 /// Runs the command.
-pub fn run(args: args::Evaluate, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: args::Evaluate, context: &Context) -> Result<ExitCode> {
     let result = Saved::read(&args.result)?;
     match (&args.truth, &args.against) {
         (Some(truth), _) => {

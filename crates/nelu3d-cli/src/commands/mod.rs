@@ -1,11 +1,11 @@
 //! One module per command: what was typed becomes what it means, then the library does the work.
 
-pub mod calibrate;
-pub mod check;
-pub mod demo;
-pub mod evaluate;
-pub mod reconstruct;
-pub mod simulate;
+pub(crate) mod calibrate;
+pub(crate) mod check;
+pub(crate) mod demo;
+pub(crate) mod evaluate;
+pub(crate) mod reconstruct;
+pub(crate) mod simulate;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use nelu3d_scan::Rig;
 use crate::console::Console;
 
 /// What every command gets.
-pub struct Context {
+pub(crate) struct Context {
     /// Where work reports to, and hears that it should stop.
     pub progress: Progress,
     console: Arc<Console>,
@@ -27,12 +27,12 @@ pub struct Context {
 
 impl Context {
     /// A context that reports to `console`.
-    pub fn new(console: Arc<Console>, cancel: Arc<AtomicBool>, json: bool) -> Self {
+    pub(crate) fn new(console: Arc<Console>, cancel: Arc<AtomicBool>, json: bool) -> Self {
         Self { progress: Progress::new(console.clone(), cancel), console, json }
     }
 
     /// Ends the last stage and prints the answer of a command on standard output: `text` for people, or `json`.
-    pub fn answer(&self, json: &impl serde::Serialize, text: impl FnOnce() -> String) -> Result<()> {
+    pub(crate) fn answer(&self, json: &impl serde::Serialize, text: impl FnOnce() -> String) -> Result<()> {
         use std::io::Write;
         self.console.finish();
         let answer = if self.json { serde_json::to_string_pretty(json)? } else { text() };

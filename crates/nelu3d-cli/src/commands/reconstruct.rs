@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, Result};
-use nelu3d::calibrate::ColorField;
+use nelu3d::color_field::ColorField;
 use nelu3d::evaluate::{Judged, Truth, evaluate};
 use nelu3d::reconstruct::{self, Options};
 use nelu3d::result::{self, About, Input, MeshFiles, Summary};
@@ -17,7 +17,7 @@ use crate::args::{self, MeshFormat};
 use crate::report::Page;
 
 /// Runs the command.
-pub fn run(args: args::Reconstruct, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: args::Reconstruct, context: &Context) -> Result<ExitCode> {
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
     let shot = rig.scene(&args.scene)?;
@@ -47,7 +47,7 @@ pub fn run(args: args::Reconstruct, context: &Context) -> Result<ExitCode> {
 }
 
 /// One reconstruction, with everything decided.
-pub struct Job<'a> {
+pub(crate) struct Job<'a> {
     /// The rig.
     pub rig: &'a Rig,
     /// The scene.
@@ -68,13 +68,13 @@ pub struct Job<'a> {
 
 impl Job<'_> {
     /// Reconstructs and writes the result folder.
-    pub fn run(&self, context: &Context) -> Result<Summary> {
+    pub(crate) fn run(&self, context: &Context) -> Result<Summary> {
         // Begun first: hours of work must not end at a folder that cannot be written.
         let folder = OutputDir::create(&self.output, "result.json")?;
         // The same for a truth that cannot be read; the reconstruction never sees it.
         let truth = self.truth.as_deref().map(|dir| Truth::read(dir, &self.rig.camera)).transpose()?;
         let field = self.load_field()?;
-        let result = reconstruct::run(self.rig, &self.shot, &field, &self.options, &context.progress)?;
+        let result = reconstruct::run(self.rig, self.set, &self.shot, &field, &self.options, &context.progress)?;
 
         context.progress.stage("write the result");
         let metrics = truth.as_ref().map(|truth| {

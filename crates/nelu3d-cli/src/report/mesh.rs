@@ -11,7 +11,7 @@ const MAX_VERTICES: usize = 48_000;
 
 /// What the page's viewer reads, as the content of a JSON script block.
 #[derive(serde::Serialize)]
-pub struct PageMesh {
+pub(crate) struct PageMesh {
     /// Vertices.
     vertices: usize,
     /// Triangles.
@@ -28,7 +28,7 @@ pub struct PageMesh {
 
 impl PageMesh {
     /// Clusters and packs a surface; `None` when it has no triangles.
-    pub fn of(mesh: &Mesh) -> Option<Self> {
+    pub(crate) fn of(mesh: &Mesh) -> Option<Self> {
         let mesh = clustered(mesh, MAX_VERTICES);
         if mesh.faces.is_empty() {
             return None;

@@ -23,7 +23,7 @@ const STYLE: &str = include_str!("style.css");
 const VIEWER: &str = include_str!("viewer.js");
 
 /// What a page shows.
-pub struct Page<'a> {
+pub(crate) struct Page<'a> {
     /// The result.
     pub result: &'a Reconstruction,
     /// What its `result.json` says.
@@ -36,7 +36,7 @@ pub struct Page<'a> {
 
 impl Page<'_> {
     /// The page.
-    pub fn html(&self) -> String {
+    pub(crate) fn html(&self) -> String {
         let s = self.summary;
         let title = format!("{} · {}", s.scene, s.set);
         let subtitle = format!(
@@ -388,8 +388,9 @@ mod tests {
             channels: 1,
             data: normals.iter().map(|n| if n[2].is_finite() { -0.8 * n[2] } else { 0.02 }).collect(),
         };
-        let colors =
-            (0..n as u32).map(|i| if (i / 16 + i / w / 16) % 2 == 0 { [230, 120, 60] } else { [70; 3] }).collect();
+        let colors = (0..n as u32)
+            .map(|i| if (i / 16 + i / w / 16).is_multiple_of(2) { [230, 120, 60] } else { [70; 3] })
+            .collect();
         let result = Reconstruction {
             width,
             height,

@@ -97,3 +97,114 @@ fn points(r: &Reconstruction, summary: &Summary) -> Mesh {
         faces: Vec::new(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::result::{Input, Left, Saved, StageTime};
+
+    /// A slanted plane of 8 × 6 pixels whose first column is dark.
+    fn plane() -> (Reconstruction, Camera) {
+        let (width, height) = (8, 6);
+        let camera = Camera {
+            distortion: nelu3d_scan::camera::Distortion::new(&[-0.1, 0.02, 1e-3, -1e-3, 0.0]).unwrap(),
+            ..Camera::pinhole(width, height, 10.0, 11.0, 3.5, 2.5)
+        };
+        let n = width * height;
+        let dark = |i: usize| i % width == 0;
+        let map = |f: fn(usize) -> f32| (0..n).map(|i| if dark(i) { f32::NAN } else { f(i) }).collect::<Vec<f32>>();
+        let normals = (0..n).map(|i| if dark(i) { [f32::NAN; 3] } else { [0.6, 0.0, -0.8] }).collect();
+        let result = Reconstruction {
+            width,
+            height,
+            depth: map(|i| 500.0 + (i % 8) as f32),
+            normals,
+            sigma: map(|_| 0.25),
+            left: (0..n).map(|i| if dark(i) { Left::Dark } else { Left::Kept }).collect(),
+            residual: map(|_| 0.01),
+            ambient: map(|_| 0.5),
+            white: nelu3d_scan::Image { width, height, channels: 1, data: vec![0.7; n] },
+            mesh: Mesh {
+                vertices: vec![[0.0, 0.0, 500.0], [1.0, 0.0, 500.0], [0.0, 1.0, 500.0]],
+                normals: Vec::new(),
+                colors: Vec::new(),
+                faces: vec![[0, 2, 1]],
+            },
+            stages: vec![
+                StageTime { name: "a".into(), wall_secs: 1.0, cpu_secs: 2.0 },
+                StageTime { name: "b".into(), wall_secs: 0.5, cpu_secs: 0.25 },
+            ],
+            info: serde_json::json!({ "seed": 7 }).as_object().unwrap().clone(),
+        };
+        (result, camera)
+    }
+
+    #[test]
+    fn a_result_is_read_back_as_it_was() {
+        let dir = tempfile::tempdir().unwrap();
+        let (result, camera) = plane();
+        let target = dir.path().join("results/plane");
+        let about = About { scene: "plane".into(), ..About::default() };
+        // Twice: an earlier result is replaced.
+        for mesh_files in [MeshFiles { obj: true, stl: true, glb: true }, MeshFiles::default()] {
+            write(&result, &camera, &about, mesh_files, &target).unwrap();
+            for (name, wanted) in
+                [("mesh.obj", mesh_files.obj), ("mesh.stl", mesh_files.stl), ("mesh.glb", mesh_files.glb)]
+            {
+                assert_eq!(target.join(name).exists(), wanted, "{name}");
+            }
+        }
+        for name in ["mask.png", "points.ply", "mesh.ply", "ambient.png", "preview.png"] {
+            assert!(std::fs::metadata(target.join(name)).unwrap().len() > 0, "{name}");
+        }
+        let saved = Saved::read(&target).unwrap();
+        assert_eq!(saved.camera, camera);
+        let bits = |m: &[f32]| m.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&saved.depth), bits(&result.depth));
+        assert_eq!(bits(saved.normals.unwrap().as_flattened()), bits(result.normals.as_flattened()));
+        assert_eq!(bits(&saved.sigma.unwrap()), bits(&result.sigma));
+        let mask = image::decode(&target.join("mask.png"), Some((8, 6))).unwrap();
+        let expected: Vec<u8> = (0..48).map(|i| if i % 8 == 0 { 0 } else { 255 }).collect();
+        assert_eq!(mask.data, image::RawData::U8(expected));
+    }
+
+    #[test]
+    fn the_summary_has_its_documented_keys() {
+        let (result, camera) = plane();
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("abc");
+        std::fs::write(&file, "abc").unwrap();
+        let about = About { inputs: vec![Input::of(&file).unwrap()], ..About::default() };
+        let json = serde_json::to_value(Summary::new(&result, &camera, &about)).unwrap();
+        assert_eq!(json["format"], 1);
+        assert_eq!((&json["wall_secs"], &json["cpu_secs"]), (&1.5.into(), &2.25.into()));
+        assert_eq!((&json["pixels"]["total"], &json["pixels"]["kept"]), (&48.into(), &42.into()));
+        assert_eq!(json["pixels"]["left"]["dark"], 6);
+        assert_eq!(json["pixels"]["left"]["outside"], 0);
+        assert_eq!((&json["depth_mm"]["min"], &json["depth_mm"]["max"]), (&501.0.into(), &507.0.into()));
+        assert_eq!(json["method"]["seed"], 7);
+        assert!(json["metrics"].is_null());
+        // FIPS 180-2, the first test vector.
+        let sha256 = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!((&json["inputs"][0]["sha256"], &json["inputs"][0]["bytes"]), (&sha256.into(), &3.into()));
+        if cfg!(target_os = "linux") {
+            assert!(json["peak_memory_bytes"].as_u64().unwrap() > 1 << 20);
+        }
+    }
+
+    #[test]
+    fn a_broken_result_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let read = || Saved::read(dir.path()).unwrap_err().to_string();
+        assert!(read().contains("no result.json"));
+        std::fs::write(dir.path().join("result.json"), "{}").unwrap();
+        assert!(read().contains("result.json") && read().contains("camera"), "{}", read());
+        let (result, camera) = plane();
+        let about = About::default();
+        let target = dir.path().join("r");
+        write(&result, &camera, &about, MeshFiles::default(), &target).unwrap();
+        npy::write(&target.join("sigma.npy"), &[3, 2], &[0.0; 6]).unwrap();
+        let e = Saved::read(&target).unwrap_err().to_string();
+        assert!(e.contains("sigma.npy") && e.contains("[3, 2]"), "{e}");
+    }
+}
