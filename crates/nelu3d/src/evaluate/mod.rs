@@ -16,6 +16,7 @@ pub use stats::{Errors, percentile};
 pub use truth::{Truth, TruthError};
 
 use nelu3d_scan::{Camera, Projector};
+use rayon::prelude::*;
 
 /// A result to be judged. Maps are `height × width`, row by row.
 #[derive(Clone, Copy, Debug)]
@@ -171,7 +172,7 @@ fn column_errors(depth: &[f32], truth: &Truth, camera: &Camera, projector: &Proj
         let (ours, theirs) = (depth[i], truth.depth[i]);
         if ours.is_finite() && theirs.is_finite() { column(i, ours) - column(i, theirs) } else { f64::NAN }
     };
-    (0..depth.len()).map(error).collect()
+    (0..depth.len()).into_par_iter().map(error).collect()
 }
 
 fn angle_deg(a: [f32; 3], b: [f32; 3]) -> f64 {

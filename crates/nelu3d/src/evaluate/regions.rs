@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use nelu3d_scan::Camera;
+use rayon::prelude::*;
 
 use super::{Truth, depth_jumps};
 
@@ -41,7 +42,7 @@ impl Truth {
         };
         Regions {
             body: (0..self.mask.len()).map(|i| self.mask[i] && !near_outside[i] && !near_jump[i]).collect(),
-            grazing: (0..self.mask.len()).map(|i| self.mask[i] && grazing(i)).collect(),
+            grazing: (0..self.mask.len()).into_par_iter().map(|i| self.mask[i] && grazing(i)).collect(),
             normals,
         }
     }
@@ -58,7 +59,7 @@ pub fn normals_from_depth(depth: &[f32], camera: &Camera, jumps: &[bool]) -> Vec
         let ray = camera.ray([(i % width) as f64, (i / width) as f64]);
         ray.dir * (f64::from(depth[i]) / ray.dir.z)
     };
-    let points: Vec<Vector3<f64>> = (0..depth.len()).map(point).collect();
+    let points: Vec<Vector3<f64>> = (0..depth.len()).into_par_iter().map(point).collect();
     let tangent = |i: usize, has_before: bool, has_after: bool, stride: usize| -> Option<Vector3<f64>> {
         let difference = |a: usize, b: usize| {
             let d = points[b] - points[a];
@@ -80,7 +81,7 @@ pub fn normals_from_depth(depth: &[f32], camera: &Camera, jumps: &[bool]) -> Vec
         let n = if n.dot(&points[i]) > 0.0 { -n } else { n };
         Some([n.x as f32, n.y as f32, n.z as f32])
     };
-    (0..depth.len()).map(|i| normal(i).unwrap_or([f32::NAN; 3])).collect()
+    (0..depth.len()).into_par_iter().map(|i| normal(i).unwrap_or([f32::NAN; 3])).collect()
 }
 
 /// Whether a marked pixel lies within `radius` (Chebyshev), separably.

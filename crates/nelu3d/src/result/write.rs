@@ -5,6 +5,7 @@ use std::path::Path;
 
 use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::{Camera, Mesh, image, mesh, npy};
+use rayon::prelude::*;
 
 use super::picture::{Picture, preview};
 use super::{About, Reconstruction, Summary};
@@ -91,7 +92,7 @@ fn points(r: &Reconstruction, summary: &Summary) -> Mesh {
         [p.x as f32, p.y as f32, p.z as f32]
     };
     Mesh {
-        vertices: kept.iter().map(position).collect(),
+        vertices: kept.par_iter().map(position).collect(),
         normals: kept.iter().map(|&i| r.normals[i]).collect(),
         colors: kept.iter().map(|&i| color.rgb(i)).collect(),
         faces: Vec::new(),
