@@ -79,7 +79,11 @@ impl fmt::Display for Metrics {
             writeln!(f, "{}", cells.join("  ").trim_end())?;
         }
         if self.n_outside_mask > 0 {
-            writeln!(f, "{} pixels have a depth where the truth has none", self.n_outside_mask)?;
+            writeln!(
+                f,
+                "{} pixels have a depth where the truth has none, or where the light cannot reach",
+                self.n_outside_mask
+            )?;
         }
         Ok(())
     }
