@@ -2,6 +2,7 @@
 
 pub mod calibrate;
 pub mod color_field;
+pub mod evaluate;
 pub mod progress;
 pub mod reconstruct;
 pub mod result;
