@@ -49,7 +49,7 @@ pub struct Decoded {
 }
 
 /// χ² is cut off here per pixel: beyond it a codeword is simply wrong (an outlier), however wrong.
-fn saturation(k: usize) -> f32 {
+pub(crate) fn saturation(k: usize) -> f32 {
     9.0 * k as f32
 }
 

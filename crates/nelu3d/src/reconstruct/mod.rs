@@ -203,7 +203,7 @@ pub fn reconstruct(
 
     // Decode, in a smaller picture if this one is large.
     clock.begin("decode the cost volume");
-    let sigma_ambient = if m.has_black { 0.05 } else { 0.1 };
+    let sigma_ambient = 0.15;
     let (start, unit) = start(&mut m, &rays, &grid, field, camera, sigma_ambient, opts);
     if start.iter().all(|z| z.is_nan()) {
         return Err(Failure::Nothing(why_nothing(&m.left)));
@@ -218,8 +218,8 @@ pub fn reconstruct(
         last_width_mm: 0.1,
         samples: 8,
         sigma_ambient,
-        sigma_indirect: std::env::var("SI").ok().and_then(|s| s.parse().ok()).unwrap_or(0.1),
-        ambient_radius: std::env::var("AR").ok().and_then(|s| s.parse().ok()).unwrap_or(4),
+        sigma_indirect: 0.2,
+        ambient_radius: (m.width / 80).max(2),
         draws: 12,
         seed: opts.seed,
     };
@@ -245,6 +245,13 @@ pub fn reconstruct(
             continue;
         }
         depth[i] = f32::NAN;
+    }
+    let links = Links::new(&depth, camera, MAX_SLOPE);
+    for i in links.at_jumps(&depth, m.width) {
+        if refined.chi2[i] > MAX_EDGE_MISFIT {
+            m.left[i] = Left::Edge;
+            depth[i] = f32::NAN;
+        }
     }
     let links = Links::new(&depth, camera, MAX_SLOPE);
     let sizes = links.component_sizes(&depth, m.width);
@@ -316,6 +323,8 @@ pub fn reconstruct(
 
 /// Mean χ² per measurement around a pixel above which its codeword is not explained by any surface here.
 const MAX_MISFIT: f32 = 40.0;
+/// χ² per measurement of a pixel at a depth jump above which its codeword is taken for a mixture of two surfaces.
+const MAX_EDGE_MISFIT: f32 = 9.0;
 /// Slope (depth per lateral mm) up to which neighbors always belong together.
 const MAX_SLOPE: f32 = 4.0;
 
@@ -393,12 +402,13 @@ fn start_pieces(
     let settings = DecodeSettings { max_labels: opts.max_labels, p_jump: 0.01, p_step: 0.2, sigma_ambient };
     let kept = m.left.iter().filter(|l| **l == Left::Kept).count();
     let f = (1..).find(|f| kept / (f * f) <= MAX_DECODED).expect("some reduction is enough");
-    let (mut inv_z, unit, small_camera) = if f == 1 {
+    let (mut inv_z, unit, small_camera, small) = if f == 1 {
         let d = decode(m, full, grid, &field.validity, &settings);
-        (d.inv_z, d.label_step, camera.clone())
+        (d.inv_z, d.label_step, camera.clone(), None)
     } else {
         let mut small = m.reduced(f);
-        let d = decode(&mut small, &rays(camera, field, &[], f), grid, &field.validity, &settings);
+        let small_rays = rays(camera, field, &[], f);
+        let d = decode(&mut small, &small_rays, grid, &field.validity, &settings);
         let g = f as f64;
         let half = (g - 1.0) / 2.0;
         let reduced = Camera {
@@ -410,17 +420,14 @@ fn start_pieces(
             cy: (camera.cy - half) / g,
             distortion: camera.distortion.clone(),
         };
-        (d.inv_z, d.label_step, reduced)
+        (d.inv_z, d.label_step, reduced, Some((small, small_rays)))
     };
-    // Small pieces are wrong periods of the code more often than small surfaces: they take over their surroundings'
-    // depth, and the refinement decides whether their codewords agree.
-    let depth: Vec<f32> = inv_z.iter().map(|v| 1.0 / v).collect();
-    let links = Links::new(&depth, &small_camera, MAX_SLOPE);
-    let sizes = links.component_sizes(&depth, small_camera.width);
-    for (v, size) in inv_z.iter_mut().zip(&sizes) {
-        if (*size as usize) < opts.min_component {
-            *v = f32::NAN;
-        }
+    let small_pixels = |inv_z: &mut Vec<f32>, m: &Measurements, rays: &Rays| {
+        settle_pieces(inv_z, m, rays, grid, &small_camera, unit, sigma_ambient, opts.min_component);
+    };
+    match &small {
+        Some((m, rays)) => small_pixels(&mut inv_z, m, rays),
+        None => small_pixels(&mut inv_z, m, full),
     }
     let mut out = vec![f32::NAN; m.n()];
     for (i, v) in out.iter_mut().enumerate() {
@@ -430,6 +437,73 @@ fn start_pieces(
         }
     }
     (out, unit)
+}
+
+/// Decides on small pieces of the decoded surface. A wrong period of the code looks like a small piece far in front of or
+/// behind its surroundings; so does a small object. A piece takes over its surroundings' depth when its codewords are
+/// explained there (within a few labels) nearly as well as where it was decoded. What is then still smaller than `least`
+/// is left open.
+#[allow(clippy::too_many_arguments)]
+fn settle_pieces(
+    inv_z: &mut [f32],
+    m: &Measurements,
+    rays: &Rays,
+    grid: &Grid,
+    camera: &Camera,
+    unit: f32,
+    sigma_ambient: f32,
+    least: usize,
+) {
+    /// Search around the surroundings' depth, labels: a slanted surface changes that much across a piece.
+    const REACH: i32 = 10;
+    /// χ² that agreeing with the surroundings is worth, per pixel.
+    const WORTH: f32 = 6.0;
+    let depth: Vec<f32> = inv_z.iter().map(|v| 1.0 / v).collect();
+    let links = Links::new(&depth, camera, MAX_SLOPE);
+    let (label, sizes) = links.components(&depth, camera.width);
+    let kept: u32 = sizes.iter().sum();
+    let is_small: Vec<bool> = sizes.iter().map(|s| *s < kept / 50).collect();
+    let mut around: Vec<f32> = inv_z.to_vec();
+    for (v, l) in around.iter_mut().zip(&label) {
+        if *l != u32::MAX && is_small[*l as usize] {
+            *v = f32::NAN;
+        }
+    }
+    fill(&mut around, &m.left, camera.width);
+    let ones = vec![1.0; m.k];
+    let k = m.k;
+    let cost = |i: usize, inv_z: f32| {
+        let indirect = if m.has_black { &m.surround[i * k..(i + 1) * k] } else { &ones[..] };
+        let (p, iv) = (&m.p[i * k..(i + 1) * k], &m.inv_var[i * k..(i + 1) * k]);
+        let mut c = vec![0.0; k];
+        grid.eval(rays.in_frame[i].at(f64::from(1.0 / (inv_z * rays.dir_z[i]))).q, &mut c);
+        let e = decode::misfit(&c, p, iv, indirect, 1.0 / (sigma_ambient * sigma_ambient));
+        e / (1.0 + e / decode::saturation(k))
+    };
+    // Per piece: Σ of (misfit in its surroundings − misfit where it was decoded).
+    let mut excess = vec![0.0f32; sizes.len()];
+    for i in 0..inv_z.len() {
+        if label[i] != u32::MAX && is_small[label[i] as usize] {
+            excess[label[i] as usize] += if around[i].is_nan() {
+                f32::INFINITY
+            } else {
+                let near = (-REACH..=REACH).map(|o| cost(i, around[i] + o as f32 * unit)).fold(f32::INFINITY, f32::min);
+                near - cost(i, inv_z[i])
+            };
+        }
+    }
+    if std::env::var("DBG").is_ok() { for l in 0..sizes.len() { if is_small[l] && sizes[l]>20 { let px: Vec<usize>=(0..label.len()).filter(|i| label[*i]==l as u32).collect(); let w=camera.width; eprintln!("piece {l} size {} excess {:.2} own {:.2} at {} {} z {:.1} around {:.1}",sizes[l],excess[l]/sizes[l] as f32,px.iter().map(|i| cost(*i,inv_z[*i])).sum::<f32>()/px.len() as f32,px.iter().map(|i| i%w).sum::<usize>()/px.len(),px.iter().map(|i| i/w).sum::<usize>()/px.len(),1.0/inv_z[px[0]],1.0/around[px[0]]); } } }
+    for i in 0..inv_z.len() {
+        if label[i] == u32::MAX {
+            continue;
+        }
+        let l = label[i] as usize;
+        if is_small[l] && excess[l] < WORTH * sizes[l] as f32 {
+            inv_z[i] = around[i];
+        } else if (sizes[l] as usize) < least {
+            inv_z[i] = f32::NAN;
+        }
+    }
 }
 
 /// Fills kept pixels without a value from their nearest neighbors that have one, connected through kept pixels.

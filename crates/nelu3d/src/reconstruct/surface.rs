@@ -52,8 +52,35 @@ impl Links {
         self.0[i] & 2 != 0
     }
 
+    /// Pixels with a depth that are next to one of another surface.
+    pub fn at_jumps(&self, depth: &[f32], width: usize) -> Vec<usize> {
+        let mut at = vec![false; depth.len()];
+        for i in 0..depth.len() {
+            if !depth[i].is_finite() {
+                continue;
+            }
+            let mut cut = |linked: bool, j: usize| {
+                if !linked && j < depth.len() && depth[j].is_finite() {
+                    at[i] = true;
+                    at[j] = true;
+                }
+            };
+            if i % width + 1 < width {
+                cut(self.right(i), i + 1);
+            }
+            cut(self.down(i), i + width);
+        }
+        (0..depth.len()).filter(|i| at[*i]).collect()
+    }
+
     /// Sizes of connected components per pixel (0 where there is no surface).
     pub fn component_sizes(&self, depth: &[f32], width: usize) -> Vec<u32> {
+        let (label, sizes) = self.components(depth, width);
+        label.iter().map(|l| if *l == u32::MAX { 0 } else { sizes[*l as usize] }).collect()
+    }
+
+    /// The connected component of each pixel (`u32::MAX` where there is no surface), and their sizes.
+    pub fn components(&self, depth: &[f32], width: usize) -> (Vec<u32>, Vec<u32>) {
         let n = depth.len();
         let mut label = vec![u32::MAX; n];
         let mut sizes = Vec::new();
@@ -89,7 +116,7 @@ impl Links {
             }
             sizes.push(size);
         }
-        label.iter().map(|l| if *l == u32::MAX { 0 } else { sizes[*l as usize] }).collect()
+        (label, sizes)
     }
 }
 
