@@ -102,6 +102,7 @@ fn every_kind_of_file_round_trips() {
     for (path, channels, saturation, expected) in all_kinds(dir.path()) {
         let image = read(&path, channels, 0.0, saturation).unwrap();
         assert_eq!((image.width, image.height, image.channels), (W, H, expected.channels));
+        assert_eq!(read_any(&path).unwrap(), image, "full scale is that of the file here");
         for (i, (a, b)) in image.data.iter().zip(&expected.data).enumerate() {
             assert!((a - b).abs() < 1e-7, "{}: value {i} is {a}, not {b}", path.display());
         }

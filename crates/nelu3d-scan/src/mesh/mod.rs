@@ -30,7 +30,7 @@ pub struct Mesh {
     pub faces: Vec<[u32; 3]>,
 }
 
-/// Why a mesh file could not be read or written.
+/// Why a mesh file could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshFileError {
     /// The file is missing, or the operating system would not let it be read.
@@ -50,16 +50,11 @@ pub enum MeshFileError {
         reason: String,
     },
     /// A file name whose ending says no known format.
-    #[error("{}: is of no known mesh format; {remedy}", path.display())]
+    #[error("{}: is of no mesh format that can be read; give a .ply, .obj or .stl file", path.display())]
     Format {
         /// The file.
         path: PathBuf,
-        /// The endings that would do.
-        remedy: &'static str,
     },
-    /// The file could not be written; the message names it.
-    #[error(transparent)]
-    Write(#[from] io::Error),
 }
 
 impl Mesh {
@@ -73,7 +68,7 @@ impl Mesh {
             "ply" => ply::parse,
             "obj" => obj::parse,
             "stl" => stl::parse,
-            _ => return Err(MeshFileError::Format { path: path.into(), remedy: "name it .ply, .obj or .stl" }),
+            _ => return Err(MeshFileError::Format { path: path.into() }),
         };
         let bytes = std::fs::read(path).map_err(|source| MeshFileError::Io { path: path.to_path_buf(), source })?;
         let damaged = |reason| MeshFileError::Damaged { path: path.to_path_buf(), reason };
@@ -90,29 +85,13 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// Writes the mesh in the format of the name's ending (`.ply`, `.obj`, `.stl`, `.glb`; see the module). Normals and
-    /// colors are written where there are any and the format has them; `.glb` computes missing normals.
+    /// [`write`] as a method.
     ///
     /// # Errors
     ///
-    /// The name has another ending, or the file cannot be written.
-    ///
-    /// # Panics
-    ///
-    /// If there are some normals or colors but not one per vertex, or a face has a vertex that does not exist.
-    pub fn write(&self, path: &Path) -> Result<(), MeshFileError> {
-        let n = self.vertices.len();
-        assert!(self.normals.is_empty() || self.normals.len() == n, "one normal per vertex");
-        assert!(self.colors.is_empty() || self.colors.len() == n, "one color per vertex");
-        assert!(self.faces.iter().flatten().all(|&i| (i as usize) < n), "a face of existing vertices");
-        let write = match extension(path).as_str() {
-            "ply" => ply::write,
-            "obj" => obj::write,
-            "stl" => stl::write,
-            "glb" => glb::write,
-            _ => return Err(MeshFileError::Format { path: path.into(), remedy: "name it .ply, .obj, .stl or .glb" }),
-        };
-        Ok(write_atomic(path, |w| write(self, w))?)
+    /// As [`write`].
+    pub fn write(&self, path: &Path) -> io::Result<()> {
+        write(path, self)
     }
 
     /// Sets the vertex normals: the mean of the adjacent triangles' normals, weighted by area. A vertex without a
@@ -137,6 +116,34 @@ impl Mesh {
         let (u, v) = ([b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]]);
         [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
     }
+}
+
+/// Writes a mesh in the format of the name's ending (`.ply`, `.obj`, `.stl`, `.glb`; see the module). Normals and colors
+/// are written where there are any and the format has them; `.glb` computes missing normals.
+///
+/// # Errors
+///
+/// The name has another ending, or the file cannot be written; the message names the file.
+///
+/// # Panics
+///
+/// If there are some normals or colors but not one per vertex, or a face has a vertex that does not exist.
+pub fn write(path: &Path, mesh: &Mesh) -> io::Result<()> {
+    let n = mesh.vertices.len();
+    assert!(mesh.normals.is_empty() || mesh.normals.len() == n, "one normal per vertex");
+    assert!(mesh.colors.is_empty() || mesh.colors.len() == n, "one color per vertex");
+    assert!(mesh.faces.iter().flatten().all(|&i| (i as usize) < n), "a face of existing vertices");
+    let write = match extension(path).as_str() {
+        "ply" => ply::write,
+        "obj" => obj::write,
+        "stl" => stl::write,
+        "glb" => glb::write,
+        _ => {
+            let problem = format!("{}: is of no known mesh format; name it .ply, .obj, .stl or .glb", path.display());
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
+        }
+    };
+    write_atomic(path, |w| write(mesh, w))
 }
 
 /// Writes a point cloud as binary PLY (mm, camera frame). `normals` and `colors` are empty or one per point.

@@ -60,46 +60,51 @@ enum Role {
 }
 
 impl Rig {
-    /// Looks at every file of the rig at `path` (the folder or its rig.toml) and lists all that is wrong: rig.toml, the
-    /// camera files, missing, unreadable or odd images, too dark or clipped flashes, too few positions, bad truth.
-    /// Works on broken rigs too. An empty list means that nothing was found.
-    ///
-    /// Shots are checked in parallel, with about three images per thread in memory. The list is in a fixed order.
-    pub fn check(path: &Path) -> Vec<Finding> {
-        let (root, toml) = match read_toml(path) {
-            Ok(read) => read,
-            Err(e) => return vec![rig_finding(path, &e)],
-        };
-        let mut findings = Vec::new();
-        let camera = check_cameras(&root, &toml, &mut findings);
-        let has_target = toml.board.is_some() || !toml.poses.is_empty();
-        let sensor_known = Channels::from_name(&toml.camera.channels).is_some();
-        // Without intrinsics the size of the images is unknown; the rest of rig.toml is judged all the same.
-        let any = camera.clone().unwrap_or_else(|| Camera::pinhole(1, 1, 1.0, 1.0, 0.0, 0.0));
-        let (rig, problems) = from_toml(&root, toml, any, None);
-        findings.extend(problems.iter().map(|e| rig_finding(&root.join(RIG_FILE), e)));
-        if rig.pattern_sets.is_empty() {
-            let remedy = "add a [[pattern_sets]] with name and images";
-            findings.push(error(root.join(RIG_FILE), "has no pattern set", remedy));
-        }
-
-        let shots = list_shots(&rig, has_target, &mut findings);
-        let sensor_known = sensor_known && rig.saturation > rig.black_level;
-        let checker = Checker { rig: &rig, size: camera.map(|c| (c.width, c.height)), sensor_known };
-        let per_shot: Vec<Vec<Finding>> = shots.par_iter().map(|(role, shot)| checker.shot(*role, shot)).collect();
-        let broken_positions = shots
-            .iter()
-            .zip(&per_shot)
-            .filter(|((role, _), found)| *role == Role::Position && found.iter().any(|f| f.severity == Severity::Error))
-            .count();
-        let positions = shots.iter().filter(|(role, _)| *role == Role::Position).count();
-        if positions >= MIN_POSITIONS && positions - broken_positions < MIN_POSITIONS {
-            let problem = format!("only {} of {positions} positions are without errors", positions - broken_positions);
-            findings.push(error(root.join("calibration"), &problem, "calibration needs 3 usable positions or more"));
-        }
-        findings.extend(per_shot.into_iter().flatten());
-        findings
+    /// [`check`] of this rig's folder, read anew.
+    pub fn check(&self) -> Vec<Finding> {
+        check(&self.root)
     }
+}
+
+/// Looks at every file of the rig at `path` (the folder or its rig.toml) and lists all that is wrong: rig.toml, the
+/// camera files, missing, unreadable or odd images, too dark or clipped flashes, too few positions, bad truth.
+/// Works on broken rigs too. An empty list means that nothing was found.
+///
+/// Shots are checked in parallel, with about three images per thread in memory. The list is in a fixed order.
+pub fn check(path: &Path) -> Vec<Finding> {
+    let (root, toml) = match read_toml(path) {
+        Ok(read) => read,
+        Err(e) => return vec![rig_finding(path, &e)],
+    };
+    let mut findings = Vec::new();
+    let camera = check_cameras(&root, &toml, &mut findings);
+    let has_target = toml.board.is_some() || !toml.poses.is_empty();
+    let sensor_known = Channels::from_name(&toml.camera.channels).is_some();
+    // Without intrinsics the size of the images is unknown; the rest of rig.toml is judged all the same.
+    let any = camera.clone().unwrap_or_else(|| Camera::pinhole(1, 1, 1.0, 1.0, 0.0, 0.0));
+    let (rig, problems) = from_toml(&root, toml, any, None);
+    findings.extend(problems.iter().map(|e| rig_finding(&root.join(RIG_FILE), e)));
+    if rig.pattern_sets.is_empty() {
+        let remedy = "add a [[pattern_sets]] with name and images";
+        findings.push(error(root.join(RIG_FILE), "has no pattern set", remedy));
+    }
+
+    let shots = list_shots(&rig, has_target, &mut findings);
+    let sensor_known = sensor_known && rig.saturation > rig.black_level;
+    let checker = Checker { rig: &rig, size: camera.map(|c| (c.width, c.height)), sensor_known };
+    let per_shot: Vec<Vec<Finding>> = shots.par_iter().map(|(role, shot)| checker.shot(*role, shot)).collect();
+    let broken_positions = shots
+        .iter()
+        .zip(&per_shot)
+        .filter(|((role, _), found)| *role == Role::Position && found.iter().any(|f| f.severity == Severity::Error))
+        .count();
+    let positions = shots.iter().filter(|(role, _)| *role == Role::Position).count();
+    if positions >= MIN_POSITIONS && positions - broken_positions < MIN_POSITIONS {
+        let problem = format!("only {} of {positions} positions are without errors", positions - broken_positions);
+        findings.push(error(root.join("calibration"), &problem, "calibration needs 3 usable positions or more"));
+    }
+    findings.extend(per_shot.into_iter().flatten());
+    findings
 }
 
 /// Checks the intrinsics and the projector; the camera, if it is good.

@@ -9,7 +9,7 @@ mod shots;
 use std::path::PathBuf;
 
 pub use capture::{Capture, Need};
-pub use check::{Finding, Severity};
+pub use check::{Finding, Severity, check};
 pub use error::RigError;
 
 use crate::board::Board;

@@ -258,6 +258,18 @@ pub(super) fn decode_bytes(path: &Path, bytes: &[u8], size: Option<(usize, usize
     }
 }
 
+/// Reads a picture that no sensor took (a projected pattern, say): its full scale is that of its depth, so codes become
+/// code / 255 or code / 65535, and floats stay as they are.
+///
+/// # Errors
+///
+/// As [`decode()`], or a value that is not finite.
+pub fn read_any(path: &Path) -> Result<Image, ImageFileError> {
+    let raw = decode(path, None)?;
+    let channels = if raw.channels == 3 { Channels::Rgb } else { Channels::Mono };
+    raw.linearize(path, channels, 0.0, raw.depth().max().unwrap_or(1.0))
+}
+
 /// A file being decoded: its bytes and how to complain about it.
 struct File<'a> {
     path: &'a Path,

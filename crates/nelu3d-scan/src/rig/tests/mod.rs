@@ -1,6 +1,6 @@
 //! A rig folder written, opened and read; and every complaint about one.
 
-mod check;
+mod checks;
 
 use std::fs;
 use std::path::{Path, PathBuf};

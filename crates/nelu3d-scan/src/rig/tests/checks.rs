@@ -1,8 +1,9 @@
-//! `Rig::check`: nothing on a good rig, and every kind of damage found, all at once.
+//! `check`: nothing on a good rig, and every kind of damage found, all at once.
 
 use std::fs;
 use std::path::Path;
 
+use super::super::check;
 use super::*;
 use crate::{Mesh, npy};
 
@@ -38,8 +39,8 @@ fn a_good_rig_has_no_findings() {
     let mesh =
         Mesh { vertices: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], faces: vec![[0, 1, 2]], ..Mesh::default() };
     mesh.write(&truth.join("mesh.ply")).unwrap();
-    assert_eq!(Rig::check(&rig.root), []);
-    assert_eq!(Rig::check(&rig.root.join("rig.toml")), []);
+    assert_eq!(rig.check(), []);
+    assert_eq!(check(&rig.root.join("rig.toml")), []);
 }
 
 #[test]
@@ -65,7 +66,7 @@ fn all_that_is_wrong_is_found_at_once() {
     write_rgb8(&at("scenes/cup/truth/mask.png"), W, H, &[9; W * H * 3]).unwrap();
     fs::write(at("scenes/cup/truth/mesh.ply"), "ply\n").unwrap();
 
-    let found = Rig::check(root);
+    let found = check(root);
     let error = |file: &str, expected: &str| find(&found, Severity::Error, file, expected);
     error("projector.json", "has no `resy`");
     error("calibration/1/black.png", "no such image");
@@ -82,7 +83,7 @@ fn all_that_is_wrong_is_found_at_once() {
     error("truth/depth.npy", "has the shape [12, 8], not (height, width) = [8, 12]");
     error("truth/mask.png", "three channels");
     error("truth/mesh.ply", "cannot be used as a mesh");
-    assert_eq!(found, Rig::check(root), "the order is fixed");
+    assert_eq!(found, check(root), "the order is fixed");
     for f in &found {
         assert!(!f.problem.contains(&f.file.display().to_string()), "the file is said twice: {f}");
     }
@@ -102,7 +103,7 @@ fn broken_descriptions_do_not_stop_the_check() {
     fs::remove_file(root.join("camera.json")).unwrap();
     fs::write(root.join("scenes/cup/a.png"), "").unwrap();
     write_png16(&root.join("scenes/cup/b.png"), &Image::new(3, 3, 1), 0.0, 1.0).unwrap();
-    let found = Rig::check(root);
+    let found = check(root);
     find(&found, Severity::Error, "rig.toml", "`camera.channels` is \"gray\"");
     find(&found, Severity::Error, "rig.toml", "`camera.saturation` is 1");
     find(&found, Severity::Error, "rig.toml", "`board.marker_mm` is 99");
@@ -115,13 +116,13 @@ fn broken_descriptions_do_not_stop_the_check() {
         [("format = 1\nfoo = 2", "unknown field `foo`"), ("format = 9", "update the program"), ("=", "line 1")]
     {
         fs::write(&file, text).unwrap();
-        let found = Rig::check(root);
+        let found = check(root);
         assert_eq!(found.len(), 1);
         find(&found, Severity::Error, "rig.toml", expected);
     }
     fs::remove_file(&file).unwrap();
-    assert!(Rig::check(root)[0].problem.contains("is no rig"));
-    assert!(Rig::check(&root.join("nowhere"))[0].problem.contains("is no rig"));
+    assert!(check(root)[0].problem.contains("is no rig"));
+    assert!(check(&root.join("nowhere"))[0].problem.contains("is no rig"));
 }
 
 #[test]
@@ -131,14 +132,14 @@ fn sweeps_are_judged() {
     fs::remove_dir_all(dir.path().join("calibration/10")).unwrap();
     let pose = KnownPose { position: "99".into(), cam_from_board: Isometry3::identity() };
     Rig { board: None, pattern_sets: vec![], ..rig.clone() }.save().unwrap();
-    let found = Rig::check(dir.path());
+    let found = check(dir.path());
     find(&found, Severity::Error, "calibration", "has 2 board positions");
     find(&found, Severity::Error, "rig.toml", "no [board]");
     find(&found, Severity::Error, "rig.toml", "no pattern set");
 
     Rig { poses: vec![pose], ..rig }.save().unwrap();
     fs::remove_dir_all(dir.path().join("calibration")).unwrap();
-    let found = Rig::check(dir.path());
+    let found = check(dir.path());
     find(&found, Severity::Warning, "calibration", "neither a calibration sweep nor a projector");
     find(&found, Severity::Warning, "rig.toml", "`99`, which has no folder");
     assert_eq!(found.len(), 2);
@@ -147,7 +148,7 @@ fn sweeps_are_judged() {
 #[test]
 fn shared_rigs_have_no_errors() {
     for root in shared_rigs() {
-        let found = Rig::check(&root);
+        let found = check(&root);
         let errors: Vec<String> =
             found.iter().filter(|f| f.severity == Severity::Error).map(ToString::to_string).collect();
         assert!(errors.is_empty(), "{}", errors.join("\n"));
