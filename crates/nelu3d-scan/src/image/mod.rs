@@ -8,7 +8,7 @@ mod decode;
 mod write;
 
 pub use bayer::demosaic;
-pub use decode::{Depth, ImageFileError, Raw, RawData, decode};
+pub use decode::{Depth, ImageFileError, Raw, RawData, decode, read_any};
 pub use write::{write_gray8, write_png8, write_png16, write_rgb8};
 
 /// How the sensor delivers color.

@@ -18,7 +18,10 @@ impl Source {
         let syntax = |format, reason| CameraFileError::Syntax { path: path.to_path_buf(), format, reason };
         let text = std::str::from_utf8(&bytes).map_err(|e| syntax("text", e.to_string()))?;
         let root: Value = if text.trim_start().starts_with('{') {
-            serde_json::from_str(&json_with_nan(text)).map_err(|e| syntax("JSON", e.to_string()))?
+            // Python and OpenCV write `NaN`, `.Nan` and `1.` into what they call JSON: YAML allows that, so that the error
+            // can name the key instead of a line.
+            serde_json::from_str(text)
+                .or_else(|e| serde_yaml_ng::from_str(text).map_err(|_| syntax("JSON", e.to_string())))?
         } else {
             serde_yaml_ng::from_str(&plain_yaml(text)).map_err(|e| syntax("YAML", e.to_string()))?
         };
@@ -77,41 +80,16 @@ impl Source {
                 Ok(all)
             }
             Value::Number(n) => Ok(vec![n.as_f64().unwrap_or(f64::NAN)]),
-            // OpenCV writes `.Nan`, `.Inf`; Python's json writes `NaN`, `Infinity` (see `json_with_nan`).
-            Value::String(s) if s.trim_start_matches('-').eq_ignore_ascii_case(".nan") => Ok(vec![f64::NAN]),
-            Value::String(s) if s.eq_ignore_ascii_case(".inf") => Ok(vec![f64::INFINITY]),
-            Value::String(s) if s.eq_ignore_ascii_case("-.inf") => Ok(vec![f64::NEG_INFINITY]),
+            Value::String(s) => match s.to_ascii_lowercase().as_str() {
+                ".nan" | "-.nan" | "nan" => Ok(vec![f64::NAN]),
+                ".inf" | "infinity" => Ok(vec![f64::INFINITY]),
+                "-.inf" | "-infinity" => Ok(vec![f64::NEG_INFINITY]),
+                _ => Err(self.invalid(key, format!("holds \"{s}\""), "give numbers only")),
+            },
             Value::Null => Err(self.invalid(key, "holds null", "give numbers only")),
             other => Err(self.invalid(key, format!("holds {other:?}"), "give numbers only")),
         }
     }
-}
-
-/// JSON has no NaN, but Python writes it: the bare words become strings, so that the error can name the key.
-fn json_with_nan(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    let mut in_string = false;
-    let mut rest = text;
-    while let Some(c) = rest.chars().next() {
-        if !in_string {
-            let words = [("NaN", "\".nan\""), ("-Infinity", "\"-.inf\""), ("Infinity", "\".inf\"")];
-            if let Some((word, quoted)) = words.iter().find(|(word, _)| rest.starts_with(word)) {
-                out.push_str(quoted);
-                rest = &rest[word.len()..];
-                continue;
-            }
-        }
-        if c == '\\' && in_string {
-            let n = rest.chars().take(2).map(char::len_utf8).sum();
-            out.push_str(&rest[..n]);
-            rest = &rest[n..];
-            continue;
-        }
-        in_string ^= c == '"';
-        out.push(c);
-        rest = &rest[c.len_utf8()..];
-    }
-    out
 }
 
 /// OpenCV's YAML without what makes it no YAML: its `%YAML:1.0` header and its type tags.

@@ -148,7 +148,7 @@ fn impossible_values_are_named() {
         ("236.9", "-Infinity", "`K` holds -inf"),
         ("1502.3,0,", "1502.3,0.5,", "`K` is"),
         ("[0,0,1]", "[0,0]", "`K` has 8 numbers"),
-        ("322.4", "\"left\"", "`K` holds String"),
+        ("322.4", "\"left\"", "`K` holds \"left\""),
         ("-0.081, ", "", ""),
         ("-0.081, 0.062, ", "", "`dist_coeffs` has 3 coefficients"),
         ("\"resx\": 640, ", "", "has no `resx`"),
@@ -177,6 +177,9 @@ fn other_formats_complain_in_their_own_words() {
         complaint("a.yaml", &ROS_YAML.replace("plumb_bob", "equidistant"))
             .contains("`distortion_model` is equidistant")
     );
+    let nan_json = OPENCV_JSON.replace("1502.3", ".Nan");
+    assert!(complaint("a.json", &nan_json).contains("`camera_matrix` holds NaN"));
+    assert_eq!(read_text("a.json", &OPENCV_JSON.replace("1.0]", "1.]")).unwrap().fx, 1502.3, "OpenCV's short floats");
     assert!(complaint("a.json", "{\"resx\": 640,").contains("not valid JSON"));
     assert!(complaint("a.yaml", "a: [1, 2").contains("not valid YAML"));
     assert!(complaint("a.yaml", "just words").contains("has no `K`"));

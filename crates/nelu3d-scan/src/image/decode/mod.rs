@@ -71,6 +71,20 @@ pub enum ImageFileError {
     },
 }
 
+impl ImageFileError {
+    /// The file.
+    pub fn path(&self) -> &Path {
+        match self {
+            ImageFileError::Missing { path }
+            | ImageFileError::Io { path, .. }
+            | ImageFileError::Format { path }
+            | ImageFileError::Damaged { path, .. }
+            | ImageFileError::Kind { path, .. }
+            | ImageFileError::Size { path, .. } => path,
+        }
+    }
+}
+
 /// What a value is stored as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
@@ -229,14 +243,31 @@ pub fn decode(path: &Path, size: Option<(usize, usize)>) -> Result<Raw, ImageFil
         io::ErrorKind::NotFound => ImageFileError::Missing { path: path.to_path_buf() },
         _ => ImageFileError::Io { path: path.to_path_buf(), source },
     })?;
-    let file = File { path, bytes: &bytes, size };
-    match bytes.as_slice() {
+    decode_bytes(path, &bytes, size)
+}
+
+/// [`decode()`] of a file's content; `path` is only for messages.
+pub(super) fn decode_bytes(path: &Path, bytes: &[u8], size: Option<(usize, usize)>) -> Result<Raw, ImageFileError> {
+    let file = File { path, bytes, size };
+    match bytes {
         [0x89, b'P', b'N', b'G', ..] => png::decode(&file),
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::decode(&file),
         [0x76, 0x2f, 0x31, 0x01, ..] => exr::decode(&file),
         [] => Err(file.damaged("it is empty")),
         _ => Err(ImageFileError::Format { path: path.to_path_buf() }),
     }
+}
+
+/// Reads a picture that no sensor took (a projected pattern, say): its full scale is that of its depth, so codes become
+/// code / 255 or code / 65535, and floats stay as they are.
+///
+/// # Errors
+///
+/// As [`decode()`], or a value that is not finite.
+pub fn read_any(path: &Path) -> Result<Image, ImageFileError> {
+    let raw = decode(path, None)?;
+    let channels = if raw.channels == 3 { Channels::Rgb } else { Channels::Mono };
+    raw.linearize(path, channels, 0.0, raw.depth().max().unwrap_or(1.0))
 }
 
 /// A file being decoded: its bytes and how to complain about it.
