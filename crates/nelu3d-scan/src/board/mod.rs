@@ -1,4 +1,26 @@
 //! The flat target of the calibration sweep: what is printed on it, and where its corners are in an image.
+//!
+//! [`Artwork`] answers what is printed at a point of the board, [`Detector`] finds the board's corners in an image. Both
+//! read the same layout, so a board that one of them accepts means the same to the other.
+//!
+//! The board's frame: x to the right and y down as one looks at the print, z into the board, so that a board seen from
+//! its front has a right-handed rotation into the camera's frame (OpenCV's convention). For the kinds made of squares,
+//! the origin is the outer corner of the top-left square.
+
+mod artwork;
+mod detect;
+mod dictionary;
+mod error;
+mod layout;
+#[cfg(test)]
+pub(crate) mod render;
+#[cfg(test)]
+mod tests;
+
+pub use artwork::Artwork;
+pub use detect::Detector;
+pub use dictionary::Dictionary;
+pub use error::BoardError;
 
 /// The flat target of a sweep. The board's frame has its plane at z = 0.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +49,9 @@ pub enum BoardKind {
         /// OpenCV's layout before 4.6.
         legacy: bool,
     },
-    /// A plain chessboard; must be seen whole.
+    /// A plain chessboard; must be seen whole. Its top-left square is black. Where turning it by 180° (or 90°, if it is
+    /// square) leaves the print unchanged, the origin is that of the turn whose x axis points furthest to the right in
+    /// the image: such a board must not be turned further than that during a sweep.
     Chessboard {
         /// Squares along x.
         columns: usize,

@@ -1,1 +1,17 @@
 //! Board poses from corners: PnP with refinement, and the trajectory of a sweep.
+
+mod error;
+mod homography;
+mod pnp;
+mod projection;
+mod robust;
+mod stage;
+#[cfg(test)]
+mod tests;
+mod trajectory;
+
+pub use error::PoseError;
+pub use pnp::{PoseFit, solve_pnp};
+pub use trajectory::{Position, Rejected, Steps, Trajectory, TrajectoryModel};
+
+pub(crate) use homography::{Homography, homography_4pt};

@@ -1,0 +1,136 @@
+//! Finding a board in an image, in three steps: a coarse detection on 8 bits that says which corner is where to a pixel
+//! or two (one file a kind), a smooth map from the board to the image fitted to it, and the final localization of every
+//! corner from the edges that meet in it, on the linear image itself.
+
+mod charuco;
+mod chessboard;
+mod edge;
+mod gray;
+mod markers;
+mod quads;
+mod refine;
+mod spec;
+mod warp;
+
+use calib_targets_aruco::Matcher;
+use calib_targets_charuco::CharucoDetector;
+
+use self::gray::{Decimated, stretch};
+use self::refine::Pixels;
+use self::spec::CornerSpec;
+use self::warp::Warp;
+use super::layout::Layout;
+use super::{Board, BoardError, Corner};
+use crate::Camera;
+
+/// Finds one board in images.
+pub struct Detector {
+    layout: Layout,
+    corners: Vec<CornerSpec>,
+    camera: Option<Camera>,
+    charuco: Option<charuco::Finder>,
+    matcher: Option<Matcher>,
+}
+
+/// A board point and where it was coarsely seen, px.
+type Pair = ([f64; 2], [f64; 2]);
+
+/// Images are reduced to about this many pixels for the coarse step; the final one works at full resolution.
+const COARSE_PIXELS: usize = 1_500_000;
+
+impl Detector {
+    /// Prepares to find a board. Fails when it cannot be printed as described.
+    pub fn new(board: &Board) -> Result<Self, BoardError> {
+        let layout = Layout::new(board)?;
+        let corners = spec::corners(&layout);
+        let charuco = match &layout {
+            Layout { squares: Some(_), dictionary: Some(_), .. } => Some(charuco::Finder::new(&layout)?),
+            _ => None,
+        };
+        let matcher = layout.dictionary.as_ref().map(markers::matcher);
+        Ok(Self { layout, corners, camera: None, charuco, matcher })
+    }
+
+    /// Tells the detector the camera that takes the images. Then the lens distortion is known between corners; otherwise
+    /// it is estimated from each image (radial only), which takes a board that covers a good part of the image.
+    #[must_use]
+    pub fn with_camera(mut self, camera: &Camera) -> Self {
+        self.camera = Some(camera.clone());
+        self
+    }
+
+    /// The board's corners in a linear image: `height × width` values in [0, 1], where 1 and more is clipped. Pixels of
+    /// the answer follow the workspace's convention (centers at integers).
+    ///
+    /// Fails when the board is not there; finds at least four corners otherwise. Corners hidden, clipped or outside the
+    /// image are left out.
+    pub fn detect(&self, gray: &[f32], width: usize, height: usize) -> Result<Vec<Corner>, BoardError> {
+        if width == 0 || height == 0 || gray.len() != width * height {
+            return Err(BoardError::ImageSize { width, height, len: gray.len() });
+        }
+        if let Some(c) = &self.camera
+            && (c.width, c.height) != (width, height)
+        {
+            let (camera_width, camera_height) = (c.width, c.height);
+            return Err(BoardError::CameraSize { width, height, camera_width, camera_height });
+        }
+        let top = stretch(gray).ok_or_else(|| BoardError::not_found("the image is black"))?;
+        let pixels = Pixels { data: gray, width, height };
+
+        // Markers that are small against the image may vanish in the reduced one: then try a finer one.
+        let mut factor = ((width * height) as f64 / COARSE_PIXELS as f64).sqrt().ceil().max(1.0) as usize;
+        loop {
+            let coarse = Decimated::new(gray, width, height, factor, top);
+            match self.coarse(&coarse).and_then(|pairs| self.localize(&pixels, &pairs)) {
+                Err(BoardError::NotFound { .. }) if factor > 1 => factor /= 2,
+                answer => return answer,
+            }
+        }
+    }
+
+    /// Which board point is about where.
+    fn coarse(&self, image: &Decimated) -> Result<Vec<Pair>, BoardError> {
+        let markers = |m: &Matcher| markers::find(image, m, &self.layout.markers);
+        match (&self.charuco, &self.matcher) {
+            // The chessboard of a charuco board is the surer find; its markers alone also tell where it is.
+            (Some(charuco), Some(m)) => charuco.find(image).or_else(|e| markers(m).map_err(|_| e)),
+            (_, Some(m)) => markers(m),
+            _ => chessboard::find(image, self.layout.squares.as_ref().expect("a board has squares or markers")),
+        }
+    }
+
+    /// Every corner of the board to a small part of a pixel.
+    fn localize(&self, pixels: &Pixels, pairs: &[Pair]) -> Result<Vec<Corner>, BoardError> {
+        let camera = self.camera.as_ref();
+        let lost = || BoardError::not_found(format!("the {} points seen lie on no plane", pairs.len()));
+        let mut warp = Warp::fit(pairs, camera, pixels).ok_or_else(lost)?;
+        let mut found = refine::corners(pixels, &self.corners, &warp, None);
+        for _ in 0..2 {
+            let pairs: Vec<Pair> = found.iter().map(|c| (c.corner.board_mm, c.corner.px)).collect();
+            let Some(better) = Warp::fit(&pairs, camera, pixels) else { break };
+            warp = better;
+            found = refine::corners(pixels, &self.corners, &warp, refine::blur(&found));
+        }
+        if found.len() < 4 {
+            return Err(BoardError::not_found(format!(
+                "{} points of it were seen, but only {} corners are sharp enough to be localized",
+                pairs.len(),
+                found.len()
+            )));
+        }
+        Ok(found.into_iter().map(|c| c.corner).collect())
+    }
+}
+
+impl std::fmt::Debug for Detector {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Detector").field("layout", &self.layout).finish_non_exhaustive()
+    }
+}
+
+/// Checked at compile time: one detector serves all threads.
+const _: fn() = || {
+    fn shared<T: Send + Sync>() {}
+    shared::<Detector>();
+    shared::<CharucoDetector>();
+};
