@@ -215,6 +215,18 @@ fn parameters_round_trip() {
 }
 
 #[test]
+fn the_configuration_survives_serialization_and_prints_itself() {
+    let config = tiny();
+    let text = serde_json::to_string(&config).unwrap();
+    assert_eq!(serde_json::from_str::<HashFieldConfig<3>>(&text).unwrap(), config);
+    let wrong = text.replace("[4,4,3]", "[4,4]");
+    assert!(serde_json::from_str::<HashFieldConfig<3>>(&wrong).unwrap_err().to_string().contains("expected 3 axes"));
+    let unknown = text.replace("\"width\"", "\"widht\"");
+    assert!(serde_json::from_str::<HashFieldConfig<3>>(&unknown).is_err());
+    assert_eq!(config.to_string(), "hash grid 5x2 [4, 4, 3]..[40, 30, 3] 2^10 + mlp 2x16 -> 3");
+}
+
+#[test]
 fn edge_cases_do_nothing() {
     let mut field = HashField::new(tiny(), 1).unwrap();
     let before = field.params.clone();

@@ -44,6 +44,8 @@ impl Clone for Training {
 /// Scratch and sums of one chunk of points.
 #[derive(Debug)]
 struct Chunk {
+    /// Features of one block, `[BLOCK][padded n_features]`; padding stays zero.
+    features: Vec<f32>,
     scratch: MlpScratch,
     gradient: MlpGradient,
     loss: f64,
@@ -82,6 +84,7 @@ impl<const D: usize> HashField<D> {
         let n_chunks = points.len().div_ceil(CHUNK);
         if chunks.len() < n_chunks {
             chunks.resize_with(n_chunks, || Chunk {
+                features: vec![0.0; BLOCK * stride],
                 scratch: MlpScratch::new(packed),
                 gradient: MlpGradient::new(packed),
                 loss: 0.0,
@@ -169,8 +172,7 @@ impl<const D: usize> WithSimd for ChunkStep<'_, D> {
         let stride = padded(grid.n_features());
         chunk.gradient.clear();
         chunk.loss = 0.0;
-        let mut x = [0.0f32; BLOCK * 256];
-        let x = &mut x[..BLOCK * stride];
+        let x = &mut chunk.features[..];
         let blocks = points.chunks(BLOCK).zip(targets.chunks(BLOCK * k)).zip(features.chunks_mut(BLOCK * stride));
         for (b, ((points, targets), d_features)) in blocks.enumerate() {
             hash_grid::forward_inlined(grid, table, points, x, stride);

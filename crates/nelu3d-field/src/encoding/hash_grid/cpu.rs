@@ -1,4 +1,4 @@
-//! Fast form. Cells, weights and indices are computed for [`GROUP`] points at a time in loops the compiler vectorizes
+//! Fast form. Cells, weights and indices are computed for `GROUP` points at a time in loops the compiler vectorizes
 //! (every function here is inlined into a caller that `pulp` dispatched); the gathers themselves are scalar.
 
 // Loops over several arrays with one index are what the vectorizer wants to see.
@@ -11,7 +11,7 @@ use pulp::{Arch, Simd, WithSimd};
 /// Points whose addresses are computed together: one AVX2 register of indices.
 pub(crate) const GROUP: usize = 8;
 
-/// Corner indices and weights of [`GROUP`] points, `[corner][point]`. 2-D uses the first four corners.
+/// Corner indices and weights of `GROUP` points, `[corner][point]`. 2-D uses the first four corners.
 struct Corners {
     index: [[u32; GROUP]; 8],
     weight: [[f32; GROUP]; 8],
@@ -100,7 +100,7 @@ fn corners<const D: usize>(level: &Level<D>, xs: &[[f32; GROUP]; D]) -> Corners 
     c
 }
 
-/// Up to [`GROUP`] points, transposed; missing ones are at the origin.
+/// Up to `GROUP` points, transposed; missing ones are at the origin.
 #[inline(always)]
 fn transpose<const D: usize>(points: &[[f32; D]]) -> [[f32; GROUP]; D] {
     let mut xs = [[0.0; GROUP]; D];
