@@ -1,2 +1,97 @@
-//! The program.
-fn main() {}
+//! The program `nelu3d`: scan with a camera and any light source that throws a pattern.
+//!
+//! The path through it: [`args`] is what was typed, each module of [`commands`] turns its part into what it means and
+//! runs the library, [`console`] is everything a person sees meanwhile. What a machine wants to read is one JSON value
+//! on standard output (`--json`); everything else goes to standard error, except the answer a person asked for.
+//!
+//! Exit codes: 0 done, 1 failed, 2 wrong usage.
+
+mod args;
+mod commands;
+mod console;
+mod report;
+
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::Context as _;
+use clap::Parser;
+
+use args::{Args, Command};
+use commands::Context;
+use console::Console;
+
+fn main() -> ExitCode {
+    // Wrong usage ends here, with clap's explanation and exit code 2.
+    let args = Args::parse();
+    let console = Arc::new(Console::new(args.global.quiet));
+    console.clone().log(args.global.verbose);
+    let cancel = Arc::new(AtomicBool::new(false));
+    match run(args, &console, &cancel) {
+        Ok(code) => {
+            console.finish();
+            code
+        }
+        Err(e) => {
+            console.abandon();
+            if cancel.load(Ordering::Relaxed) {
+                eprintln!("nelu3d: stopped; nothing half written was left behind");
+            } else {
+                eprintln!("nelu3d: {}", sentence(&e));
+            }
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::Result<ExitCode> {
+    stop_on_ctrl_c(cancel.clone()).context("cannot listen for Ctrl-C")?;
+    if let Some(n) = args.global.threads {
+        rayon::ThreadPoolBuilder::new().num_threads(n.get()).build_global().context("cannot start the threads")?;
+    }
+    let context = Context::new(console.clone(), cancel.clone(), args.global.json);
+    match args.command {
+        Command::Demo(a) => commands::demo::run(a, &context),
+        Command::Simulate(a) => commands::simulate::run(a, &context),
+        Command::Check(a) => commands::check::run(a, &context),
+        Command::Calibrate(a) => commands::calibrate::run(a, &context),
+        Command::Reconstruct(a) => commands::reconstruct::run(a, &context),
+        Command::Evaluate(a) => commands::evaluate::run(a, &context),
+    }
+}
+
+/// The first Ctrl-C asks the work to stop at its next chance, the second ends the program on the spot.
+fn stop_on_ctrl_c(cancel: Arc<AtomicBool>) -> Result<(), ctrlc::Error> {
+    ctrlc::set_handler(move || {
+        if cancel.swap(true, Ordering::Relaxed) {
+            std::process::exit(1);
+        }
+        eprintln!("\nstopping (Ctrl-C again to stop at once)");
+    })
+}
+
+/// An error and its causes as one sentence. A cause that the sentence already says is not repeated.
+fn sentence(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if !text.contains(&cause) {
+            if !text.is_empty() {
+                text.push_str(": ");
+            }
+            text.push_str(&cause);
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn causes_are_said_once() {
+        let e = anyhow::anyhow!("no such file").context("a.png: no such file").context("cannot read the scene");
+        assert_eq!(sentence(&e), "cannot read the scene: a.png: no such file");
+    }
+}

@@ -20,13 +20,15 @@
 pub mod adam;
 pub mod encoding;
 pub mod field;
-//pub mod loss;
+pub mod loss;
 pub mod mlp;
+mod prefetch;
 mod real;
-//pub mod volrend;
+mod reduce;
+pub mod volrend;
 
 pub use field::{HashField, HashFieldConfig};
 pub use real::Real;
 
-
-
+#[cfg(test)]
+mod check;

@@ -1,10 +1,15 @@
 //! Fast form: touched entries are gathered into short runs that the compiler vectorizes.
 
 use super::{AdamConfig, Moments, Update};
-use pulp::Arch;
+use crate::prefetch::prefetch;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Parameters updated together.
 const RUN: usize = 64;
+/// Words of the bit mask between the entries worked on and those asked for.
+const AHEAD: usize = 2;
+/// Bytes of a cache line.
+const LINE: usize = 64;
 
 /// Factors of one update in single precision.
 #[derive(Clone, Copy)]
@@ -36,6 +41,23 @@ fn update(k: Factors, p: &mut f32, m: &mut f32, v: &mut f32, g: f32) {
     *p -= k.rate * *m / (v.sqrt() * k.root + k.epsilon);
 }
 
+struct Dense<'a> {
+    k: Factors,
+    params: &'a mut [f32],
+    moments: &'a mut [Moments],
+    gradient: &'a [f32],
+}
+
+impl WithSimd for Dense<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for ((p, [m, v]), &g) in self.params.iter_mut().zip(self.moments).zip(self.gradient) {
+            update(self.k, p, m, v, g);
+        }
+    }
+}
+
 /// One step of every parameter; `step` counts from 0. `moments[i]` is `[m, v]` of `params[i]`.
 pub fn step(
     config: &AdamConfig,
@@ -46,15 +68,7 @@ pub fn step(
     gradient: &[f32],
 ) {
     assert!(params.len() == moments.len() && params.len() == gradient.len());
-    let k = Factors::new(config, learning_rate, step);
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for ((p, [m, v]), &g) in params.iter_mut().zip(moments).zip(gradient) {
-                update(k, p, m, v, g);
-            }
-        },
-    );
+    Arch::new().dispatch(Dense { k: Factors::new(config, learning_rate, step), params, moments, gradient });
 }
 
 /// One step of the entries of `F` parameters whose bit in `touched` is set; clears their gradients and the bits.
@@ -72,9 +86,19 @@ fn step_lazy_features<const F: usize>(
     let mut entries = [0u32; RUN];
     let (mut p, mut m, mut v, mut g) = ([0f32; RUN], [0f32; RUN], [0f32; RUN], [0f32; RUN]);
     let mut n = 0;
-    let n_words = touched.len();
-    for word in 0..n_words {
+    let last = touched.len().wrapping_sub(1);
+    for word in 0..touched.len() {
         let mut bits = std::mem::take(&mut touched[word]);
+        if touched.get(word + AHEAD).is_some_and(|&bits| bits != 0) {
+            let start = (word + AHEAD) * 64;
+            for e in (start..start + 64).step_by((LINE / (4 * F)).max(1)) {
+                prefetch(params, e);
+                prefetch(gradient, e);
+            }
+            for e in (start..start + 64).step_by((LINE / (8 * F)).max(1)) {
+                prefetch(moments, e);
+            }
+        }
         loop {
             if bits != 0 {
                 let e = word * 64 + bits.trailing_zeros() as usize;
@@ -89,7 +113,7 @@ fn step_lazy_features<const F: usize>(
                 n += F;
             }
             let done = bits == 0;
-            if n == RUN || (done && word + 1 == n_words) {
+            if n == RUN || (done && word == last) {
                 for i in 0..RUN {
                     update(k, &mut p[i], &mut m[i], &mut v[i], g[i]);
                 }
@@ -104,6 +128,30 @@ fn step_lazy_features<const F: usize>(
             if done {
                 break;
             }
+        }
+    }
+}
+
+struct Lazy<'a> {
+    k: Factors,
+    n_features: usize,
+    params: &'a mut [f32],
+    moments: &'a mut [Moments],
+    gradient: &'a mut [f32],
+    touched: &'a mut [u64],
+}
+
+impl WithSimd for Lazy<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { k, n_features, params, moments, gradient, touched } = self;
+        match n_features {
+            1 => step_lazy_features::<1>(k, params, moments, gradient, touched),
+            2 => step_lazy_features::<2>(k, params, moments, gradient, touched),
+            4 => step_lazy_features::<4>(k, params, moments, gradient, touched),
+            8 => step_lazy_features::<8>(k, params, moments, gradient, touched),
+            _ => panic!("no kernel for {n_features} features"),
         }
     }
 }
@@ -127,14 +175,5 @@ pub fn step_lazy(
     let n = params.len();
     assert!(moments.len() == n && gradient.len() == n && touched.len() == n.div_ceil(64 * n_features));
     let k = Factors::new(config, learning_rate, step);
-    Arch::new().dispatch(
-        #[inline(always)]
-        || match n_features {
-            1 => step_lazy_features::<1>(k, params, moments, gradient, touched),
-            2 => step_lazy_features::<2>(k, params, moments, gradient, touched),
-            4 => step_lazy_features::<4>(k, params, moments, gradient, touched),
-            8 => step_lazy_features::<8>(k, params, moments, gradient, touched),
-            _ => panic!("no kernel for {n_features} features"),
-        },
-    );
+    Arch::new().dispatch(Lazy { k, n_features, params, moments, gradient, touched });
 }

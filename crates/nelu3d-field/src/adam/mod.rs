@@ -85,5 +85,5 @@ impl Update {
     }
 }
 
-
-
+#[cfg(test)]
+mod tests;

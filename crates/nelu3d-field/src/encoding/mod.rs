@@ -3,5 +3,5 @@
 //! Every encoding promises `forward`, `backward` to its parameters (if it has any) and the derivative of the features by
 //! the point. A new one is a folder beside these two, with the same three files.
 
-//pub mod frequency;
+pub mod frequency;
 pub mod hash_grid;

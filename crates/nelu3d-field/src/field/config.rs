@@ -16,7 +16,9 @@ pub enum FieldError {
     #[error("field configuration: {0}")]
     Network(#[from] MlpError),
     /// Stored parameters belong to another configuration.
-    #[error("field parameters: the configuration needs {expected} values, found {found}; was the file cut off or the configuration changed?")]
+    #[error(
+        "field parameters: the configuration needs {expected} values, found {found}; was the file cut off or the configuration changed?"
+    )]
     Length {
         /// Number of parameters of the configuration.
         expected: usize,

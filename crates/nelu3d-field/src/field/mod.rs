@@ -90,5 +90,5 @@ impl<const D: usize> HashField<D> {
     }
 }
 
-
-
+#[cfg(test)]
+mod tests;

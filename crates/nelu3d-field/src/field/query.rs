@@ -112,4 +112,3 @@ impl<const D: usize> WithSimd for QueryWithJacobian<'_, D> {
         }
     }
 }
-

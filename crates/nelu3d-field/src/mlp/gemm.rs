@@ -93,15 +93,7 @@ fn multiply_tile<S: Simd, const M: usize, const N: usize>(
 /// c\[i\]\[j\] += Σ_r a\[r\]\[i\] b\[r\]\[j\] for the first `m` columns of `a`: the gradient of a weight matrix from the
 /// gradients of a layer's sums (`a`, rows × `lda`) and its inputs (`b`, rows × n).
 #[inline(always)]
-pub(super) fn accumulate_outer<S: Simd>(
-    simd: S,
-    a: &[f32],
-    lda: usize,
-    m: usize,
-    b: &[f32],
-    n: usize,
-    c: &mut [f32],
-) {
+pub(super) fn accumulate_outer<S: Simd>(simd: S, a: &[f32], lda: usize, m: usize, b: &[f32], n: usize, c: &mut [f32]) {
     assert!(m <= lda && n.is_multiple_of(LANES) && a.len() / lda == b.len() / n);
     let nv = n / S::F32_LANES;
     let b = S::as_simd_f32s(b).0;

@@ -96,5 +96,5 @@ impl MlpConfig {
     }
 }
 
-
-
+#[cfg(test)]
+mod tests;

@@ -112,3 +112,6 @@ impl Rig {
         self.poses.iter().find(|p| p.position == position).map(|p| &p.cam_from_board)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,8 +1,17 @@
 //! What a reconstruction yields, and the folder it is written to.
 
+pub mod picture;
+mod read;
 mod stages;
+mod summary;
+mod write;
 
+pub use read::{ReadError, Saved};
 pub use stages::{StageClock, StageTime};
+pub use summary::{
+    About, CameraJson, DepthRange, FORMAT, Input, Machine, MeshSize, Pixels, Summary, peak_memory_bytes,
+};
+pub use write::{MeshFiles, write, write_into};
 
 use nelu3d_scan::{Image, Mesh};
 

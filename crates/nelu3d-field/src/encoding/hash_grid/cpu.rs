@@ -1,8 +1,12 @@
 //! Fast form. Cells, weights and indices are computed for [`GROUP`] points at a time in loops the compiler vectorizes
 //! (every function here is inlined into a caller that `pulp` dispatched); the gathers themselves are scalar.
 
+// Loops over several arrays with one index are what the vectorizer wants to see.
+#![expect(clippy::needless_range_loop)]
+
 use super::{HashGrid, Level, PRIMES};
-use pulp::Arch;
+use crate::prefetch::prefetch;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Points whose addresses are computed together: one AVX2 register of indices.
 pub(crate) const GROUP: usize = 8;
@@ -15,6 +19,7 @@ struct Corners {
 
 /// Position in cells of one axis: (lower vertex, fraction).
 #[inline(always)]
+#[expect(clippy::manual_clamp, reason = "f32::clamp would let NaN through")]
 fn split(x: f32, resolution: u32) -> (u32, f32) {
     let n = resolution as f32;
     // f32::max(NaN, 0) is 0. Resolutions are at most 2^16, so i32 holds every position.
@@ -37,49 +42,51 @@ fn cells<const D: usize>(level: &Level<D>, xs: &[[f32; GROUP]; D]) -> ([[u32; GR
 
 #[inline(always)]
 fn indices<const D: usize>(level: &Level<D>, cell: &[[u32; GROUP]; D], index: &mut [[u32; GROUP]; 8]) {
-    // Contribution of the lower and the upper vertex of every axis; a corner combines one of each.
-    let mut part = [[[0u32; GROUP]; 2]; D];
-    let mut factor = 1u32;
-    for a in 0..D {
-        if !level.dense {
-            factor = PRIMES[a];
-        }
-        for p in 0..GROUP {
-            part[a][0][p] = cell[a][p].wrapping_mul(factor);
-            part[a][1][p] = part[a][0][p].wrapping_add(factor);
-        }
-        if level.dense {
-            factor *= level.resolution[a] + 1;
+    let mut factors = PRIMES;
+    if level.dense {
+        factors = [1; 3];
+        for a in 1..D {
+            factors[a] = factors[a - 1] * (level.resolution[a - 1] + 1);
         }
     }
-    let mask = level.n_entries as u32 - 1;
-    for corner in 0..1 << D {
-        for p in 0..GROUP {
-            let mut i = part[0][corner & 1][p];
-            if level.dense {
-                for a in 1..D {
-                    i = i.wrapping_add(part[a][corner >> a & 1][p]);
+    // Axis by axis: every corner so far splits into a lower and an upper one.
+    index[0] = [0; GROUP];
+    for a in 0..D {
+        for corner in 0..1 << a {
+            for p in 0..GROUP {
+                let lower = cell[a][p].wrapping_mul(factors[a]);
+                let upper = lower.wrapping_add(factors[a]);
+                let before = index[corner][p];
+                if level.dense {
+                    index[corner][p] = before.wrapping_add(lower);
+                    index[corner | 1 << a][p] = before.wrapping_add(upper);
+                } else {
+                    index[corner][p] = before ^ lower;
+                    index[corner | 1 << a][p] = before ^ upper;
                 }
-            } else {
-                for a in 1..D {
-                    i ^= part[a][corner >> a & 1][p];
-                }
-                i &= mask;
             }
-            index[corner][p] = i;
+        }
+    }
+    if !level.dense {
+        let mask = level.n_entries as u32 - 1;
+        for corner in 0..1 << D {
+            for p in 0..GROUP {
+                index[corner][p] &= mask;
+            }
         }
     }
 }
 
 #[inline(always)]
 fn weights<const D: usize>(fraction: &[[f32; GROUP]; D], weight: &mut [[f32; GROUP]; 8]) {
-    for corner in 0..1 << D {
-        for p in 0..GROUP {
-            let mut w = 1.0;
-            for a in 0..D {
-                w *= if corner >> a & 1 == 1 { fraction[a][p] } else { 1.0 - fraction[a][p] };
+    weight[0] = [1.0; GROUP];
+    for a in 0..D {
+        for corner in 0..1 << a {
+            for p in 0..GROUP {
+                let before = weight[corner][p];
+                weight[corner][p] = before * (1.0 - fraction[a][p]);
+                weight[corner | 1 << a][p] = before * fraction[a][p];
             }
-            weight[corner][p] = w;
         }
     }
 }
@@ -105,6 +112,17 @@ fn transpose<const D: usize>(points: &[[f32; D]]) -> [[f32; GROUP]; D] {
     xs
 }
 
+/// Asks for the entries of a group, while the group before it is being worked on. The upper neighbor along x is most
+/// often in the same cache line, dense or hashed.
+#[inline(always)]
+fn fetch<T>(entries: &[T], c: &Corners, n_axes: usize) {
+    for corner in (0..1 << n_axes).step_by(2) {
+        for p in 0..GROUP {
+            prefetch(entries, c.index[corner][p] as usize);
+        }
+    }
+}
+
 #[inline(always)]
 fn encode_level<const D: usize, const F: usize>(
     level: &Level<D>,
@@ -116,9 +134,13 @@ fn encode_level<const D: usize, const F: usize>(
 ) {
     let (entries, _) = table.as_chunks::<F>();
     let entries = &entries[level.offset..][..level.n_entries];
-    for (points, out) in points.chunks(GROUP).zip(out.chunks_mut(GROUP * stride)) {
-        let c = corners(level, &transpose(points));
-        for (p, out) in out.chunks_exact_mut(stride).enumerate().take(points.len()) {
+    let mut next = corners(level, &transpose(&points[..GROUP.min(points.len())]));
+    for (group, here) in points.chunks(GROUP).enumerate() {
+        let c = next;
+        let after = &points[((group + 1) * GROUP).min(points.len())..];
+        next = corners(level, &transpose(&after[..GROUP.min(after.len())]));
+        fetch(entries, &next, D);
+        for (p, out) in out[group * GROUP * stride..].chunks_exact_mut(stride).enumerate().take(here.len()) {
             let mut sum = [0.0; F];
             for corner in 0..1 << D {
                 let entry = &entries[c.index[corner][p] as usize];
@@ -185,9 +207,13 @@ fn scatter_level<const D: usize, const F: usize>(
     let (gradient, _) = gradient.as_chunks_mut::<F>();
     let gradient = &mut gradient[..level.n_entries];
     let touched = &mut touched[..level.n_entries.div_ceil(64)];
-    for (points, d_out) in points.chunks(GROUP).zip(d_out.chunks(GROUP * stride)) {
-        let c = corners(level, &transpose(points));
-        for (p, d_out) in d_out.chunks_exact(stride).enumerate().take(points.len()) {
+    let mut next = corners(level, &transpose(&points[..GROUP.min(points.len())]));
+    for (group, here) in points.chunks(GROUP).enumerate() {
+        let c = next;
+        let after = &points[((group + 1) * GROUP).min(points.len())..];
+        next = corners(level, &transpose(&after[..GROUP.min(after.len())]));
+        fetch(gradient, &next, D);
+        for (p, d_out) in d_out[group * GROUP * stride..].chunks_exact(stride).enumerate().take(here.len()) {
             let mut d = [0.0; F];
             d.copy_from_slice(&d_out[column..column + F]);
             for corner in 0..1 << D {
@@ -246,22 +272,32 @@ pub(crate) fn jacobian_inlined<const D: usize>(
 
 /// Features of many points: `out[point][l·F + f]`. Runs on the calling thread.
 pub fn forward<const D: usize>(grid: &HashGrid<D>, table: &[f32], points: &[[f32; D]], out: &mut [f32]) {
+    struct Forward<'a, const D: usize>(&'a HashGrid<D>, &'a [f32], &'a [[f32; D]], &'a mut [f32]);
+    impl<const D: usize> WithSimd for Forward<'_, D> {
+        type Output = ();
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, _: S) {
+            forward_inlined(self.0, self.1, self.2, self.3, self.0.n_features());
+        }
+    }
     assert_eq!(table.len(), grid.n_params());
     assert_eq!(out.len(), points.len() * grid.n_features());
-    Arch::new().dispatch(
-        #[inline(always)]
-        || forward_inlined(grid, table, points, out, grid.n_features()),
-    );
+    Arch::new().dispatch(Forward(grid, table, points, out));
 }
 
 /// Derivatives of many points' features: `out[point][l·F + f][axis]`, per unit of x. Runs on the calling thread.
 pub fn jacobian<const D: usize>(grid: &HashGrid<D>, table: &[f32], points: &[[f32; D]], out: &mut [[f32; D]]) {
+    struct Jacobian<'a, const D: usize>(&'a HashGrid<D>, &'a [f32], &'a [[f32; D]], &'a mut [[f32; D]]);
+    impl<const D: usize> WithSimd for Jacobian<'_, D> {
+        type Output = ();
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, _: S) {
+            jacobian_inlined(self.0, self.1, self.2, self.3, self.0.n_features());
+        }
+    }
     assert_eq!(table.len(), grid.n_params());
     assert_eq!(out.len(), points.len() * grid.n_features());
-    Arch::new().dispatch(
-        #[inline(always)]
-        || jacobian_inlined(grid, table, points, out, grid.n_features()),
-    );
+    Arch::new().dispatch(Jacobian(grid, table, points, out));
 }
 
 /// Adds to one level's `gradient[entry][feature]` and sets the bit of every entry it adds to.
@@ -277,14 +313,28 @@ pub fn scatter<const D: usize>(
     gradient: &mut [f32],
     touched: &mut [u64],
 ) {
+    struct Scatter<'a, const D: usize> {
+        grid: &'a HashGrid<D>,
+        level: usize,
+        points: &'a [[f32; D]],
+        d_out: &'a [f32],
+        stride: usize,
+        gradient: &'a mut [f32],
+        touched: &'a mut [u64],
+    }
+    impl<const D: usize> WithSimd for Scatter<'_, D> {
+        type Output = ();
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, _: S) {
+            let Self { grid, level, points, d_out, stride, gradient, touched } = self;
+            let column = level * grid.config().n_features_per_level;
+            let level = &grid.levels()[level];
+            by_features!(grid, scatter_level(level, points, d_out, stride, column, gradient, touched));
+        }
+    }
     assert!(stride >= grid.n_features());
     assert!(d_out.len() >= points.len() * stride);
-    let column = level * grid.config().n_features_per_level;
-    let level = &grid.levels()[level];
-    Arch::new().dispatch(
-        #[inline(always)]
-        || by_features!(grid, scatter_level(level, points, d_out, stride, column, gradient, touched)),
-    );
+    Arch::new().dispatch(Scatter { grid, level, points, d_out, stride, gradient, touched });
 }
 
 /// Adds the gradient of the whole table to `d_table`, levels in parallel, given `d_out[point][l·F + f]`.

@@ -54,7 +54,9 @@ pub enum HashGridError {
     #[error("log2_hashmap_size must be in 4..=26, not {0}")]
     TableSize(u32),
     /// Resolutions out of range or in the wrong order.
-    #[error("axis {axis}: resolutions must satisfy 1 <= base_resolution ({base}) <= finest_resolution ({finest}) <= 65536")]
+    #[error(
+        "axis {axis}: resolutions must satisfy 1 <= base_resolution ({base}) <= finest_resolution ({finest}) <= 65536"
+    )]
     Resolution {
         /// Index of the axis.
         axis: usize,
@@ -196,5 +198,5 @@ mod axes {
     }
 }
 
-
-
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,164 @@
+//! What is typed. What it means is decided by each command.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+
+/// 3D scanning with a camera and any light source that throws a pattern.
+///
+/// No projector model: a board is moved through the scene once, and what each point of space looks like under the
+/// patterns is learned (a color field). Scenes are then explained by it. Start with `nelu3d demo`.
+#[derive(Debug, Parser)]
+#[command(name = "nelu3d", version, max_term_width = 100)]
+pub(crate) struct Args {
+    /// Options of every command.
+    #[command(flatten)]
+    pub global: Global,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Options of every command.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Global options")]
+pub(crate) struct Global {
+    /// Print the answer as one JSON value on standard output.
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// No progress on standard error.
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Log more; twice for much more. NELU3D_LOG takes a filter in the form of the crate `tracing`.
+    #[arg(long, short, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+    /// Threads to use (default: all).
+    #[arg(long, global = true, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Simulate a small scanner, calibrate it, reconstruct a scene and judge the result: no input, no hardware.
+    Demo(Demo),
+    /// Write the rig folder of a virtual scanner, with exact truth.
+    Simulate(Simulate),
+    /// List everything that is wrong with a rig folder, in one go.
+    Check(Check),
+    /// Turn the board sweep of a rig into a color field.
+    Calibrate(Calibrate),
+    /// Reconstruct a scene.
+    Reconstruct(Reconstruct),
+    /// Judge a result: against the truth, or against another result.
+    Evaluate(Evaluate),
+}
+
+/// `nelu3d demo`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Demo {
+    /// Folder to write, new or left by an earlier demo.
+    #[arg(short, long, value_name = "DIR", default_value = "nelu3d-demo")]
+    pub output: PathBuf,
+}
+
+/// `nelu3d simulate`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Simulate {
+    /// Name of a preset, or a file that describes a scanner (.toml).
+    #[arg(value_name = "PRESET|SPEC.toml")]
+    pub spec: String,
+    /// Rig folder to write.
+    #[arg(short, long, value_name = "RIG")]
+    pub output: PathBuf,
+}
+
+/// `nelu3d check`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Check {
+    /// Rig folder, or its rig.toml.
+    pub rig: PathBuf,
+}
+
+/// `nelu3d calibrate`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Calibrate {
+    /// Rig folder, or its rig.toml.
+    pub rig: PathBuf,
+    /// Pattern set (default: the rig's first).
+    #[arg(long, value_name = "NAME")]
+    pub set: Option<String>,
+    /// Field to write (default: RIG/fields/SET.safetensors).
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Settings of the method.
+    #[command(flatten)]
+    pub options: nelu3d::calibrate::Options,
+}
+
+/// `nelu3d reconstruct`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Reconstruct {
+    /// Rig folder, or its rig.toml.
+    pub rig: PathBuf,
+    /// A name under RIG/scenes, or a folder with the same files.
+    pub scene: String,
+    /// Pattern set (default: the rig's first).
+    #[arg(long, value_name = "NAME")]
+    pub set: Option<String>,
+    /// Color field (default: RIG/fields/SET.safetensors, as `calibrate` writes it).
+    #[arg(long, value_name = "FILE")]
+    pub field: Option<PathBuf>,
+    /// Result folder to write (default: RIG/results/SCENE-SET).
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Judge the finished result against this truth folder, in result.json and the report.
+    #[arg(long, value_name = "DIR")]
+    pub truth: Option<PathBuf>,
+    /// Write the surface in these formats too.
+    #[arg(long, value_name = "FORMAT", value_delimiter = ',')]
+    pub mesh: Vec<MeshFormat>,
+    /// Settings of the method.
+    #[command(flatten)]
+    pub options: nelu3d::reconstruct::Options,
+}
+
+/// Mesh files besides mesh.ply.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum MeshFormat {
+    /// Wavefront, text.
+    Obj,
+    /// Stereolithography, binary.
+    Stl,
+    /// glTF, binary.
+    Glb,
+}
+
+/// `nelu3d evaluate`
+#[derive(Debug, clap::Args)]
+#[command(group = clap::ArgGroup::new("reference").required(true))]
+pub(crate) struct Evaluate {
+    /// Result folder.
+    pub result: PathBuf,
+    /// Truth folder: depth.npy and mask.png.
+    #[arg(long, value_name = "DIR", group = "reference")]
+    pub truth: Option<PathBuf>,
+    /// Another result of the same camera.
+    #[arg(long, value_name = "RESULT", group = "reference")]
+    pub against: Option<PathBuf>,
+    /// Calibrated projector: errors in its columns, too.
+    #[arg(long, value_name = "FILE", conflicts_with = "rig")]
+    pub projector: Option<PathBuf>,
+    /// Rig folder whose projector to use for that.
+    #[arg(long, value_name = "RIG")]
+    pub rig: Option<PathBuf>,
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_command_line_is_consistent() {
+        <super::Args as clap::CommandFactory>::command().debug_assert();
+    }
+}

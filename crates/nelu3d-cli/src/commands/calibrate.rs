@@ -1,0 +1,60 @@
+//! `nelu3d calibrate`: a board sweep becomes a color field.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context as _, Result};
+use nelu3d::calibrate::{self, Options, Report};
+use nelu3d_scan::Rig;
+use nelu3d_scan::rig::PatternSet;
+
+use super::{Context, default_field, shown};
+use crate::args;
+
+/// Runs the command.
+pub(crate) fn run(args: args::Calibrate, context: &Context) -> Result<ExitCode> {
+    let rig = Rig::open(&args.rig)?;
+    let set = rig.pattern_set(args.set.as_deref())?;
+    let output: PathBuf = args.output.unwrap_or_else(|| default_field(&rig, &set.name));
+    let report = calibrate_to(&rig, set, &args.options, &output, context)?;
+    context.answer(&serde_json::json!({ "field": output, "report": report }), || {
+        format!("{}field     {}", text(&report), shown(&output))
+    })?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Calibrates and writes the field.
+pub(crate) fn calibrate_to(
+    rig: &Rig,
+    set: &PatternSet,
+    options: &Options,
+    output: &Path,
+    context: &Context,
+) -> Result<Report> {
+    if let Some(parent) = output.parent().filter(|p| !p.as_os_str().is_empty()) {
+        std::fs::create_dir_all(parent).with_context(|| format!("{}: cannot be created", shown(parent)))?;
+    }
+    let (field, report) = calibrate::run(rig, set, options, &context.progress)?;
+    field.save(output)?;
+    Ok(report)
+}
+
+/// The report for people.
+fn text(report: &Report) -> String {
+    let mut text = format!("frame     {}\n", report.frame);
+    if let Some([x, y, z]) = report.light_mm {
+        text += &format!("light     at ({x:.0}, {y:.0}, {z:.0}) mm\n");
+    }
+    let [a, b, w] = report.cells;
+    text += &format!("cells     {a} × {b} × {w}\n");
+    if let Some(q) = &report.quality {
+        text += &format!(
+            "held out  {} positions: {:.1} dB of at most {:.1} dB, median depth error {:.3} mm\n",
+            q.held_out.len(),
+            q.psnr_db,
+            q.ceiling_db,
+            q.depth_mm
+        );
+    }
+    text
+}

@@ -1,0 +1,78 @@
+//! `nelu3d demo`: the whole path on a virtual scanner, with no input and no hardware.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use anyhow::{Context as _, Result, bail};
+use nelu3d::result::MeshFiles;
+use nelu3d_scan::Rig;
+
+use super::calibrate::calibrate_to;
+use super::reconstruct::Job;
+use super::{Context, default_field, default_result, shown};
+use crate::args;
+
+/// Proof that a folder is an earlier demo's, whose rig may be replaced.
+const MARKER: &str = "nelu3d-demo.txt";
+
+/// Runs the command.
+pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
+    let spec = nelu3d_sim::Spec::preset("demo")?;
+    claim(&args.output)?;
+    let rig_dir = args.output.join("rig");
+    super::simulate::write(&spec, &rig_dir, context)?;
+
+    let rig = Rig::open(&rig_dir)?;
+    let set = rig.pattern_set(None)?;
+    let field = default_field(&rig, &set.name);
+    calibrate_to(&rig, set, &Default::default(), &field, context)?;
+    let mut answers = Vec::new();
+    for shot in rig.scenes()? {
+        let job = Job {
+            rig: &rig,
+            set,
+            field: field.clone(),
+            output: default_result(&rig, &shot.name, &set.name),
+            truth: Some(shot.dir.join("truth")),
+            shot,
+            mesh_files: MeshFiles::default(),
+            options: Default::default(),
+        };
+        let summary = job.run(context)?;
+        answers.push((job.output, summary));
+    }
+
+    let json: Vec<_> = answers
+        .iter()
+        .map(|(result, summary)| {
+            serde_json::json!({ "result": result, "report": result.join("report.html"), "summary": summary })
+        })
+        .collect();
+    context.answer(&serde_json::json!({ "rig": rig_dir, "results": json }), || {
+        let mut text = String::new();
+        for (result, summary) in &answers {
+            let metrics = summary.metrics.as_ref().map(ToString::to_string).unwrap_or_default();
+            text += &format!(
+                "{}: {} points in {:.1} s\n\n{metrics}\nopen  {}\n",
+                summary.scene,
+                summary.pixels.kept,
+                summary.wall_secs,
+                shown(&result.join("report.html"))
+            );
+        }
+        text
+    })?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Makes sure that `dir` is new, empty, or an earlier demo's: everything in it may be replaced.
+fn claim(dir: &Path) -> Result<()> {
+    std::fs::create_dir_all(dir).with_context(|| format!("{}: cannot be created", shown(dir)))?;
+    let marker = dir.join(MARKER);
+    let mut entries = std::fs::read_dir(dir).with_context(|| format!("{}: cannot be read", shown(dir)))?;
+    if !marker.is_file() && entries.next().is_some() {
+        bail!("{}: the folder holds something else; choose a new one with -o DIR", shown(dir));
+    }
+    std::fs::write(&marker, "Written by `nelu3d demo`, which replaces what is here when it runs again.\n")
+        .with_context(|| format!("{}: cannot be written", shown(&marker)))
+}

@@ -1,0 +1,60 @@
+//! One module per command: what was typed becomes what it means, then the library does the work.
+
+pub(crate) mod calibrate;
+pub(crate) mod check;
+pub(crate) mod demo;
+pub(crate) mod evaluate;
+pub(crate) mod reconstruct;
+pub(crate) mod simulate;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use anyhow::Result;
+use nelu3d::Progress;
+use nelu3d_scan::Rig;
+
+use crate::console::Console;
+
+/// What every command gets.
+pub(crate) struct Context {
+    /// Where work reports to, and hears that it should stop.
+    pub progress: Progress,
+    console: Arc<Console>,
+    json: bool,
+}
+
+impl Context {
+    /// A context that reports to `console`.
+    pub(crate) fn new(console: Arc<Console>, cancel: Arc<AtomicBool>, json: bool) -> Self {
+        Self { progress: Progress::new(console.clone(), cancel), console, json }
+    }
+
+    /// Ends the last stage and prints the answer of a command on standard output: `text` for people, or `json`.
+    pub(crate) fn answer(&self, json: &impl serde::Serialize, text: impl FnOnce() -> String) -> Result<()> {
+        use std::io::Write;
+        self.console.finish();
+        let answer = if self.json { serde_json::to_string_pretty(json)? } else { text() };
+        match writeln!(std::io::stdout().lock(), "{}", answer.trim_end()) {
+            // `nelu3d … | head` has seen enough.
+            Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+            written => Ok(written?),
+        }
+    }
+}
+
+/// Where `calibrate` writes the color field of a set, and `reconstruct` looks for it.
+fn default_field(rig: &Rig, set: &str) -> PathBuf {
+    rig.root.join("fields").join(format!("{set}.safetensors"))
+}
+
+/// Where `reconstruct` writes the result of a scene.
+fn default_result(rig: &Rig, scene: &str, set: &str) -> PathBuf {
+    rig.root.join("results").join(format!("{scene}-{set}"))
+}
+
+/// A path as it should be shown.
+fn shown(path: &Path) -> String {
+    path.display().to_string()
+}

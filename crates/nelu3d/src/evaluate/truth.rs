@@ -1,0 +1,105 @@
+//! The truth of a scene.
+
+use std::path::{Path, PathBuf};
+
+use nelu3d_scan::Camera;
+use nelu3d_scan::image::{Channels, ImageFileError, decode};
+use nelu3d_scan::npy::{self, NpyError};
+
+/// What the scene really is: the content of a `truth/` folder. Maps are `height × width`, row by row.
+#[derive(Clone, Debug)]
+pub struct Truth {
+    /// Width of the maps, pixels.
+    pub width: usize,
+    /// Height of the maps, pixels.
+    pub height: usize,
+    /// Camera z of the first surface, mm; NaN where there is none.
+    pub depth: Vec<f32>,
+    /// Where depth is finite and the light source sees the point.
+    pub mask: Vec<bool>,
+}
+
+/// A truth folder that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum TruthError {
+    /// No truth here.
+    #[error("{}: is no truth folder: it has no {missing}; give a folder with depth.npy and mask.png", path.display())]
+    NotATruth {
+        /// The path given.
+        path: PathBuf,
+        /// The file it lacks.
+        missing: &'static str,
+    },
+    /// depth.npy.
+    #[error(transparent)]
+    Array(#[from] NpyError),
+    /// mask.png.
+    #[error(transparent)]
+    Image(#[from] ImageFileError),
+    /// depth.npy has another size than the camera's images.
+    #[error(
+        "{}: has shape {found:?}, but the camera has {height} rows of {width} pixels; give the truth of this camera",
+        path.display()
+    )]
+    Shape {
+        /// The file.
+        path: PathBuf,
+        /// Its shape.
+        found: Vec<usize>,
+        /// Width of the camera's images.
+        width: usize,
+        /// Height of the camera's images.
+        height: usize,
+    },
+}
+
+impl Truth {
+    /// Reads a truth folder: `depth.npy`, `mask.png`. A pixel of the mask whose depth is not finite is not counted.
+    ///
+    /// # Errors
+    ///
+    /// A file is missing, broken or has another size than the camera's images.
+    pub fn read(dir: &Path, camera: &Camera) -> Result<Self, TruthError> {
+        for missing in ["depth.npy", "mask.png"] {
+            if !dir.join(missing).is_file() {
+                return Err(TruthError::NotATruth { path: dir.to_owned(), missing });
+            }
+        }
+        let (width, height) = (camera.width, camera.height);
+        let path = dir.join("depth.npy");
+        let depth = npy::read(&path)?;
+        if depth.shape != [height, width] {
+            return Err(TruthError::Shape { path, found: depth.shape, width, height });
+        }
+        let path = dir.join("mask.png");
+        let mask = decode(&path, Some((width, height)))?.linearize(&path, Channels::Mono, 0.0, 255.0)?;
+        let lit = |i: usize| mask.data[i] >= 0.5 && depth.data[i].is_finite();
+        Ok(Self { width, height, mask: (0..width * height).map(lit).collect(), depth: depth.data })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_truth_folder_is_read_and_its_faults_are_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let camera = Camera::pinhole(3, 2, 10.0, 10.0, 1.0, 0.5);
+        let read = || Truth::read(dir.path(), &camera);
+        assert!(read().unwrap_err().to_string().contains("no depth.npy"));
+        let depth = [1.0, 2.0, f32::NAN, 4.0, 5.0, 6.0];
+        npy::write(&dir.path().join("depth.npy"), &[2, 3], &depth).unwrap();
+        assert!(read().unwrap_err().to_string().contains("no mask.png"));
+        let mask = dir.path().join("mask.png");
+        nelu3d_scan::image::write_gray8(&mask, 3, 2, &[255, 0, 255, 255, 0, 255]).unwrap();
+        let truth = read().unwrap();
+        assert_eq!(truth.mask, [true, false, false, true, false, true]);
+        assert_eq!(truth.depth[5], 6.0);
+        npy::write(&dir.path().join("depth.npy"), &[3, 2], &depth).unwrap();
+        assert!(read().unwrap_err().to_string().contains("[3, 2]"));
+        nelu3d_scan::image::write_gray8(&mask, 2, 2, &[255; 4]).unwrap();
+        npy::write(&dir.path().join("depth.npy"), &[2, 3], &depth).unwrap();
+        assert!(read().unwrap_err().to_string().contains("mask.png"));
+    }
+}

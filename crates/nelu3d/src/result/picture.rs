@@ -1,0 +1,169 @@
+//! Maps as pictures for people.
+
+use std::io::Cursor;
+
+use colorous::Gradient;
+use image::{ImageEncoder, RgbImage, codecs::png::PngEncoder, imageops};
+use nelu3d_scan::Image;
+
+use super::{Left, Reconstruction};
+use crate::evaluate::percentile;
+
+/// What is shown where there is nothing to show.
+const EMPTY: [u8; 3] = [24, 26, 31];
+
+/// The colors of depth: perceptually uniform, and readable without seeing red or green apart.
+pub const DEPTH_COLORS: Gradient = colorous::VIRIDIS;
+
+/// An 8-bit sRGB picture.
+#[derive(Clone, Debug)]
+pub struct Picture(RgbImage);
+
+impl Picture {
+    /// From a function of the pixel's index, row by row.
+    pub fn from_fn(width: usize, height: usize, color: impl Fn(usize) -> [u8; 3]) -> Self {
+        Self(RgbImage::from_fn(width as u32, height as u32, |x, y| image::Rgb(color(y as usize * width + x as usize))))
+    }
+
+    /// A map in the colors of `gradient`, from `range[0]` to `range[1]`; values that are not finite stay dark.
+    pub fn of_map(map: &[f32], width: usize, height: usize, range: [f64; 2], gradient: Gradient) -> Self {
+        Self::from_fn(width, height, |i| match f64::from(map[i]) {
+            v if v.is_finite() => color_at(gradient, v, range),
+            _ => EMPTY,
+        })
+    }
+
+    /// Normals as a clay surface lit from the upper left behind the camera, times a color per pixel.
+    pub fn shaded(normals: &[[f32; 3]], width: usize, height: usize, color: impl Fn(usize) -> [u8; 3]) -> Self {
+        Self::from_fn(width, height, |i| match shade(normals[i]) {
+            Some(s) => color(i).map(|c| (f32::from(c) * s).min(255.0) as u8),
+            None => EMPTY,
+        })
+    }
+
+    /// A capture: linear light to sRGB, its 99.5th percentile as white.
+    pub fn of_image(capture: &Image) -> Self {
+        let white = percentile(capture.data.iter().step_by(7).map(|&v| f64::from(v)).collect(), 99.5);
+        let gain = if white > 0.0 { 1.0 / white as f32 } else { 1.0 };
+        Self::from_fn(capture.width, capture.height, |i| {
+            let p = &capture.data[i * capture.channels..(i + 1) * capture.channels];
+            let at = |c: usize| srgb(p[if capture.channels == 3 { c } else { 0 }] * gain);
+            [at(0), at(1), at(2)]
+        })
+    }
+
+    /// Why pixels were left out; see [`left_color`].
+    pub fn of_left(left: &[Left], width: usize, height: usize) -> Self {
+        Self::from_fn(width, height, |i| left_color(left[i]))
+    }
+
+    /// Shrunk to at most `max_width` pixels across, averaging; never enlarged.
+    pub fn at_most(self, max_width: usize) -> Self {
+        let (w, h) = self.0.dimensions();
+        if w as usize <= max_width {
+            return self;
+        }
+        let (nw, nh) = (max_width as u32, ((h as usize * max_width) / w as usize).max(1) as u32);
+        Self(imageops::thumbnail(&self.0, nw, nh))
+    }
+
+    /// Side by side, of equal height.
+    ///
+    /// # Panics
+    /// When the heights differ, or there is none.
+    pub fn beside(panels: &[Picture]) -> Self {
+        let height = panels[0].0.height();
+        assert!(panels.iter().all(|p| p.0.height() == height), "panels of different heights");
+        let mut all = RgbImage::new(panels.iter().map(|p| p.0.width()).sum(), height);
+        let mut x = 0;
+        for p in panels {
+            imageops::replace(&mut all, &p.0, x, 0);
+            x += i64::from(p.0.width());
+        }
+        Self(all)
+    }
+
+    /// Width and height, pixels.
+    pub fn size(&self) -> [usize; 2] {
+        [self.0.width() as usize, self.0.height() as usize]
+    }
+
+    /// The color of a pixel by its index, row by row.
+    pub fn rgb(&self, i: usize) -> [u8; 3] {
+        self.0.as_raw().as_chunks::<3>().0[i]
+    }
+
+    /// As a PNG file.
+    pub fn png(&self) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        PngEncoder::new_with_quality(
+            &mut bytes,
+            image::codecs::png::CompressionType::Default,
+            image::codecs::png::FilterType::Adaptive,
+        )
+        .write_image(self.0.as_raw(), self.0.width(), self.0.height(), image::ExtendedColorType::Rgb8)
+        .expect("a PNG in memory of matching size cannot fail");
+        bytes.into_inner()
+    }
+}
+
+/// The color of a value, clamped to `range`.
+pub fn color_at(gradient: Gradient, value: f64, range: [f64; 2]) -> [u8; 3] {
+    let t = (value - range[0]) / (range[1] - range[0]);
+    let c = gradient.eval_continuous(if t.is_finite() { t.clamp(0.0, 1.0) } else { 0.5 });
+    [c.r, c.g, c.b]
+}
+
+/// The color of a reason in [`Picture::of_left`].
+pub fn left_color(left: Left) -> [u8; 3] {
+    match left {
+        Left::Kept => [222, 226, 230],
+        Left::Outside => [90, 97, 110],
+        Left::Clipped => [230, 159, 0],
+        Left::Dark => [24, 26, 31],
+        Left::Ambiguous => [213, 94, 0],
+        Left::Edge => [0, 114, 178],
+    }
+}
+
+/// Robust limits of a map, for its colors: the `low`-th and `high`-th percentile of its finite values; `[0, 1]` when it
+/// has none.
+pub fn limits(map: &[f32], low: f64, high: f64) -> [f64; 2] {
+    let finite: Vec<f64> = map.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).collect();
+    if finite.is_empty() {
+        return [0.0, 1.0];
+    }
+    let [a, b] = [percentile(finite.clone(), low), percentile(finite, high)];
+    if b > a { [a, b] } else { [a - 0.5, a + 0.5] }
+}
+
+/// The preview of a result: the capture, the surface as clay, and the surface in the colors of its depth.
+pub fn preview(r: &Reconstruction) -> Picture {
+    let range = limits(&r.depth, 1.0, 99.0);
+    // Near is bright: depth seen from the camera.
+    let depth_color = |i: usize| color_at(DEPTH_COLORS, range[0] + range[1] - f64::from(r.depth[i]), range);
+    let panels = [
+        Picture::of_image(&r.white),
+        Picture::shaded(&r.normals, r.width, r.height, |_| [226, 221, 212]),
+        Picture::shaded(&r.normals, r.width, r.height, depth_color),
+    ];
+    Picture::beside(&panels.map(|p| p.at_most(640)))
+}
+
+/// Brightness of a clay surface: a key light over the left shoulder, a weak fill from the right, some ambient.
+fn shade(n: [f32; 3]) -> Option<f32> {
+    const KEY: [f32; 3] = [-0.45, -0.55, -0.70];
+    const FILL: [f32; 3] = [0.77, 0.10, -0.63];
+    if !n[0].is_finite() {
+        return None;
+    }
+    let dot = |l: [f32; 3]| (n[0] * l[0] + n[1] * l[1] + n[2] * l[2]).max(0.0);
+    Some(0.16 + 0.80 * dot(KEY) + 0.22 * dot(FILL))
+}
+
+/// The sRGB transfer function, IEC 61966-2-1.
+fn srgb(linear: f32) -> u8 {
+    let v = linear.clamp(0.0, 1.0);
+    let s = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+    (s * 255.0).round() as u8
+}

@@ -1,0 +1,95 @@
+//! Reading a result folder back, as far as judging it needs.
+
+use std::path::{Path, PathBuf};
+
+use nelu3d_scan::{Camera, npy};
+
+use super::CameraJson;
+
+/// A result folder that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// No result here.
+    #[error("{}: is no result folder: it has no result.json; give the folder that `nelu3d reconstruct` wrote", path.display())]
+    NotAResult {
+        /// The path given.
+        path: PathBuf,
+    },
+    /// result.json is broken.
+    #[error("{}: {problem}; write the result again", path.display())]
+    Summary {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+    /// An array.
+    #[error(transparent)]
+    Array(#[from] npy::NpyError),
+    /// A map of another size than the camera's images.
+    #[error(
+        "{}: has shape {found:?}, but the result's camera has {height} rows of {width} pixels; write the result again",
+        path.display()
+    )]
+    Shape {
+        /// The file.
+        path: PathBuf,
+        /// Its shape.
+        found: Vec<usize>,
+        /// Width of the camera's images.
+        width: usize,
+        /// Height of the camera's images.
+        height: usize,
+    },
+}
+
+/// What was read back from a result folder. Maps are `height × width` of the camera.
+#[derive(Clone, Debug)]
+pub struct Saved {
+    /// The camera of the maps.
+    pub camera: Camera,
+    /// Camera z, mm; NaN where there is none.
+    pub depth: Vec<f32>,
+    /// Unit normals, when the folder has them.
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// 1σ of the depth, mm, when the folder has it.
+    pub sigma: Option<Vec<f32>>,
+}
+
+#[derive(serde::Deserialize)]
+struct Head {
+    camera: CameraJson,
+}
+
+impl Saved {
+    /// Reads a result folder.
+    ///
+    /// # Errors
+    ///
+    /// It is no result folder, or one of its files is broken.
+    pub fn read(dir: &Path) -> Result<Self, ReadError> {
+        let path = dir.join("result.json");
+        let text = std::fs::read_to_string(&path).map_err(|_| ReadError::NotAResult { path: dir.to_owned() })?;
+        let broken = |problem: String| ReadError::Summary { path: path.clone(), problem };
+        let head: Head = serde_json::from_str(&text).map_err(|e| broken(e.to_string()))?;
+        let camera =
+            head.camera.camera().ok_or_else(|| broken("its camera has an unknown lens distortion".to_owned()))?;
+        let optional = |name: &str, depth: &[usize]| -> Result<Option<Vec<f32>>, ReadError> {
+            let path = dir.join(name);
+            if path.exists() { read_map(&path, &camera, depth).map(Some) } else { Ok(None) }
+        };
+        let normals = optional("normals.npy", &[3])?.map(|n| n.as_chunks::<3>().0.to_vec());
+        let sigma = optional("sigma.npy", &[])?;
+        Ok(Self { depth: read_map(&dir.join("depth.npy"), &camera, &[])?, normals, sigma, camera })
+    }
+}
+
+/// Reads an array of `height × width × tail` values.
+fn read_map(path: &Path, camera: &Camera, tail: &[usize]) -> Result<Vec<f32>, ReadError> {
+    let array = npy::read(path)?;
+    let (width, height) = (camera.width, camera.height);
+    if array.shape[..] != [&[height, width], tail].concat()[..] {
+        return Err(ReadError::Shape { path: path.to_owned(), found: array.shape, width, height });
+    }
+    Ok(array.data)
+}

@@ -1,0 +1,224 @@
+//! `result.json`: what a result folder says about itself.
+
+use std::path::{Path, PathBuf};
+
+use nelu3d_scan::Camera;
+use nelu3d_scan::camera::Distortion;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::{Left, Reconstruction, StageTime};
+use crate::evaluate::{Metrics, percentile};
+
+/// Version of the keys of `result.json`.
+pub const FORMAT: u32 = 1;
+
+/// What a result was made from.
+#[derive(Clone, Debug, Default)]
+pub struct About {
+    /// Folder of the rig.
+    pub rig: PathBuf,
+    /// Name of the rig.
+    pub rig_name: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Name of the pattern set.
+    pub set: String,
+    /// Files that were read.
+    pub inputs: Vec<Input>,
+    /// Errors against the truth, when somebody asked for them.
+    pub metrics: Option<Metrics>,
+}
+
+/// A file that was read.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Input {
+    /// Its path as it was given.
+    pub path: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+    /// SHA-256 of its content, hexadecimal.
+    pub sha256: String,
+}
+
+impl Input {
+    /// Hashes a file.
+    pub fn of(path: &Path) -> std::io::Result<Self> {
+        let content = std::fs::read(path)?;
+        let sha256 = Sha256::digest(&content).iter().map(|b| format!("{b:02x}")).collect();
+        Ok(Self { path: path.to_owned(), bytes: content.len() as u64, sha256 })
+    }
+}
+
+/// The content of `result.json`. Keys are stable: they are added to, never renamed, while `format` stays. Lengths are
+/// mm, times s, shares in [0, 1]; a number that does not exist is `null`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// Version of these keys: 1.
+    pub format: u32,
+    /// Version of this library.
+    pub version: String,
+    /// Folder of the rig, as it was given.
+    pub rig: PathBuf,
+    /// Name of the rig.
+    pub rig_name: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Name of the pattern set.
+    pub set: String,
+    /// Intrinsics of the maps, in the form of `camera.json`.
+    pub camera: CameraJson,
+    /// Files that were read, with their SHA-256.
+    pub inputs: Vec<Input>,
+    /// How many pixels have a depth, and why the others have none.
+    pub pixels: Pixels,
+    /// Range of the depth.
+    pub depth_mm: DepthRange,
+    /// Size of the surface.
+    pub mesh: MeshSize,
+    /// What the method put on record: its settings, seed, losses, counts.
+    pub method: serde_json::Map<String, serde_json::Value>,
+    /// Seconds of each stage, in order.
+    pub stages: Vec<StageTime>,
+    /// Elapsed time of all stages, s.
+    pub wall_secs: f64,
+    /// Processor time of all stages, all threads, s.
+    pub cpu_secs: f64,
+    /// The most memory the process ever held; `null` where the system does not tell.
+    pub peak_memory_bytes: Option<u64>,
+    /// Where it ran.
+    pub machine: Machine,
+    /// Errors against the truth; `null` when none was given.
+    pub metrics: Option<Metrics>,
+}
+
+/// Intrinsics in the form of `camera.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraJson {
+    /// Width, px.
+    pub resx: usize,
+    /// Height, px.
+    pub resy: usize,
+    /// Camera matrix.
+    #[serde(rename = "K")]
+    pub k: [[f64; 3]; 3],
+    /// OpenCV's distortion coefficients.
+    pub dist_coeffs: Vec<f64>,
+}
+
+impl From<&Camera> for CameraJson {
+    fn from(c: &Camera) -> Self {
+        Self {
+            resx: c.width,
+            resy: c.height,
+            k: [[c.fx, 0.0, c.cx], [0.0, c.fy, c.cy], [0.0, 0.0, 1.0]],
+            dist_coeffs: c.distortion.coeffs().to_vec(),
+        }
+    }
+}
+
+impl CameraJson {
+    /// The camera; `None` when OpenCV knows no such list of coefficients.
+    pub fn camera(&self) -> Option<Camera> {
+        Some(Camera {
+            width: self.resx,
+            height: self.resy,
+            fx: self.k[0][0],
+            fy: self.k[1][1],
+            cx: self.k[0][2],
+            cy: self.k[1][2],
+            distortion: Distortion::new(&self.dist_coeffs)?,
+        })
+    }
+}
+
+/// How many pixels have a depth, and why the others have none.
+#[derive(Clone, Debug, Serialize)]
+pub struct Pixels {
+    /// All.
+    pub total: usize,
+    /// Those with a depth.
+    pub kept: usize,
+    /// Pixels without one, by [`Left::key`].
+    pub left: serde_json::Map<String, serde_json::Value>,
+}
+
+/// Range of the depth, mm; `null` when there is none.
+#[derive(Clone, Debug, Serialize)]
+pub struct DepthRange {
+    /// Nearest.
+    pub min: f64,
+    /// Median.
+    pub median: f64,
+    /// Farthest.
+    pub max: f64,
+    /// Median 1σ.
+    pub median_sigma: f64,
+}
+
+/// Size of the surface.
+#[derive(Clone, Debug, Serialize)]
+pub struct MeshSize {
+    /// Vertices.
+    pub vertices: usize,
+    /// Triangles.
+    pub faces: usize,
+}
+
+/// Where it ran.
+#[derive(Clone, Debug, Serialize)]
+pub struct Machine {
+    /// Operating system.
+    pub os: &'static str,
+    /// Processor architecture.
+    pub arch: &'static str,
+    /// Threads used.
+    pub threads: usize,
+}
+
+impl Summary {
+    /// The summary of a result.
+    pub fn new(r: &Reconstruction, camera: &Camera, about: &About) -> Self {
+        let finite = |map: &[f32]| map.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).collect::<Vec<_>>();
+        let depth = finite(&r.depth);
+        let counts = r.left_counts();
+        let left = Left::ALL[1..].iter().map(|&l| (l.key().to_owned(), counts[l as usize].into())).collect();
+        Self {
+            format: FORMAT,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            rig: about.rig.clone(),
+            rig_name: about.rig_name.clone(),
+            scene: about.scene.clone(),
+            set: about.set.clone(),
+            camera: camera.into(),
+            inputs: about.inputs.clone(),
+            pixels: Pixels { total: r.depth.len(), kept: depth.len(), left },
+            depth_mm: DepthRange {
+                min: percentile(depth.clone(), 0.0),
+                max: percentile(depth.clone(), 100.0),
+                median: percentile(depth, 50.0),
+                median_sigma: percentile(finite(&r.sigma), 50.0),
+            },
+            mesh: MeshSize { vertices: r.mesh.vertices.len(), faces: r.mesh.faces.len() },
+            method: r.info.clone(),
+            stages: r.stages.clone(),
+            wall_secs: r.stages.iter().map(|s| s.wall_secs).sum(),
+            cpu_secs: r.stages.iter().map(|s| s.cpu_secs).sum(),
+            peak_memory_bytes: peak_memory_bytes(),
+            machine: Machine {
+                os: std::env::consts::OS,
+                arch: std::env::consts::ARCH,
+                threads: rayon::current_num_threads(),
+            },
+            metrics: about.metrics.clone(),
+        }
+    }
+}
+
+/// The most memory this process ever held (`VmHWM` of Linux); `None` elsewhere.
+pub fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let kib: u64 =
+        status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024)
+}

@@ -1,0 +1,211 @@
+//! The result folder.
+
+use std::io;
+use std::path::Path;
+
+use nelu3d_scan::output::{OutputDir, write_atomic};
+use nelu3d_scan::{Camera, Mesh, image, mesh, npy};
+use rayon::prelude::*;
+
+use super::picture::{Picture, preview};
+use super::{About, Reconstruction, Summary};
+
+/// Mesh files to write besides mesh.ply.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MeshFiles {
+    /// Wavefront, mesh.obj.
+    pub obj: bool,
+    /// Stereolithography, mesh.stl.
+    pub stl: bool,
+    /// Binary glTF, mesh.glb.
+    pub glb: bool,
+}
+
+/// Writes a result folder, whole or not at all; an earlier result of that name is replaced. Everything but
+/// `report.html`, which the program adds:
+///
+/// | file | content |
+/// |---|---|
+/// | `depth.npy` | float32, height × width, mm, NaN = none |
+/// | `normals.npy` | float32, height × width × 3, facing the camera, NaN = none |
+/// | `sigma.npy` | float32, height × width, 1σ of the depth in mm, NaN = none |
+/// | `mask.png` | 255 where there is depth |
+/// | `points.ply` | one point per pixel that has depth, with normal and color |
+/// | `mesh.ply` | the surface; `mesh.obj`, `mesh.stl`, `mesh.glb` on request |
+/// | `ambient.png` | 16 bit, 65535 = all light is ambient, 0 where there is none |
+/// | `preview.png` | capture, shaded surface, colored depth |
+/// | `result.json` | [`Summary`] |
+///
+/// # Errors
+///
+/// A file cannot be written, or `dir` exists and is no result.
+pub fn write(r: &Reconstruction, camera: &Camera, about: &About, mesh_files: MeshFiles, dir: &Path) -> io::Result<()> {
+    let folder = OutputDir::create(dir, "result.json")?;
+    write_into(folder.path(), r, &Summary::new(r, camera, about), mesh_files)?;
+    folder.commit()
+}
+
+/// The same into a folder that exists, for callers that add files of their own before it is put into place.
+///
+/// # Errors
+///
+/// A file cannot be written.
+///
+/// # Panics
+///
+/// When the maps differ in size.
+pub fn write_into(dir: &Path, r: &Reconstruction, summary: &Summary, mesh_files: MeshFiles) -> io::Result<()> {
+    let (w, h) = (r.width, r.height);
+    let lengths = [r.depth.len(), r.normals.len(), r.sigma.len(), r.left.len(), r.residual.len(), r.ambient.len()];
+    assert!(lengths.iter().all(|&n| n == w * h), "maps of {lengths:?} values for {w} × {h} pixels");
+    npy::write(&dir.join("depth.npy"), &[h, w], &r.depth)?;
+    npy::write(&dir.join("normals.npy"), &[h, w, 3], r.normals.as_flattened())?;
+    npy::write(&dir.join("sigma.npy"), &[h, w], &r.sigma)?;
+    let mask: Vec<u8> = r.depth.iter().map(|z| if z.is_finite() { 255 } else { 0 }).collect();
+    image::write_gray8(&dir.join("mask.png"), w, h, &mask)?;
+    let ambient = image::Image {
+        width: w,
+        height: h,
+        channels: 1,
+        data: r.ambient.iter().map(|a| if a.is_finite() { *a } else { 0.0 }).collect(),
+    };
+    image::write_png16(&dir.join("ambient.png"), &ambient, 0.0, 65535.0)?;
+    mesh::write(&dir.join("points.ply"), &points(r, summary))?;
+    mesh::write(&dir.join("mesh.ply"), &r.mesh)?;
+    for (wanted, name) in [(mesh_files.obj, "mesh.obj"), (mesh_files.stl, "mesh.stl"), (mesh_files.glb, "mesh.glb")] {
+        if wanted {
+            mesh::write(&dir.join(name), &r.mesh)?;
+        }
+    }
+    write_atomic(&dir.join("preview.png"), |w| w.write_all(&preview(r).png()))?;
+    write_atomic(&dir.join("result.json"), |w| Ok(serde_json::to_writer_pretty(w, summary)?))
+}
+
+/// One point per pixel that has depth: position, normal, and its color in the white image.
+fn points(r: &Reconstruction, summary: &Summary) -> Mesh {
+    let camera = summary.camera.camera().expect("made from a camera");
+    let color = Picture::of_image(&r.white);
+    let kept: Vec<usize> = (0..r.depth.len()).filter(|&i| r.depth[i].is_finite()).collect();
+    let position = |&i: &usize| {
+        let ray = camera.ray([(i % r.width) as f64, (i / r.width) as f64]);
+        let p = ray.at(f64::from(r.depth[i]) / ray.dir.z);
+        [p.x as f32, p.y as f32, p.z as f32]
+    };
+    Mesh {
+        vertices: kept.par_iter().map(position).collect(),
+        normals: kept.iter().map(|&i| r.normals[i]).collect(),
+        colors: kept.iter().map(|&i| color.rgb(i)).collect(),
+        faces: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::result::{Input, Left, Saved, StageTime};
+
+    /// A slanted plane of 8 × 6 pixels whose first column is dark.
+    fn plane() -> (Reconstruction, Camera) {
+        let (width, height) = (8, 6);
+        let camera = Camera {
+            distortion: nelu3d_scan::camera::Distortion::new(&[-0.1, 0.02, 1e-3, -1e-3, 0.0]).unwrap(),
+            ..Camera::pinhole(width, height, 10.0, 11.0, 3.5, 2.5)
+        };
+        let n = width * height;
+        let dark = |i: usize| i % width == 0;
+        let map = |f: fn(usize) -> f32| (0..n).map(|i| if dark(i) { f32::NAN } else { f(i) }).collect::<Vec<f32>>();
+        let normals = (0..n).map(|i| if dark(i) { [f32::NAN; 3] } else { [0.6, 0.0, -0.8] }).collect();
+        let result = Reconstruction {
+            width,
+            height,
+            depth: map(|i| 500.0 + (i % 8) as f32),
+            normals,
+            sigma: map(|_| 0.25),
+            left: (0..n).map(|i| if dark(i) { Left::Dark } else { Left::Kept }).collect(),
+            residual: map(|_| 0.01),
+            ambient: map(|_| 0.5),
+            white: nelu3d_scan::Image { width, height, channels: 1, data: vec![0.7; n] },
+            mesh: Mesh {
+                vertices: vec![[0.0, 0.0, 500.0], [1.0, 0.0, 500.0], [0.0, 1.0, 500.0]],
+                normals: Vec::new(),
+                colors: Vec::new(),
+                faces: vec![[0, 2, 1]],
+            },
+            stages: vec![
+                StageTime { name: "a".into(), wall_secs: 1.0, cpu_secs: 2.0 },
+                StageTime { name: "b".into(), wall_secs: 0.5, cpu_secs: 0.25 },
+            ],
+            info: serde_json::json!({ "seed": 7 }).as_object().unwrap().clone(),
+        };
+        (result, camera)
+    }
+
+    #[test]
+    fn a_result_is_read_back_as_it_was() {
+        let dir = tempfile::tempdir().unwrap();
+        let (result, camera) = plane();
+        let target = dir.path().join("results/plane");
+        let about = About { scene: "plane".into(), ..About::default() };
+        // Twice: an earlier result is replaced.
+        for mesh_files in [MeshFiles { obj: true, stl: true, glb: true }, MeshFiles::default()] {
+            write(&result, &camera, &about, mesh_files, &target).unwrap();
+            for (name, wanted) in
+                [("mesh.obj", mesh_files.obj), ("mesh.stl", mesh_files.stl), ("mesh.glb", mesh_files.glb)]
+            {
+                assert_eq!(target.join(name).exists(), wanted, "{name}");
+            }
+        }
+        for name in ["mask.png", "points.ply", "mesh.ply", "ambient.png", "preview.png"] {
+            assert!(std::fs::metadata(target.join(name)).unwrap().len() > 0, "{name}");
+        }
+        let saved = Saved::read(&target).unwrap();
+        assert_eq!(saved.camera, camera);
+        let bits = |m: &[f32]| m.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&saved.depth), bits(&result.depth));
+        assert_eq!(bits(saved.normals.unwrap().as_flattened()), bits(result.normals.as_flattened()));
+        assert_eq!(bits(&saved.sigma.unwrap()), bits(&result.sigma));
+        let mask = image::decode(&target.join("mask.png"), Some((8, 6))).unwrap();
+        let expected: Vec<u8> = (0..48).map(|i| if i % 8 == 0 { 0 } else { 255 }).collect();
+        assert_eq!(mask.data, image::RawData::U8(expected));
+    }
+
+    #[test]
+    fn the_summary_has_its_documented_keys() {
+        let (result, camera) = plane();
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("abc");
+        std::fs::write(&file, "abc").unwrap();
+        let about = About { inputs: vec![Input::of(&file).unwrap()], ..About::default() };
+        let json = serde_json::to_value(Summary::new(&result, &camera, &about)).unwrap();
+        assert_eq!(json["format"], 1);
+        assert_eq!((&json["wall_secs"], &json["cpu_secs"]), (&1.5.into(), &2.25.into()));
+        assert_eq!((&json["pixels"]["total"], &json["pixels"]["kept"]), (&48.into(), &42.into()));
+        assert_eq!(json["pixels"]["left"]["dark"], 6);
+        assert_eq!(json["pixels"]["left"]["outside"], 0);
+        assert_eq!((&json["depth_mm"]["min"], &json["depth_mm"]["max"]), (&501.0.into(), &507.0.into()));
+        assert_eq!(json["method"]["seed"], 7);
+        assert!(json["metrics"].is_null());
+        // FIPS 180-2, the first test vector.
+        let sha256 = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!((&json["inputs"][0]["sha256"], &json["inputs"][0]["bytes"]), (&sha256.into(), &3.into()));
+        if cfg!(target_os = "linux") {
+            assert!(json["peak_memory_bytes"].as_u64().unwrap() > 1 << 20);
+        }
+    }
+
+    #[test]
+    fn a_broken_result_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let read = || Saved::read(dir.path()).unwrap_err().to_string();
+        assert!(read().contains("no result.json"));
+        std::fs::write(dir.path().join("result.json"), "{}").unwrap();
+        assert!(read().contains("result.json") && read().contains("camera"), "{}", read());
+        let (result, camera) = plane();
+        let about = About::default();
+        let target = dir.path().join("r");
+        write(&result, &camera, &about, MeshFiles::default(), &target).unwrap();
+        npy::write(&target.join("sigma.npy"), &[3, 2], &[0.0; 6]).unwrap();
+        let e = Saved::read(&target).unwrap_err().to_string();
+        assert!(e.contains("sigma.npy") && e.contains("[3, 2]"), "{e}");
+    }
+}
