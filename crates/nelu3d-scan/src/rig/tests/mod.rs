@@ -1,5 +1,7 @@
 //! A rig folder written, opened and read; and every complaint about one.
 
+mod check;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -68,7 +70,7 @@ fn shoot(rig: &Rig, dir: &Path, names: &[&str]) {
 }
 
 /// A whole rig: three positions, a scene, a sequence of two frames.
-pub(super) fn whole_rig(root: &Path) -> Rig {
+fn whole_rig(root: &Path) -> Rig {
     let rig = rig_at(root);
     rig.save().unwrap();
     for p in ["2", "10", "1"] {
@@ -260,7 +262,7 @@ fn markers_and_poses_are_judged() {
 }
 
 /// The shared rigs, if this machine has them.
-pub(super) fn shared_rigs() -> Vec<PathBuf> {
+fn shared_rigs() -> Vec<PathBuf> {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let rigs: Vec<PathBuf> = ["dlp", "film", "david"].iter().map(|n| data.join(n)).filter(|p| p.is_dir()).collect();
     if rigs.is_empty() {
