@@ -1,12 +1,12 @@
 //! Writing a virtual scanner's captures as an ordinary rig folder.
 
 use std::collections::HashMap;
-use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nelu3d_scan::Image;
 use nelu3d_scan::board::{Artwork, BoardError};
+use nelu3d_scan::mesh::MeshFileError;
 use nelu3d_scan::image::{write_gray8, write_png8, write_png16};
 use nelu3d_scan::output::{OutputDir, create_dir, write_atomic};
 use nelu3d_scan::pattern::{self, PatternImage};
@@ -37,6 +37,9 @@ pub enum SimError {
     /// A file cannot be written; the message names it.
     #[error(transparent)]
     Io(#[from] io::Error),
+    /// The true mesh cannot be written; the message names the file.
+    #[error(transparent)]
+    Mesh(#[from] MeshFileError),
 }
 
 /// What marks a folder as a simulated rig, which another simulation may replace: the spec it was made from.
@@ -226,9 +229,9 @@ impl Capture<'_> {
 fn write_truth(dir: &Path, rig: &Rig, truth: &Truth) -> Result<(), SimError> {
     create_dir(dir)?;
     let (w, h) = (rig.camera.width, rig.camera.height);
-    nelu3d_scan::npy::write_f32(&dir.join("depth.npy"), &[h, w], &truth.depth)?;
+    nelu3d_scan::npy::write(&dir.join("depth.npy"), &[h, w], &truth.depth)?;
     let mask: Vec<u8> = truth.mask.iter().map(|m| if *m { 255 } else { 0 }).collect();
     write_gray8(&dir.join("mask.png"), w, h, &mask)?;
-    nelu3d_scan::mesh::write_ply(&dir.join("mesh.ply"), &truth.mesh)?;
+    truth.mesh.write(&dir.join("mesh.ply"))?;
     Ok(())
 }
