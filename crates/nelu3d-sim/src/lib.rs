@@ -1,1 +1,28 @@
-//! nelu3d-sim
+//! The virtual scanner: captures of a declared camera, light source, board and scenes, written as an ordinary rig folder,
+//! with the truth beside them.
+//!
+//! ```text
+//! Spec ─► sweep poses ─► Scene (board or objects) ─► render (Light × rays) ─► sensor noise ─► rig folder
+//!                                     └► Truth: depth, mask, mesh
+//! ```
+//!
+//! The physics, each in one place: [`spec`] declares all quantities with their units; `scene` has closed-form surfaces,
+//! `light` what falls on them, `render` what a pixel collects, `sensor` what it makes of it. Light that bounces between
+//! surfaces is not simulated. The same spec (with its seed) gives the same bytes, whatever the number of threads.
+//!
+//! Nothing that reconstructs may depend on this crate: it knows the truth.
+
+mod light;
+mod random;
+mod render;
+mod scene;
+mod sensor;
+mod simulate;
+pub mod spec;
+mod sweep;
+mod truth;
+
+pub use simulate::{SimError, simulate};
+pub use spec::Spec;
+pub use sweep::sweep_poses;
+pub use truth::Truth;

@@ -1,0 +1,103 @@
+//! A color film before a small lamp, and a white lamp beside it. There are no pixels: the film's transmission is a sum of
+//! plane waves, and the lamp's size damps each of them by a known factor.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use rand::RngExt;
+
+use super::{Frame, Lit, small_lamp};
+use crate::random::{Use, generator};
+use crate::scene::look_at;
+use crate::spec::FilmSpec;
+
+#[derive(Debug)]
+pub(crate) struct Film {
+    spec: FilmSpec,
+    lamp_from_cam: Isometry3<f64>,
+    /// Where the white lamp and the pattern's lamp are.
+    lamps: [Point3<f64>; 2],
+    axis: Vector3<f64>,
+    /// Of red, green and blue.
+    waves: [Vec<Wave>; 3],
+}
+
+/// `cos(k · uv + phase)`.
+#[derive(Clone, Copy, Debug)]
+struct Wave {
+    /// Radians per mm on the film.
+    k: [f64; 2],
+    phase: f64,
+}
+
+impl Film {
+    pub(crate) fn new(spec: &FilmSpec) -> Self {
+        let cam_from_lamp = look_at(spec.position_mm, spec.target_mm);
+        let lamp = Point3::from(spec.position_mm);
+        let waves = [0, 1, 2].map(|color| {
+            let mut random = generator(spec.seed, Use::Film, [color, 0, 0]);
+            let n = spec.waves;
+            (0..n)
+                .map(|i| {
+                    // Frequencies evenly through the band, in directions evenly around: no two waves alike.
+                    let part = (i as f64 + random.random::<f64>()) / n as f64;
+                    let (low, high) = (1.0 / spec.max_period_mm, 1.0 / spec.min_period_mm);
+                    let k = TAU * (low + (high - low) * part);
+                    let angle = TAU * random.random::<f64>();
+                    Wave { k: [k * angle.cos(), k * angle.sin()], phase: TAU * random.random::<f64>() }
+                })
+                .collect()
+        });
+        Self {
+            lamp_from_cam: cam_from_lamp.inverse(),
+            lamps: [lamp + Vector3::from(spec.flash_offset_mm), lamp],
+            axis: cam_from_lamp * Vector3::z(),
+            waves,
+            spec: spec.clone(),
+        }
+    }
+
+    pub(super) fn lit(&self, p: &Point3<f64>, normal: &Vector3<f64>, sees: impl Fn(&Point3<f64>) -> bool) -> Lit {
+        let s = &self.spec;
+        let local = self.lamp_from_cam * p;
+        if local.z <= s.film_mm {
+            return Lit::default();
+        }
+        let strength = self.lamps.map(|lamp| {
+            let strength = small_lamp(p, normal, &lamp, &self.axis, s.reference_mm, s.vignetting);
+            if strength > 0.0 && sees(&lamp) { strength } else { 0.0 }
+        });
+        let scale = s.film_mm / local.z;
+        // Seen from the point, the lamp's disc covers this much of the film.
+        Lit { strength, uv: [local.x * scale, local.y * scale], sigma: s.lamp_sigma_mm * (1.0 - scale) }
+    }
+
+    pub(super) fn irradiance(&self, frame: Frame, lit: &Lit) -> [f32; 3] {
+        match frame {
+            Frame::White => [lit.strength[0]; 3],
+            Frame::Black => [0.0; 3],
+            Frame::Pattern(_) if lit.strength[1] == 0.0 || !self.in_image(lit.uv) => [0.0; 3],
+            Frame::Pattern(_) => self.transmission(lit.uv, lit.sigma).map(|v| v as f32 * lit.strength[1]),
+        }
+    }
+
+    /// Transmission in red, green and blue: ½ + ½ · mean of the waves, each damped by exp(−½ σ² |k|²).
+    fn transmission(&self, [u, v]: [f64; 2], sigma: f64) -> [f64; 3] {
+        [0, 1, 2].map(|color| {
+            let waves = &self.waves[color];
+            let sum: f64 = waves
+                .iter()
+                .map(|w| {
+                    let damping = (-0.5 * sigma * sigma * (w.k[0] * w.k[0] + w.k[1] * w.k[1])).exp();
+                    damping * (w.k[0] * u + w.k[1] * v + w.phase).cos()
+                })
+                .sum();
+            0.5 + 0.5 * sum / waves.len() as f64
+        })
+    }
+
+    pub(super) fn in_image(&self, [u, v]: [f64; 2]) -> bool {
+        let [x, y] = self.spec.film_half_size_mm;
+        u.abs() <= x && v.abs() <= y
+    }
+}

@@ -1,0 +1,80 @@
+//! The pixel's response to light beside its center: its own area and the lens's Gaussian blur, over subsamples.
+
+/// A separable filter over lines of n subsamples per pixel.
+#[derive(Clone, Debug)]
+pub(crate) struct Filter {
+    n: usize,
+    /// Subsamples it reaches beyond the pixel's own on either side.
+    radius: usize,
+    /// Weights of the subsamples from −radius to n + radius of the pixel's first; their sum is 1.
+    taps: Vec<f32>,
+}
+
+impl Filter {
+    /// `n` subsamples per pixel, a blur of standard deviation `sigma_px`.
+    pub(crate) fn new(n: usize, sigma_px: f64) -> Self {
+        let sigma = sigma_px * n as f64;
+        let radius = (4.0 * sigma).ceil() as usize;
+        let gauss: Vec<f64> = (0..=2 * radius)
+            .map(|i| if radius == 0 { 1.0 } else { (-0.5 * ((i as f64 - radius as f64) / sigma).powi(2)).exp() })
+            .collect();
+        // The pixel's area is n equal taps; its convolution with the Gaussian:
+        let mut taps = vec![0.0; n + 2 * radius];
+        for (i, g) in gauss.iter().enumerate() {
+            for tap in &mut taps[i..i + n] {
+                *tap += g;
+            }
+        }
+        let total: f64 = taps.iter().sum();
+        Self { n, radius, taps: taps.iter().map(|t| (t / total) as f32).collect() }
+    }
+
+    /// Subsamples it reaches beyond the pixel.
+    pub(crate) fn radius(&self) -> usize {
+        self.radius
+    }
+
+    /// Pixels it reaches beyond the image.
+    pub(crate) fn margin_px(&self) -> usize {
+        self.radius.div_ceil(self.n)
+    }
+
+    /// The weight of a subsample by its offset to the pixel's first.
+    pub(crate) fn weight(&self, offset: i64) -> f32 {
+        usize::try_from(offset + self.radius as i64).ok().and_then(|i| self.taps.get(i)).copied().unwrap_or(0.0)
+    }
+
+    /// A line of subsamples (with `radius` more on either side) to a line of pixels, of `values` each.
+    pub(crate) fn reduce_line(&self, line: &[f32], values: usize, pixels: &mut [f32]) {
+        for (x, pixel) in pixels.chunks_exact_mut(values).enumerate() {
+            pixel.fill(0.0);
+            let samples = line[x * self.n * values..].chunks_exact(values);
+            for (tap, sample) in self.taps.iter().zip(samples) {
+                for (sum, v) in pixel.iter_mut().zip(sample) {
+                    *sum += tap * v;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_keeps_sums_and_has_the_variance_of_pixel_and_blur() {
+        for (n, sigma) in [(1, 0.0), (4, 0.0), (4, 0.4), (3, 1.2), (16, 0.3)] {
+            let filter = Filter::new(n, sigma);
+            let taps: Vec<f64> = filter.taps.iter().map(|&t| f64::from(t)).collect();
+            let at = |i: usize| (i as f64 - filter.radius as f64 + 0.5) / n as f64;
+            let total: f64 = taps.iter().sum();
+            let mean: f64 = taps.iter().enumerate().map(|(i, t)| t * at(i)).sum();
+            let variance: f64 = taps.iter().enumerate().map(|(i, t)| t * (at(i) - 0.5).powi(2)).sum();
+            assert!((total - 1.0).abs() < 1e-6 && (mean - 0.5).abs() < 1e-6, "{n}, {sigma}: {total}, {mean}");
+            // A box of n samples: (n² − 1) / 12 in units of a sample.
+            let expected = (n * n - 1) as f64 / 12.0 / (n * n) as f64 + sigma * sigma;
+            assert!((variance - expected).abs() < 0.01 * expected + 1e-9, "{n}, {sigma}: {variance}, not {expected}");
+        }
+    }
+}

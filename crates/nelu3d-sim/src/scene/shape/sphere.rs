@@ -1,0 +1,55 @@
+//! A ball about the origin.
+
+use std::f64::consts::PI;
+
+use nalgebra::Vector3;
+use nelu3d_scan::{Mesh, Ray};
+
+use super::{N_RINGS, revolve};
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sphere {
+    pub(super) radius: f64,
+}
+
+impl Sphere {
+    pub(super) fn hit(&self, ray: &Ray, limit: f64) -> Option<(f64, Vector3<f64>)> {
+        let o = ray.origin.coords;
+        let b = o.dot(&ray.dir);
+        // The distance of the ray's nearest point to the center, squared: more exact than b² − (|o|² − r²) far away.
+        let miss = (o - ray.dir * b).norm_squared();
+        let half_chord = (self.radius * self.radius - miss).max(0.0).sqrt();
+        if miss > self.radius * self.radius {
+            return None;
+        }
+        let t = [-b - half_chord, -b + half_chord].into_iter().find(|t| *t > 0.0 && *t < limit)?;
+        Some((t, (ray.at(t).coords / self.radius).normalize()))
+    }
+
+    pub(super) fn mesh(&self) -> Mesh {
+        revolve(|i| {
+            let (s, c) = (PI * i as f64 / N_RINGS as f64).sin_cos();
+            [self.radius * c, self.radius * s, c, s]
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+
+    #[test]
+    fn hits_are_at_the_radius_and_first() {
+        let sphere = Sphere { radius: 3.0 };
+        for i in 0..100 {
+            let x = -2.99 + 0.0598 * f64::from(i);
+            let ray = Ray { origin: Point3::new(x, 0.0, -1000.0), dir: Vector3::z() };
+            let (t, _) = sphere.hit(&ray, f64::INFINITY).unwrap();
+            assert!((t - (1000.0 - (9.0 - x * x).sqrt())).abs() < 1e-9);
+        }
+        let beside = Ray { origin: Point3::new(3.0001, 0.0, -10.0), dir: Vector3::z() };
+        assert!(sphere.hit(&beside, f64::INFINITY).is_none());
+    }
+}

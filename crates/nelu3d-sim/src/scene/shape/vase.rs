@@ -1,0 +1,318 @@
+//! A solid of revolution about the y axis. Its squared radius is a cubic spline of the height, so that a ray meets it where
+//! a cubic polynomial is zero, found without any tolerance on missing roots.
+
+use nalgebra::Vector3;
+use nelu3d_scan::{Mesh, Ray};
+
+use super::{N_RINGS, N_SEGMENTS, revolve};
+
+/// Heights grow toward −y; the foot is at y = 0.
+#[derive(Clone, Debug)]
+pub(crate) struct Vase {
+    /// Heights of the knots, mm.
+    heights: Vec<f64>,
+    /// Squared radius between knots i and i + 1: Σ c_k (h − heights[i])^k, mm².
+    pieces: Vec<[f64; 4]>,
+    /// No radius is larger.
+    max_radius: f64,
+}
+
+/// Steps per piece at which the spline is checked to stay off the axis.
+const CHECKS: usize = 64;
+
+impl Vase {
+    /// The vase through `[height, radius]` pairs, or `None` where they make none: see the spec.
+    pub(crate) fn new(profile: &[[f64; 2]]) -> Option<Self> {
+        let rising = profile.windows(2).all(|w| w[1][0] > w[0][0]);
+        let good = profile.iter().all(|p| p[0].is_finite() && p[1] > 0.0 && p[1] < 1e6);
+        if !rising || !good || !(2..=1000).contains(&profile.len()) {
+            return None;
+        }
+        // The foot stands at the origin, whatever the first height is.
+        let heights: Vec<f64> = profile.iter().map(|p| p[0] - profile[0][0]).collect();
+        let squares: Vec<f64> = profile.iter().map(|p| p[1] * p[1]).collect();
+        let pieces = natural_spline(&heights, &squares);
+        let mut vase = Self { heights, pieces, max_radius: 0.0 };
+        let smallest = profile.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
+        for i in 0..vase.pieces.len() {
+            let length = vase.heights[i + 1] - vase.heights[i];
+            for k in 0..=CHECKS {
+                let square = value(&vase.pieces[i], length * k as f64 / CHECKS as f64);
+                // Far from zero, not merely above it: nothing happens between two checks then.
+                if !(square > 0.05 * smallest * smallest) {
+                    return None;
+                }
+                vase.max_radius = vase.max_radius.max(square.sqrt());
+            }
+        }
+        // Between two checks the spline may rise a little higher.
+        vase.max_radius *= 1.05;
+        Some(vase)
+    }
+
+    fn height(&self) -> f64 {
+        self.heights[self.heights.len() - 1]
+    }
+
+    /// Squared radius and its slope at a height.
+    fn square(&self, h: f64) -> (f64, f64) {
+        let i = self.heights.partition_point(|&k| k <= h).clamp(1, self.pieces.len()) - 1;
+        let (c, x) = (&self.pieces[i], h - self.heights[i]);
+        (value(c, x), c[1] + x * (2.0 * c[2] + x * 3.0 * c[3]))
+    }
+
+    pub(super) fn hit(&self, ray: &Ray, limit: f64) -> Option<(f64, Vector3<f64>)> {
+        let (start, end) = self.bounds(ray)?;
+        let (start, end) = (start.max(0.0), end.min(limit));
+        if start >= end {
+            return None;
+        }
+        // From here on s = t − start: small numbers keep the polynomial exact far from the origin.
+        let o = ray.at(start);
+        let (h0, dh) = (-o.y, -ray.dir.y);
+        let quadratic = [
+            o.x * o.x + o.z * o.z,
+            2.0 * (o.x * ray.dir.x + o.z * ray.dir.z),
+            ray.dir.x * ray.dir.x + ray.dir.z * ray.dir.z,
+        ];
+        let f = |s: f64| quadratic[0] + s * (quadratic[1] + s * quadratic[2]) - self.square(h0 + s * dh).0;
+        // A ray that enters through the foot's or the top's disc starts inside the solid.
+        let through_disc = start > 0.0 && dh != 0.0 && f(0.0) < 0.0;
+        if through_disc {
+            return Some((start, Vector3::new(0.0, ray.dir.y.signum(), 0.0)));
+        }
+        // Walk the pieces in the ray's order.
+        let inside = f(0.0) < 0.0;
+        let mut s = 0.0;
+        let length = end - start;
+        let n = self.pieces.len();
+        let first = self.heights.partition_point(|&k| k <= h0).clamp(1, n) - 1;
+        // At a knot the ray is in the piece it goes to.
+        let mut i = if dh < 0.0 && first > 0 && h0 <= self.heights[first] { first - 1 } else { first };
+        loop {
+            let knot = if dh > 0.0 { self.heights[i + 1] } else { self.heights[i] };
+            let leaves = if dh == 0.0 { length } else { ((knot - h0) / dh).clamp(s, length) };
+            let c = shifted(&self.pieces[i], h0 - self.heights[i], dh);
+            let poly = [quadratic[0] - c[0], quadratic[1] - c[1], quadratic[2] - c[2], -c[3]];
+            if let Some(root) = first_crossing(&poly, s, leaves, inside) {
+                let p = ray.at(start + root);
+                let slope = self.square(-p.y).1;
+                // The gradient of x² + z² − R(−y).
+                return Some((start + root, Vector3::new(2.0 * p.x, slope, 2.0 * p.z).normalize()));
+            }
+            s = leaves;
+            if s >= length || dh == 0.0 || (dh > 0.0 && i + 1 == n) || (dh < 0.0 && i == 0) {
+                break;
+            }
+            i = if dh > 0.0 { i + 1 } else { i - 1 };
+        }
+        // A ray from inside leaves through a disc.
+        (inside && end < limit).then(|| (end, Vector3::new(0.0, ray.dir.y.signum(), 0.0)))
+    }
+
+    /// Where the ray is within the heights and the largest radius.
+    fn bounds(&self, ray: &Ray) -> Option<(f64, f64)> {
+        let (o, d) = (ray.origin, ray.dir);
+        let (mut start, mut end) = (f64::NEG_INFINITY, f64::INFINITY);
+        if d.y == 0.0 {
+            if -o.y < 0.0 || -o.y > self.height() {
+                return None;
+            }
+        } else {
+            let (a, b) = (-o.y / d.y, (-self.height() - o.y) / d.y);
+            (start, end) = (a.min(b), a.max(b));
+        }
+        let a = d.x * d.x + d.z * d.z;
+        if a > 1e-24 {
+            let b = (o.x * d.x + o.z * d.z) / a;
+            // The axis distance of the ray's nearest point, squared.
+            let (x, z) = (o.x - b * d.x, o.z - b * d.z);
+            let room = self.max_radius * self.max_radius - (x * x + z * z);
+            if room < 0.0 {
+                return None;
+            }
+            let half = (room / a).sqrt();
+            (start, end) = (start.max(-b - half), end.min(-b + half));
+        }
+        (start < end).then_some((start, end))
+    }
+
+    pub(super) fn mesh(&self) -> Mesh {
+        let mut mesh = revolve(|i| {
+            let h = self.height() * i as f64 / N_RINGS as f64;
+            let (square, slope) = self.square(h);
+            let r = square.sqrt();
+            let n = Vector3::new(2.0 * r, slope, 0.0).normalize();
+            [-h, r, n.y, n.x]
+        });
+        for (ring, ny) in [(0, 1.0f32), (N_RINGS, -1.0)] {
+            let h = self.height() * ring as f64 / N_RINGS as f64;
+            let center = mesh.vertices.len() as u32;
+            mesh.vertices.push([0.0, -h as f32, 0.0]);
+            mesh.normals.push([0.0, ny, 0.0]);
+            // The rim has a vertex of its own on the disc: its normal is another.
+            for j in 0..N_SEGMENTS {
+                mesh.vertices.push(mesh.vertices[ring * N_SEGMENTS + j]);
+                mesh.normals.push([0.0, ny, 0.0]);
+            }
+            for j in 0..N_SEGMENTS as u32 {
+                let (a, b) = (center + 1 + j, center + 1 + (j + 1) % N_SEGMENTS as u32);
+                mesh.faces.push(if ny > 0.0 { [center, a, b] } else { [center, b, a] });
+            }
+        }
+        mesh
+    }
+}
+
+fn value(c: &[f64; 4], x: f64) -> f64 {
+    c[0] + x * (c[1] + x * (c[2] + x * c[3]))
+}
+
+/// The coefficients in s of `Σ c_k (x0 + d s)^k`.
+fn shifted(c: &[f64; 4], x0: f64, d: f64) -> [f64; 4] {
+    let c1 = c[1] + x0 * (2.0 * c[2] + x0 * 3.0 * c[3]);
+    let c2 = c[2] + x0 * 3.0 * c[3];
+    [value(c, x0), c1 * d, c2 * d * d, c[3] * d * d * d]
+}
+
+/// The first s in `[from, to]` where the cubic goes from positive to not positive (or, from `inside`, from negative to not
+/// negative). The cubic is cut at its extrema, so that every part has at most one crossing and none is missed.
+fn first_crossing(poly: &[f64; 4], from: f64, to: f64, inside: bool) -> Option<f64> {
+    let sign = if inside { -1.0 } else { 1.0 };
+    let f = |s: f64| sign * value(poly, s);
+    let mut cuts = [from, from, from, to];
+    let (a, b, c) = (3.0 * poly[3], 2.0 * poly[2], poly[1]);
+    let root = (b * b - 4.0 * a * c).max(0.0).sqrt();
+    // Both roots of the derivative without cancellation; a vanishing divisor gives infinity or NaN, which is no cut.
+    let q = -0.5 * (b + root.copysign(b));
+    let mut extrema = [q / a, c / q];
+    extrema.sort_by(f64::total_cmp);
+    let mut n = 1;
+    for e in extrema {
+        if e > from && e < to {
+            cuts[n] = e;
+            n += 1;
+        }
+    }
+    cuts[n] = to;
+    for part in cuts[..=n].windows(2) {
+        let (mut p, mut q) = (part[0], part[1]);
+        if f(p) > 0.0 && f(q) <= 0.0 {
+            // Bisection ends when no number lies between; 200 halvings are more than there are.
+            for _ in 0..200 {
+                let middle = 0.5 * (p + q);
+                if middle <= p || middle >= q || q - p < 1e-12 {
+                    break;
+                }
+                if f(middle) > 0.0 {
+                    p = middle;
+                } else {
+                    q = middle;
+                }
+            }
+            return Some(0.5 * (p + q));
+        }
+    }
+    None
+}
+
+/// The natural cubic spline through `(x, y)`: its pieces' coefficients about their left knots. Thomas algorithm for the
+/// second derivatives (de Boor, *A Practical Guide to Splines*, ch. IV).
+fn natural_spline(x: &[f64], y: &[f64]) -> Vec<[f64; 4]> {
+    let n = x.len();
+    let h: Vec<f64> = x.windows(2).map(|w| w[1] - w[0]).collect();
+    let slope: Vec<f64> = (0..n - 1).map(|i| (y[i + 1] - y[i]) / h[i]).collect();
+    // Second derivatives m; m[0] = m[n − 1] = 0.
+    let (mut upper, mut right) = (vec![0.0; n], vec![0.0; n]);
+    for i in 1..n - 1 {
+        let diagonal = 2.0 * (h[i - 1] + h[i]) - h[i - 1] * upper[i - 1];
+        upper[i] = h[i] / diagonal;
+        right[i] = (6.0 * (slope[i] - slope[i - 1]) - h[i - 1] * right[i - 1]) / diagonal;
+    }
+    let mut m = vec![0.0; n];
+    for i in (1..n - 1).rev() {
+        m[i] = right[i] - upper[i] * m[i + 1];
+    }
+    (0..n - 1)
+        .map(|i| {
+            let linear = slope[i] - h[i] * (2.0 * m[i] + m[i + 1]) / 6.0;
+            [y[i], linear, 0.5 * m[i], (m[i + 1] - m[i]) / (6.0 * h[i])]
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+
+    fn vase() -> Vase {
+        Vase::new(&[[0.0, 20.0], [15.0, 9.0], [30.0, 22.0], [50.0, 12.0]]).unwrap()
+    }
+
+    #[test]
+    fn the_profile_passes_its_knots_smoothly() {
+        let v = vase();
+        for (h, r) in [(0.0, 20.0), (15.0, 9.0), (30.0, 22.0), (50.0, 12.0)] {
+            assert!((v.square(h).0.sqrt() - r).abs() < 1e-9);
+        }
+        for h in [15.0, 30.0] {
+            assert!((v.square(h - 1e-9).1 - v.square(h + 1e-9).1).abs() < 1e-6);
+        }
+    }
+
+    /// Against a walk in tiny steps along many rays from all around, whose only assumption is inside or outside.
+    #[test]
+    fn no_first_intersection_is_missed_or_invented() {
+        let v = vase();
+        let inside = |p: &Point3<f64>| {
+            let h = -p.y;
+            (0.0..=50.0).contains(&h) && p.x * p.x + p.z * p.z < v.square(h).0
+        };
+        let mut hits = 0;
+        for i in 0..2000 {
+            // A lattice of origins on a sphere around it and targets near it.
+            let (a, b, c) = (f64::from(i) * 2.399, f64::from(i) * 0.7548 % 1.0, f64::from(i) * 0.5698 % 1.0);
+            let y = 2.0 * b - 1.0;
+            let r = (1.0 - y * y).sqrt();
+            let origin = Point3::new(r * a.cos(), y, r * a.sin()) * 500.0;
+            let target = Point3::new(30.0 * (c * 40.0).sin(), -60.0 * c + 5.0, 25.0 * (b * 50.0).cos());
+            let ray = Ray { origin, dir: (target - origin).normalize() };
+            let step = 0.02;
+            let walked = (20_000..30_000).map(|k| f64::from(k) * step).find(|&t| inside(&ray.at(t)));
+            match (v.hit(&ray, f64::INFINITY), walked) {
+                (Some((t, n)), Some(w)) => {
+                    hits += 1;
+                    // The walk may step over a grazed corner, so it may be late, never early.
+                    assert!(t <= w + 1e-9, "ray {i}: {t} after {w}");
+                    if t < w - step - 1e-9 {
+                        assert!(!inside(&ray.at(t + step)) || n.dot(&ray.dir).abs() < 0.2, "ray {i}: {t}, walked {w}");
+                    }
+                    let p = ray.at(t);
+                    let on_side = (p.x * p.x + p.z * p.z - v.square(-p.y).0).abs() < 1e-8;
+                    let on_disc = p.y.abs() < 1e-9 || (p.y + 50.0).abs() < 1e-9;
+                    assert!(on_side || on_disc, "ray {i} ends beside the surface");
+                }
+                (None, Some(w)) => panic!("ray {i} missed; the walk met the vase at {w}"),
+                // The walk may step over a graze.
+                (Some((t, n)), None) => assert!(!inside(&ray.at(t + step)) && n.dot(&ray.dir).abs() < 0.2, "ray {i}"),
+                (None, None) => {}
+            }
+        }
+        assert!(hits > 500, "{hits}");
+    }
+
+    #[test]
+    fn profiles_without_a_body_are_refused() {
+        for bad in [
+            &[[0.0, 5.0]][..],
+            &[[0.0, 5.0], [0.0, 6.0]],
+            &[[0.0, 5.0], [1.0, 0.0]],
+            &[[0.0, 5.0], [1.0, f64::NAN]],
+            &[[0.0, 100.0], [1.0, 1.0], [2.0, 1.0], [3.0, 100.0]],
+        ] {
+            assert!(Vase::new(bad).is_none(), "{bad:?}");
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! The board of the sweep, as rig.toml spells it.
+
+use nelu3d_scan::board::{Board, BoardKind, Marker};
+use serde::{Deserialize, Serialize};
+
+/// The flat target of the sweep.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum BoardSpec {
+    /// A chessboard with ArUco markers in its white squares.
+    Charuco {
+        /// Squares along x.
+        columns: usize,
+        /// Squares along y.
+        rows: usize,
+        /// Side of a square, mm.
+        square_mm: f64,
+        /// Side of a marker, mm.
+        marker_mm: f64,
+        /// OpenCV's name of a predefined dictionary.
+        dictionary: String,
+        /// OpenCV's layout before 4.6.
+        #[serde(default)]
+        legacy: bool,
+        /// Outline `[x_min, y_min, x_max, y_max]`, mm.
+        extent_mm: [f64; 4],
+    },
+    /// A plain chessboard.
+    Chessboard {
+        /// Squares along x.
+        columns: usize,
+        /// Squares along y.
+        rows: usize,
+        /// Side of a square, mm.
+        square_mm: f64,
+        /// Outline `[x_min, y_min, x_max, y_max]`, mm.
+        extent_mm: [f64; 4],
+    },
+    /// ArUco markers on white.
+    Markers {
+        /// OpenCV's name of a predefined dictionary.
+        dictionary: String,
+        /// The markers.
+        markers: Vec<Marker>,
+        /// Outline `[x_min, y_min, x_max, y_max]`, mm.
+        extent_mm: [f64; 4],
+    },
+}
+
+impl BoardSpec {
+    /// The board.
+    pub fn board(&self) -> Board {
+        let (kind, extent_mm) = match self.clone() {
+            BoardSpec::Charuco { columns, rows, square_mm, marker_mm, dictionary, legacy, extent_mm } => {
+                (BoardKind::Charuco { columns, rows, square_mm, marker_mm, dictionary, legacy }, extent_mm)
+            }
+            BoardSpec::Chessboard { columns, rows, square_mm, extent_mm } => {
+                (BoardKind::Chessboard { columns, rows, square_mm }, extent_mm)
+            }
+            BoardSpec::Markers { dictionary, markers, extent_mm } => {
+                (BoardKind::Markers { dictionary, markers }, extent_mm)
+            }
+        };
+        Board { kind, extent_mm }
+    }
+}

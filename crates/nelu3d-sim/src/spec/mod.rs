@@ -1,0 +1,95 @@
+//! What to simulate, declared: one value (or TOML file) that says everything about a virtual scanner and its scenes.
+
+mod board;
+mod camera;
+mod check;
+mod light;
+mod preset;
+mod scene;
+mod sweep;
+
+pub use board::BoardSpec;
+pub use camera::CameraSpec;
+pub use check::SpecError;
+pub use light::{BlackImage, FilmSpec, LightSpec, ProjectorSpec};
+pub use preset::PRESETS;
+pub use scene::{AlbedoSpec, ObjectSpec, SceneSpec, ShapeSpec};
+pub use sweep::SweepSpec;
+
+use std::path::Path;
+
+use nelu3d_scan::pattern::Pattern;
+use serde::{Deserialize, Serialize};
+
+/// A virtual scanner and everything it captures. Lengths in mm, angles in radians, the camera's frame is the world.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Spec {
+    /// Free text, the rig's name.
+    pub name: String,
+    /// Seed of everything random: noise, pixel sampling, jitter of the sweep. The same seed gives the same bytes.
+    #[serde(default)]
+    pub seed: u64,
+    /// Rays per pixel are the square of this; 1 to 16.
+    #[serde(default = "supersampling")]
+    pub supersampling: usize,
+    /// Irradiance of the light that does not come from the light source, in units of the flash's at its reference
+    /// distance. It falls on every surface alike and casts no shadow.
+    #[serde(default)]
+    pub ambient: f64,
+    /// The camera.
+    pub camera: CameraSpec,
+    /// The light source.
+    pub light: LightSpec,
+    /// What a projector shows; none for film, which has its own pattern.
+    #[serde(default)]
+    pub pattern_sets: Vec<PatternSetSpec>,
+    /// The board of the calibration sweep.
+    pub board: BoardSpec,
+    /// Where the board is put.
+    pub sweep: SweepSpec,
+    /// The scenes to scan.
+    #[serde(default)]
+    pub scenes: Vec<SceneSpec>,
+}
+
+fn supersampling() -> usize {
+    4
+}
+
+/// A pattern set of the rig.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PatternSetSpec {
+    /// Its name.
+    pub name: String,
+    /// Its patterns. Patterns of one family are numbered through all sets; each set has images of its own.
+    pub patterns: Vec<Pattern>,
+}
+
+impl Spec {
+    /// A spec that comes with the program, by its name (see [`PRESETS`]).
+    pub fn preset(name: &str) -> Option<Self> {
+        preset::preset(name)
+    }
+
+    /// Reads a TOML file and checks its values.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read, is not TOML, has an unknown key, or a value that makes no sense; the message names the
+    /// file, the key and a remedy.
+    pub fn read(path: &Path) -> Result<Self, SpecError> {
+        let text = std::fs::read_to_string(path).map_err(|source| SpecError::Io { path: path.into(), source })?;
+        let located = |e: SpecError| SpecError::File { path: path.into(), source: Box::new(e) };
+        let spec: Self =
+            toml::from_str(&text).map_err(|e| located(SpecError::Syntax { reason: e.to_string().trim_end().into() }))?;
+        spec.check().map_err(located)?;
+        Ok(spec)
+    }
+
+    /// The spec as a TOML file.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("a spec is plain data with string keys")
+    }
+}

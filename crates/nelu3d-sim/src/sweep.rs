@@ -1,0 +1,95 @@
+//! Board poses of a sweep.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nelu3d_scan::rig::KnownPose;
+use rand_distr::{Distribution, StandardNormal};
+
+use crate::random::{Use, generator};
+use crate::spec::{Spec, SweepSpec};
+
+/// The true board poses of a spec's sweep, in order, under the names of their folders.
+///
+/// # Panics
+///
+/// If the spec does not pass [`Spec::check`].
+pub fn sweep_poses(spec: &Spec) -> Vec<KnownPose> {
+    let [x0, y0, x1, y1] = spec.board.board().extent_mm;
+    let middle = Translation3::new(0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0);
+    let n = spec.sweep.positions();
+    let digits = (n - 1).to_string().len().max(3);
+    (0..n)
+        .map(|i| {
+            let mut random = generator(spec.seed, Use::Sweep, [i as u64, 0, 0]);
+            let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+            let part = i as f64 / (n - 1) as f64;
+            let (position, rotation) = match &spec.sweep {
+                SweepSpec::Stage { first_mm, last_mm, center_mm, slope, rotation, step_error_mm, .. } => {
+                    let z = first_mm + (last_mm - first_mm) * part + step_error_mm * normal();
+                    let along = z - 0.5 * (first_mm + last_mm);
+                    let at = Vector3::new(center_mm[0] + slope[0] * along, center_mm[1] + slope[1] * along, z);
+                    (at, Vector3::from(*rotation))
+                }
+                SweepSpec::Handheld { first_mm, last_mm, center_mm, position_sigma_mm, tilt_sigma, .. } => {
+                    let z = first_mm + (last_mm - first_mm) * part;
+                    let jitter = Vector3::from_fn(|_, _| position_sigma_mm * normal());
+                    let at = Vector3::new(center_mm[0], center_mm[1], z) + jitter;
+                    (at, Vector3::from_fn(|_, _| tilt_sigma * normal()))
+                }
+            };
+            let turn = UnitQuaternion::from_scaled_axis(rotation);
+            let cam_from_middle = Isometry3::from_parts(Translation3::from(position), turn);
+            KnownPose { position: format!("{i:0digits$}"), cam_from_board: cam_from_middle * middle.inverse() }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+
+    #[test]
+    fn a_stage_moves_the_middle_of_the_board_on_its_line() {
+        let mut spec = Spec::preset("color").unwrap();
+        if let SweepSpec::Stage { step_error_mm, .. } = &mut spec.sweep {
+            *step_error_mm = 0.0;
+        }
+        let poses = sweep_poses(&spec);
+        assert_eq!(poses.len(), 24);
+        let SweepSpec::Stage { first_mm, last_mm, slope, .. } = spec.sweep else { panic!("a stage") };
+        for (i, pose) in poses.iter().enumerate() {
+            let p = pose.cam_from_board * Point3::new(108.0, 84.0, 0.0);
+            let z = first_mm + (last_mm - first_mm) * i as f64 / 23.0;
+            let along = z - 0.5 * (first_mm + last_mm);
+            let expected = Point3::new(slope[0] * along, slope[1] * along, z);
+            assert!((p - expected).norm() < 1e-9, "{p}");
+        }
+        assert_eq!((poses[0].position.as_str(), poses[23].position.as_str()), ("000", "023"));
+    }
+
+    #[test]
+    fn hands_shake_as_declared() {
+        let spec = Spec {
+            sweep: SweepSpec::Handheld {
+                positions: 400,
+                first_mm: 600.0,
+                last_mm: 800.0,
+                center_mm: [3.0, 4.0],
+                position_sigma_mm: 5.0,
+                tilt_sigma: 0.1,
+                write_poses: true,
+            },
+            ..Spec::preset("demo").unwrap()
+        };
+        spec.check().unwrap();
+        let poses = sweep_poses(&spec);
+        let (mut x, mut tilt) = (0.0, 0.0);
+        for p in &poses {
+            let middle = p.cam_from_board * Point3::origin();
+            x += (middle.x - 3.0).powi(2) / 400.0;
+            tilt += p.cam_from_board.rotation.scaled_axis().norm_squared() / 3.0 / 400.0;
+        }
+        assert!((x.sqrt() - 5.0).abs() < 0.9 && (tilt.sqrt() - 0.1).abs() < 0.015, "{} {}", x.sqrt(), tilt.sqrt());
+    }
+}

@@ -1,0 +1,50 @@
+//! What is really there: depth, mask and mesh of a scene.
+
+use nelu3d_scan::Mesh;
+use nelu3d_scan::camera::Camera;
+use rayon::prelude::*;
+
+use crate::light::Light;
+use crate::scene::Scene;
+use crate::spec::Spec;
+
+/// The truth about a scene, exact but for rounding to `f32`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Truth {
+    /// `height × width`: camera-frame z of the first surface at the pixel's center, mm; NaN where there is none.
+    pub depth: Vec<f32>,
+    /// `height × width`: whether depth is finite and the light source's pattern and flash reach the point.
+    pub mask: Vec<bool>,
+    /// All surfaces, in the camera's frame.
+    pub mesh: Mesh,
+}
+
+impl Truth {
+    pub(crate) fn new(camera: &Camera, scene: &Scene, light: &Light) -> Self {
+        let w = camera.width;
+        let pixels: Vec<(f32, bool)> = (0..camera.n_pixels())
+            .into_par_iter()
+            .map(|i| match scene.hit(&camera.ray([(i % w) as f64, (i / w) as f64])) {
+                None => (f32::NAN, false),
+                Some(hit) => {
+                    let lit = light.lit(&hit.point, &hit.normal, |to| scene.sees(&hit, to));
+                    (hit.point.z as f32, light.reaches(&lit))
+                }
+            })
+            .collect();
+        let (depth, mask) = pixels.into_iter().unzip();
+        Self { depth, mask, mesh: scene.mesh() }
+    }
+
+    /// The truth about scene `index` of a spec.
+    ///
+    /// # Panics
+    ///
+    /// If the spec does not pass [`Spec::check`] or has no such scene.
+    pub fn of_scene(spec: &Spec, index: usize) -> Self {
+        let camera = spec.camera.optics().expect("checked with the spec");
+        let scene = Scene::new(&spec.scenes[index].objects);
+        // What the light shows does not matter for whether it reaches.
+        Self::new(&camera, &scene, &Light::new(spec, Vec::new()))
+    }
+}
