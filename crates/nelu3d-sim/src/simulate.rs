@@ -67,7 +67,8 @@ pub fn simulate(spec: &Spec, out: &Path, progress: &(dyn Fn(&str, usize, usize) 
 
     // What the light source can show.
     let shown = Shown::new(spec)?;
-    let light = Light::new(spec, shown.images.iter().map(|p| p.image.clone()).collect());
+    let images: Vec<Image> = shown.images.iter().map(|p| p.image.clone()).collect();
+    let light = Light::new(spec, &images);
     if let LightSpec::Projector(p) = &spec.light {
         write_patterns(&root.join("patterns"), &shown.images, [p.width, p.height])?;
     }

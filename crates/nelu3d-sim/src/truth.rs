@@ -45,6 +45,6 @@ impl Truth {
         let camera = spec.camera.optics().expect("checked with the spec");
         let scene = Scene::new(&spec.scenes[index].objects);
         // What the light shows does not matter for whether it reaches.
-        Self::new(&camera, &scene, &Light::new(spec, Vec::new()))
+        Self::new(&camera, &scene, &Light::new(spec, &[]))
     }
 }

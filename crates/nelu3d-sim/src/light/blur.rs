@@ -1,13 +1,20 @@
-//! An image at every amount of Gaussian blur, for lookups with a blur that changes from point to point.
+//! A stack of images at every amount of Gaussian blur, for lookups with a blur that changes from point to point.
 
 use std::sync::OnceLock;
 
 use nelu3d_scan::Image;
 
-/// Levels of growing blur, made when first needed. Lookups interpolate between two levels and between pixels.
+/// Images of one size, their channels side by side, at levels of growing blur that are made when first needed. A lookup
+/// reads all channels at once and interpolates between two levels and between pixels. Outside of the images it is dark.
 #[derive(Debug)]
 pub(crate) struct BlurStack {
-    levels: Vec<OnceLock<Image>>,
+    width: usize,
+    height: usize,
+    channels: usize,
+    /// `(height + 2) × (width + 2) × channels`: a dark border of a pixel saves the lookups every check of bounds.
+    levels: Vec<OnceLock<Vec<f32>>>,
+    /// Variance of each level's blur, px².
+    variances: [f64; N_LEVELS],
 }
 
 /// Added standard deviation of level 1, px, and its growth per level: level i > 0 has `FIRST · GROWTH^(i−1)`.
@@ -20,92 +27,105 @@ const N_LEVELS: usize = 14;
 const INTERPOLATION_VARIANCE: f64 = 1.0 / 6.0;
 
 impl BlurStack {
-    pub(crate) fn new(image: Image) -> Self {
-        let levels: Vec<OnceLock<Image>> = (0..N_LEVELS).map(|_| OnceLock::new()).collect();
-        levels[0].set(image).expect("new");
-        Self { levels }
+    /// A stack of all channels of `images`, which have the same size.
+    pub(crate) fn new(images: &[Image]) -> Self {
+        let (width, height) = (images[0].width, images[0].height);
+        assert!(images.iter().all(|i| i.width == width && i.height == height), "images of one size");
+        let channels = images.iter().map(|i| i.channels).sum();
+        let mut sharp = vec![0.0; (width + 2) * (height + 2) * channels];
+        for y in 0..height {
+            for x in 0..width {
+                let at = ((y + 1) * (width + 2) + x + 1) * channels;
+                let values = images.iter().flat_map(|i| i.pixel(x, y));
+                sharp[at..at + channels].iter_mut().zip(values).for_each(|(s, v)| *s = *v);
+            }
+        }
+        let levels: Vec<OnceLock<Vec<f32>>> = (0..N_LEVELS).map(|_| OnceLock::new()).collect();
+        levels[0].set(sharp).expect("new");
+        let mut variances = [0.0; N_LEVELS];
+        for (i, v) in variances.iter_mut().enumerate().skip(1) {
+            *v = (FIRST_PX * GROWTH.powi(i as i32 - 1)).powi(2);
+        }
+        Self { width, height, channels, levels, variances }
     }
 
-    /// Channels of the image.
+    /// Channels of all images together.
     pub(crate) fn channels(&self) -> usize {
-        self.level(0).channels
+        self.channels
     }
 
-    fn level(&self, i: usize) -> &Image {
-        self.levels[i].get_or_init(|| gaussian(self.levels[0].get().expect("set by new"), level_variance(i).sqrt()))
-    }
+    /// All channels at (u, v) px under a Gaussian of standard deviation `sigma` px. A blur narrower than the
+    /// interpolation's own (0.41 px) is not possible.
+    pub(crate) fn at(&self, [u, v]: [f64; 2], sigma: f64, out: &mut [f32]) {
+        out.fill(0.0);
+        // NaN is outside too.
+        if !(u > -1.0 && v > -1.0 && u < self.width as f64 && v < self.height as f64) {
+            return;
+        }
+        let (x, y) = (u.floor(), v.floor());
+        let (fx, fy) = ((u - x) as f32, (v - y) as f32);
+        let corner = ((y + 1.0) as usize * (self.width + 2) + (x + 1.0) as usize) * self.channels;
+        let row = (self.width + 2) * self.channels;
 
-    /// The value at (u, v) px under a Gaussian of standard deviation `sigma` px; all channels, mono in the first. Outside
-    /// of the image it is dark. A blur narrower than the interpolation's own (0.41 px) is not possible.
-    pub(crate) fn at(&self, [u, v]: [f64; 2], sigma: f64) -> [f32; 3] {
         let variance = (sigma * sigma - INTERPOLATION_VARIANCE).max(0.0);
-        let i = (1..N_LEVELS).find(|&i| level_variance(i) >= variance).unwrap_or(N_LEVELS - 1);
-        let (low, high) = (level_variance(i - 1), level_variance(i));
+        let i = (1..N_LEVELS - 1).find(|&i| self.variances[i] >= variance).unwrap_or(N_LEVELS - 1);
+        let (low, high) = (self.variances[i - 1], self.variances[i]);
         // Mixed in proportion to the variances, the mixture has exactly the variance asked for.
         let part = ((variance - low) / (high - low)).clamp(0.0, 1.0) as f32;
-        let a = bilinear(self.level(i - 1), u, v);
-        if part == 0.0 {
-            return a;
-        }
-        let b = bilinear(self.level(i), u, v);
-        std::array::from_fn(|c| a[c] + part * (b[c] - a[c]))
-    }
-}
-
-/// Variance of level i, px².
-fn level_variance(i: usize) -> f64 {
-    if i == 0 { 0.0 } else { (FIRST_PX * GROWTH.powi(i as i32 - 1)).powi(2) }
-}
-
-fn bilinear(image: &Image, u: f64, v: f64) -> [f32; 3] {
-    let (w, h) = (image.width as f64, image.height as f64);
-    // NaN is outside too.
-    if !(u > -1.0 && v > -1.0 && u < w && v < h) {
-        return [0.0; 3];
-    }
-    let (x, y) = (u.floor(), v.floor());
-    let (fx, fy) = ((u - x) as f32, (v - y) as f32);
-    let mut sum = [0.0; 3];
-    for (dy, wy) in [(0, 1.0 - fy), (1, fy)] {
-        for (dx, wx) in [(0, 1.0 - fx), (1, fx)] {
-            let (px, py) = (x as i64 + dx, y as i64 + dy);
-            if px >= 0 && py >= 0 && px < image.width as i64 && py < image.height as i64 {
-                let pixel = image.pixel(px as usize, py as usize);
-                for (s, value) in sum.iter_mut().zip(pixel) {
-                    *s += wx * wy * value;
+        for (level, part) in [(i - 1, 1.0 - part), (i, part)] {
+            if part == 0.0 {
+                continue;
+            }
+            let image = self.level(level);
+            for (at, fy) in [(corner, 1.0 - fy), (corner + row, fy)] {
+                let (a, b) = (part * fy * (1.0 - fx), part * fy * fx);
+                let pixels = &image[at..at + 2 * self.channels];
+                let (left, right) = pixels.split_at(self.channels);
+                for ((o, l), r) in out.iter_mut().zip(left).zip(right) {
+                    *o += a * l + b * r;
                 }
             }
         }
     }
-    sum
+
+    fn level(&self, i: usize) -> &[f32] {
+        self.levels[i].get_or_init(|| self.blurred(self.variances[i].sqrt()))
+    }
+
+    /// The sharp level under a sampled Gaussian along both axes.
+    fn blurred(&self, sigma: f64) -> Vec<f32> {
+        let radius = (4.0 * sigma).ceil() as usize;
+        let taps: Vec<f64> = (0..=2 * radius).map(|i| (i as f64 - radius as f64) / sigma).collect();
+        let taps: Vec<f64> = taps.into_iter().map(|x| (-0.5 * x * x).exp()).collect();
+        let total: f64 = taps.iter().sum();
+        let taps: Vec<f32> = taps.iter().map(|t| (t / total) as f32).collect();
+        let (n, row) = (self.channels, (self.width + 2) * self.channels);
+        let sharp = self.levels[0].get().expect("set by new");
+        // Each pass adds shifted copies; what is shifted over an end is lost in the dark.
+        let mut across = vec![0.0; sharp.len()];
+        for y in 1..=self.height {
+            let (from, to) = (&sharp[y * row + n..(y + 1) * row - n], &mut across[y * row + n..(y + 1) * row - n]);
+            add_shifted(from, to, &taps, n);
+        }
+        let mut both = vec![0.0; sharp.len()];
+        add_shifted(&across[row..][..self.height * row], &mut both[row..][..self.height * row], &taps, row);
+        both
+    }
 }
 
-/// Blurred by a sampled Gaussian along both axes; dark outside.
-fn gaussian(image: &Image, sigma: f64) -> Image {
-    let radius = (4.0 * sigma).ceil() as i64;
-    let taps: Vec<f64> = (-radius..=radius).map(|x| (-0.5 * (x as f64 / sigma).powi(2)).exp()).collect();
-    let total: f64 = taps.iter().sum();
-    let taps: Vec<f32> = taps.iter().map(|t| (t / total) as f32).collect();
-    let pass = |from: &Image, (dx, dy): (i64, i64)| {
-        let mut to = Image::new(from.width, from.height, from.channels);
-        let (w, h, n) = (from.width as i64, from.height as i64, from.channels as i64);
-        for y in 0..h {
-            for x in 0..w {
-                for (k, tap) in taps.iter().enumerate() {
-                    let offset = k as i64 - radius;
-                    let (sx, sy) = (x + dx * offset, y + dy * offset);
-                    if sx < 0 || sy < 0 || sx >= w || sy >= h {
-                        continue;
-                    }
-                    for c in 0..n {
-                        to.data[((y * w + x) * n + c) as usize] += tap * from.data[((sy * w + sx) * n + c) as usize];
-                    }
-                }
-            }
+/// `to += Σ_k taps[k] · from shifted by (k − middle) · step`.
+fn add_shifted(from: &[f32], to: &mut [f32], taps: &[f32], step: usize) {
+    let middle = taps.len() / 2;
+    let n = from.len();
+    for (k, tap) in taps.iter().enumerate() {
+        let shift = k.abs_diff(middle) * step;
+        if shift >= n {
+            continue;
         }
-        to
-    };
-    pass(&pass(image, (1, 0)), (0, 1))
+        let (from, to) =
+            if k < middle { (&from[..n - shift], &mut to[shift..]) } else { (&from[shift..], &mut to[..n - shift]) };
+        to.iter_mut().zip(from).for_each(|(t, f)| *t += tap * f);
+    }
 }
 
 #[cfg(test)]
@@ -117,24 +137,52 @@ mod tests {
     fn a_sinusoid_loses_the_amplitude_its_blur_says() {
         let period = 24.0;
         let wave = |u: f64| (std::f64::consts::TAU * u / period).cos();
-        let data = (0..400 * 9).map(|i| wave((i % 400) as f64) as f32).collect();
-        let stack = BlurStack::new(Image { width: 400, height: 9, channels: 1, data });
+        let image = |value: &dyn Fn(usize) -> f64| {
+            let data = (0..400 * 9).map(|i| value(i % 400) as f32).collect();
+            Image { width: 400, height: 9, channels: 1, data }
+        };
+        // Rows blur into the dark outside: white, blurred alike, tells how much.
+        let stack = BlurStack::new(&[image(&|i| wave(i as f64)), image(&|_| 1.0)]);
         for sigma in [0.5, 0.8, 1.3, 2.0, 4.0] {
-            // Rows blur into the dark outside; so compare with the blur of a constant image.
-            let white = BlurStack::new(Image { width: 400, height: 9, channels: 1, data: vec![1.0; 3600] });
             let expected = (-0.5 * (std::f64::consts::TAU * sigma / period).powi(2)).exp();
             for u in [150.0, 152.4, 160.7, 169.1] {
-                let got = f64::from(stack.at([u, 4.0], sigma)[0] / white.at([u, 4.0], sigma)[0]);
+                let mut got = [0.0; 2];
+                stack.at([u, 4.0], sigma, &mut got);
+                let got = f64::from(got[0] / got[1]);
                 assert!((got - expected * wave(u)).abs() < 0.004, "{sigma} at {u}: {got}, {}", expected * wave(u));
             }
         }
     }
 
     #[test]
+    fn a_point_spreads_evenly_and_keeps_its_light() {
+        let mut image = Image::new(41, 31, 1);
+        image.data[15 * 41 + 20] = 1.0;
+        let stack = BlurStack::new(&[image]);
+        let value = |x: f64, y: f64| {
+            let mut out = [0.0];
+            stack.at([x, y], 2.0, &mut out);
+            f64::from(out[0])
+        };
+        let mut moments = [0.0; 4];
+        for (x, y) in (0..41 * 31).map(|i| (f64::from(i % 41), f64::from(i / 41))) {
+            let v = value(x, y);
+            let (dx, dy) = (x - 20.0, y - 15.0);
+            [v, v * dx + v * dy, v * dx * dx, v * dy * dy].iter().zip(&mut moments).for_each(|(a, m)| *m += a);
+        }
+        // Read at the pixels, interpolation adds no variance of its own.
+        let expected = 4.0 - INTERPOLATION_VARIANCE;
+        assert!((moments[0] - 1.0).abs() < 1e-4 && moments[1].abs() < 1e-4, "{moments:?}");
+        assert!((moments[2] - expected).abs() < 0.02 && (moments[3] - expected).abs() < 0.02, "{moments:?}");
+    }
+
+    #[test]
     fn outside_is_dark() {
-        let stack = BlurStack::new(Image { width: 4, height: 4, channels: 3, data: vec![1.0; 48] });
-        assert_eq!(stack.at([-1.5, 1.0], 0.1), [0.0; 3]);
-        assert_eq!(stack.at([f64::NAN, 1.0], 0.1), [0.0; 3]);
-        assert_eq!(stack.at([1.5, 1.0], 0.1), [1.0; 3]);
+        let stack = BlurStack::new(&[Image { width: 4, height: 4, channels: 3, data: vec![1.0; 48] }]);
+        for (u, v, expected) in [(-1.5, 1.0, 0.0), (f64::NAN, 1.0, 0.0), (4.0, 1.0, 0.0), (1.5, 1.0, 1.0), (3.5, 3.0, 0.5)] {
+            let mut out = [7.0; 3];
+            stack.at([u, v], 0.1, &mut out);
+            assert_eq!(out, [expected; 3], "{u}, {v}");
+        }
     }
 }

@@ -72,12 +72,14 @@ impl Film {
         Lit { strength, uv: [local.x * scale, local.y * scale], sigma: s.lamp_sigma_mm * (1.0 - scale) }
     }
 
-    pub(super) fn irradiance(&self, frame: Frame, lit: &Lit) -> [f32; 3] {
-        match frame {
-            Frame::White => [lit.strength[0]; 3],
-            Frame::Black => [0.0; 3],
-            Frame::Pattern(_) if lit.strength[1] == 0.0 || !self.in_image(lit.uv) => [0.0; 3],
-            Frame::Pattern(_) => self.transmission(lit.uv, lit.sigma).map(|v| v as f32 * lit.strength[1]),
+    pub(super) fn irradiance(&self, frames: &[Frame], lit: &Lit, out: &mut [[f32; 3]]) {
+        for (frame, rgb) in frames.iter().zip(out) {
+            *rgb = match frame {
+                Frame::White => [lit.strength[0]; 3],
+                Frame::Black => [0.0; 3],
+                Frame::Pattern(_) if lit.strength[1] == 0.0 || !self.in_image(lit.uv) => [0.0; 3],
+                Frame::Pattern(_) => self.transmission(lit.uv, lit.sigma).map(|v| v as f32 * lit.strength[1]),
+            };
         }
     }
 

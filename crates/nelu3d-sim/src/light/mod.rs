@@ -47,7 +47,7 @@ pub(crate) struct Lit {
 
 impl Light {
     /// The light of a checked spec. `patterns` are the images a projector shows; see [`Frame::Pattern`].
-    pub(crate) fn new(spec: &Spec, patterns: Vec<nelu3d_scan::Image>) -> Self {
+    pub(crate) fn new(spec: &Spec, patterns: &[nelu3d_scan::Image]) -> Self {
         match &spec.light {
             LightSpec::Projector(p) => Self::Projector(Box::new(ProjectorLight::new(p, patterns))),
             LightSpec::Film(f) => Self::Film(Film::new(f)),
@@ -70,11 +70,13 @@ impl Light {
         }
     }
 
-    /// Irradiance in red, green and blue, without ambient light. 1: white, perpendicular, at the reference distance.
-    pub(crate) fn irradiance(&self, frame: Frame, lit: &Lit) -> [f32; 3] {
+    /// Irradiance in red, green and blue in every frame, without ambient light. 1: white, perpendicular, at the reference
+    /// distance. `scratch` is memory to use again.
+    pub(crate) fn irradiance(&self, frames: &[Frame], lit: &Lit, scratch: &mut Vec<f32>, out: &mut [[f32; 3]]) {
+        assert_eq!(frames.len(), out.len(), "one irradiance per frame");
         match self {
-            Self::Projector(l) => l.irradiance(frame, lit),
-            Self::Film(l) => l.irradiance(frame, lit),
+            Self::Projector(l) => l.irradiance(frames, lit, scratch, out),
+            Self::Film(l) => l.irradiance(frames, lit, out),
         }
     }
 

@@ -13,31 +13,37 @@ pub(crate) struct ProjectorLight {
     projector: Projector,
     center: Point3<f64>,
     axis: Vector3<f64>,
-    white: BlurStack,
-    patterns: Vec<BlurStack>,
+    /// White, then all patterns.
+    shown: BlurStack,
+    /// First channel in `shown` and number of channels of every pattern.
+    channels: Vec<(usize, usize)>,
 }
 
 impl ProjectorLight {
     /// A projector that shows `patterns` (codes in `[0, 1]`).
-    pub(crate) fn new(spec: &ProjectorSpec, patterns: Vec<Image>) -> Self {
+    pub(crate) fn new(spec: &ProjectorSpec, patterns: &[Image]) -> Self {
         let cam_from_proj = look_at(spec.position_mm, spec.target_mm);
         let optics = spec.optics().expect("checked with the spec");
         let projector = Projector { optics, proj_from_cam: cam_from_proj.inverse() };
-        let ones = Image { data: vec![1.0; spec.width * spec.height], ..Image::new(spec.width, spec.height, 1) };
+        let white = Image { data: vec![1.0; spec.width * spec.height], ..Image::new(spec.width, spec.height, 1) };
+        let mut images = vec![white];
+        images.extend_from_slice(patterns);
         // What it emits: from the code by its response, above its leak.
-        let emit = |mut image: Image| {
-            for v in &mut image.data {
-                let light = f64::from(*v).powf(spec.gamma);
-                *v = (spec.black_leak + (1.0 - spec.black_leak) * light) as f32;
-            }
-            BlurStack::new(image)
-        };
+        for v in images.iter_mut().flat_map(|i| &mut i.data) {
+            let light = f64::from(*v).powf(spec.gamma);
+            *v = (spec.black_leak + (1.0 - spec.black_leak) * light) as f32;
+        }
+        let mut next = 1;
+        let channels = patterns.iter().map(|p| {
+            next += p.channels;
+            (next - p.channels, p.channels)
+        });
         Self {
             center: Point3::from(spec.position_mm),
             axis: cam_from_proj * Vector3::z(),
             projector,
-            white: emit(ones),
-            patterns: patterns.into_iter().map(emit).collect(),
+            channels: channels.collect(),
+            shown: BlurStack::new(&images),
             spec: spec.clone(),
         }
     }
@@ -60,19 +66,25 @@ impl ProjectorLight {
         Lit { strength: [strength; 2], uv, sigma: s.sharp_sigma_px.hypot(defocus) }
     }
 
-    pub(super) fn irradiance(&self, frame: Frame, lit: &Lit) -> [f32; 3] {
+    pub(super) fn irradiance(&self, frames: &[Frame], lit: &Lit, scratch: &mut Vec<f32>, out: &mut [[f32; 3]]) {
         let [strength, _] = lit.strength;
         if strength == 0.0 {
-            return [0.0; 3];
+            out.fill([0.0; 3]);
+            return;
         }
-        let (code, channels) = match frame {
-            Frame::White => (self.white.at(lit.uv, lit.sigma), 1),
-            Frame::Black if self.spec.black == BlackImage::Off => return [0.0; 3],
-            Frame::Black => (self.white.at(lit.uv, lit.sigma).map(|v| v * self.spec.black_leak as f32), 1),
-            Frame::Pattern(i) => (self.patterns[i].at(lit.uv, lit.sigma), self.patterns[i].channels()),
-        };
-        let rgb = if channels == 3 { code } else { [code[0]; 3] };
-        rgb.map(|v| v * strength)
+        scratch.resize(self.shown.channels(), 0.0);
+        self.shown.at(lit.uv, lit.sigma, scratch);
+        let black = if self.spec.black == BlackImage::Off { 0.0 } else { self.spec.black_leak as f32 };
+        for (frame, rgb) in frames.iter().zip(out) {
+            *rgb = match frame {
+                Frame::White => [scratch[0] * strength; 3],
+                Frame::Black => [scratch[0] * black * strength; 3],
+                Frame::Pattern(i) => match self.channels[*i] {
+                    (at, 3) => [0, 1, 2].map(|c| scratch[at + c] * strength),
+                    (at, _) => [scratch[at] * strength; 3],
+                },
+            };
+        }
     }
 
     pub(super) fn in_image(&self, [u, v]: [f64; 2]) -> bool {

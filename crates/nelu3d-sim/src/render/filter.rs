@@ -44,16 +44,25 @@ impl Filter {
         usize::try_from(offset + self.radius as i64).ok().and_then(|i| self.taps.get(i)).copied().unwrap_or(0.0)
     }
 
-    /// A line of subsamples (with `radius` more on either side) to a line of pixels, of `values` each.
+    /// A line of subsamples (with `radius` more on either side) to a line of pixels, of `values` (1 or 3) each.
     pub(crate) fn reduce_line(&self, line: &[f32], values: usize, pixels: &mut [f32]) {
-        for (x, pixel) in pixels.chunks_exact_mut(values).enumerate() {
-            pixel.fill(0.0);
-            let samples = line[x * self.n * values..].chunks_exact(values);
+        match values {
+            1 => self.reduce::<1>(line, pixels),
+            3 => self.reduce::<3>(line, pixels),
+            _ => panic!("images of {values} channels"),
+        }
+    }
+
+    fn reduce<const N: usize>(&self, line: &[f32], pixels: &mut [f32]) {
+        let (samples, pixels) = (line.as_chunks::<N>().0, pixels.as_chunks_mut::<N>().0);
+        for (pixel, samples) in pixels.iter_mut().zip(samples.windows(self.taps.len()).step_by(self.n)) {
+            let mut sum = [0.0; N];
             for (tap, sample) in self.taps.iter().zip(samples) {
-                for (sum, v) in pixel.iter_mut().zip(sample) {
-                    *sum += tap * v;
+                for (s, v) in sum.iter_mut().zip(sample) {
+                    *s += tap * v;
                 }
             }
+            *pixel = sum;
         }
     }
 }

@@ -19,7 +19,7 @@ use filter::Filter;
 use rays::RayGrid;
 
 /// Rows rendered together. More rows repeat less of the filter's margin, fewer spread better over threads.
-const BAND_ROWS: usize = 16;
+const BAND_ROWS: usize = 24;
 
 /// A camera ready to look at scenes.
 #[derive(Debug)]
@@ -135,6 +135,7 @@ impl Renderer {
         let radius = self.filter.radius() as i64;
         let length = lines.len() / frames.len();
         let (y, sub_y) = (sub_row.div_euclid(n), sub_row.rem_euclid(n));
+        let (mut scratch, mut irradiance) = (Vec::new(), vec![[0.0; 3]; frames.len()]);
         let row_hash = hash(self.seed, Use::Pixels, [shot, sub_row as u64, 0]);
         for (i, sub_column) in (-radius..self.camera.width as i64 * n + radius).enumerate() {
             let (x, sub_x) = (sub_column.div_euclid(n), sub_column.rem_euclid(n));
@@ -153,8 +154,8 @@ impl Renderer {
             };
             let lit = light.lit(&hit.point, &hit.normal, |to| scene.sees(&hit, to));
             let albedo = scene.albedo(&hit);
-            for (f, frame) in frames.iter().enumerate() {
-                let irradiance = light.irradiance(*frame, &lit);
+            light.irradiance(frames, &lit, &mut scratch, &mut irradiance);
+            for (f, irradiance) in irradiance.iter().enumerate() {
                 let radiance: [f32; 3] = std::array::from_fn(|c| albedo[c] * (irradiance[c] + self.ambient));
                 let out = &mut lines[f * length + i * values..][..values];
                 if values == 1 {

@@ -63,7 +63,7 @@ fn supersampling() -> usize {
 pub struct PatternSetSpec {
     /// Its name.
     pub name: String,
-    /// Its patterns. Patterns of one family are numbered through all sets; each set has images of its own.
+    /// Its patterns. Images are numbered by family through all sets; equal images are captured once and shared.
     pub patterns: Vec<Pattern>,
 }
 

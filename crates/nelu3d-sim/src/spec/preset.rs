@@ -47,7 +47,7 @@ fn demo() -> Spec {
             full_well_electrons: 10_000.0,
             read_noise_electrons: 6.0,
             psf_sigma_px: 0.4,
-            exposure: 0.9,
+            exposure: 0.8,
             color_mixing: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         },
         light: LightSpec::Projector(ProjectorSpec {
