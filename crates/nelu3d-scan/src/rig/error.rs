@@ -1,7 +1,7 @@
 //! Why a rig folder could not be used.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::camera::CameraFileError;
 use crate::image::{Depth, ImageFileError};
@@ -120,4 +120,24 @@ pub enum RigError {
         /// What to do about it.
         remedy: &'static str,
     },
+}
+
+impl RigError {
+    /// The file or folder concerned; `None` where only the message names it.
+    pub fn path(&self) -> Option<&Path> {
+        match self {
+            RigError::NotARig { path }
+            | RigError::Io { path, .. }
+            | RigError::Syntax { path, .. }
+            | RigError::NewerFormat { path, .. }
+            | RigError::Invalid { path, .. }
+            | RigError::MixedDepth { path, .. }
+            | RigError::NoPatternSet { path, .. }
+            | RigError::NoShot { path, .. }
+            | RigError::Empty { path, .. } => Some(path),
+            RigError::Camera(e) => Some(e.path()),
+            RigError::Image(e) => Some(e.path()),
+            RigError::Write(_) => None,
+        }
+    }
 }

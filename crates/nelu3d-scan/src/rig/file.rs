@@ -26,9 +26,9 @@ pub(super) struct RigToml {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pattern_sets: Vec<PatternSetToml>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    board: Option<BoardToml>,
+    pub(super) board: Option<BoardToml>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    poses: Vec<PoseToml>,
+    pub(super) poses: Vec<PoseToml>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -36,7 +36,7 @@ pub(super) struct RigToml {
 pub(super) struct CameraToml {
     #[serde(default = "default_intrinsics")]
     pub(super) intrinsics: String,
-    channels: String,
+    pub(super) channels: String,
     black_level: f64,
     saturation: f64,
 }
@@ -70,7 +70,7 @@ struct PatternSetToml {
 /// All kinds of board in one: which keys a kind has is checked by hand, which gives better messages than an enum.
 #[derive(Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct BoardToml {
+pub(super) struct BoardToml {
     kind: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     columns: Option<usize>,
@@ -92,7 +92,7 @@ struct BoardToml {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct PoseToml {
+pub(super) struct PoseToml {
     position: String,
     rotation: [f64; 3],
     translation: [f64; 3],

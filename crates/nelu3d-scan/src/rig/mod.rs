@@ -1,6 +1,7 @@
 //! The rig folder: everything about one camera and one light source that did not move. See `docs/capture-format.md`.
 
 mod capture;
+mod check;
 mod error;
 mod file;
 mod shots;
@@ -8,6 +9,7 @@ mod shots;
 use std::path::PathBuf;
 
 pub use capture::{Capture, Need};
+pub use check::{Finding, Severity};
 pub use error::RigError;
 
 use crate::board::Board;
@@ -112,3 +114,6 @@ impl Rig {
         self.poses.iter().find(|p| p.position == position).map(|p| &p.cam_from_board)
     }
 }
+
+#[cfg(test)]
+mod tests;

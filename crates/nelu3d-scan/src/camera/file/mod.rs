@@ -65,6 +65,18 @@ pub enum CameraFileError {
     },
 }
 
+impl CameraFileError {
+    /// The file.
+    pub fn path(&self) -> &Path {
+        match self {
+            CameraFileError::Io { path, .. }
+            | CameraFileError::Syntax { path, .. }
+            | CameraFileError::Missing { path, .. }
+            | CameraFileError::Invalid { path, .. } => path,
+        }
+    }
+}
+
 /// What any of the formats holds, with the keys it was found under.
 struct Calibration {
     width: (String, usize),
@@ -103,7 +115,7 @@ pub fn read_projector(path: &Path) -> Result<Projector, CameraFileError> {
     };
     let rotation = rotation(&source, &calibration)?.ok_or_else(|| missing("R"))?;
     let translation = translation(&source, &calibration)?.ok_or_else(|| missing("T"))?;
-    Ok(Projector { optics, proj_from_cam: Isometry3::from_parts(translation.into(), rotation) })
+    Ok(Projector { optics, proj_from_cam: Isometry3::from_parts(translation, rotation) })
 }
 
 /// Writes camera intrinsics in the LookUp3D tools' format.

@@ -71,6 +71,20 @@ pub enum ImageFileError {
     },
 }
 
+impl ImageFileError {
+    /// The file.
+    pub fn path(&self) -> &Path {
+        match self {
+            ImageFileError::Missing { path }
+            | ImageFileError::Io { path, .. }
+            | ImageFileError::Format { path }
+            | ImageFileError::Damaged { path, .. }
+            | ImageFileError::Kind { path, .. }
+            | ImageFileError::Size { path, .. } => path,
+        }
+    }
+}
+
 /// What a value is stored as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
@@ -229,8 +243,13 @@ pub fn decode(path: &Path, size: Option<(usize, usize)>) -> Result<Raw, ImageFil
         io::ErrorKind::NotFound => ImageFileError::Missing { path: path.to_path_buf() },
         _ => ImageFileError::Io { path: path.to_path_buf(), source },
     })?;
-    let file = File { path, bytes: &bytes, size };
-    match bytes.as_slice() {
+    decode_bytes(path, &bytes, size)
+}
+
+/// [`decode()`] of a file's content; `path` is only for messages.
+pub(super) fn decode_bytes(path: &Path, bytes: &[u8], size: Option<(usize, usize)>) -> Result<Raw, ImageFileError> {
+    let file = File { path, bytes, size };
+    match bytes {
         [0x89, b'P', b'N', b'G', ..] => png::decode(&file),
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::decode(&file),
         [0x76, 0x2f, 0x31, 0x01, ..] => exr::decode(&file),
