@@ -1,1 +1,34 @@
-//! nelu3d-field
+//! Small neural fields and differentiable volume rendering on the CPU. Knows nothing about scanners.
+//!
+//! One folder per operation. Each has a contract (`mod.rs`), a plain `reference` generic over `f32`/`f64` that cites its
+//! equations, and a fast `cpu` form that is tested against the reference:
+//!
+//! | operation | folder | source |
+//! |---|---|---|
+//! | multiresolution hash grid | [`encoding::hash_grid`] | Müller et al. 2022, *Instant Neural Graphics Primitives*, Sec. 3 |
+//! | frequency encoding | [`encoding::frequency`] | Mildenhall et al. 2020, *NeRF*, Eq. 4 |
+//! | multilayer perceptron | [`mlp`] | |
+//! | compositing of signed distances | [`volrend`] | Wang et al. 2021, *NeuS*, Eq. 13 |
+//! | losses | [`loss`] | NeLU3D, Eq. 2, 3, 5, 6 |
+//! | optimizer | [`adam`] | Kingma & Ba 2015, Alg. 1 |
+//!
+//! [`field::HashField`] puts them together: one flat parameter buffer, one training step, one query.
+//!
+//! Results depend on the seed and the inputs only, never on the number of threads: work is cut into fixed blocks, and
+//! sums are reduced in a fixed order.
+
+pub mod adam;
+pub mod encoding;
+pub mod field;
+pub mod loss;
+pub mod mlp;
+mod prefetch;
+mod real;
+mod reduce;
+pub mod volrend;
+
+pub use field::{HashField, HashFieldConfig};
+pub use real::Real;
+
+#[cfg(test)]
+mod check;

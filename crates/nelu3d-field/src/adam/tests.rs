@@ -1,0 +1,79 @@
+use super::*;
+use crate::check::{assert_close, uniform_f32};
+
+const N: usize = 1000;
+
+#[test]
+fn reference_follows_the_closed_form_for_a_constant_gradient() {
+    // With g constant both bias-corrected moments are exactly g and g²: every step is the learning rate.
+    let config = AdamConfig::default();
+    let (mut p, mut moments) = ([1.0f64, 1.0], [[0.0; 2]; 2]);
+    for t in 0..50 {
+        reference::step(&config, 0.01, t, &mut p, &mut moments, &[3.0, -0.2]);
+    }
+    assert!((p[0] - 0.5).abs() < 1e-12 && (p[1] - 1.5).abs() < 1e-12, "{p:?}");
+}
+
+#[test]
+fn cpu_matches_reference_over_many_steps() {
+    let config = AdamConfig { epsilon: 1e-8, ..AdamConfig::default() };
+    let start = uniform_f32(1, N, -1.0, 1.0);
+    let (mut fast, mut slow) = (start.clone(), start.iter().map(|&x| x as f64).collect::<Vec<_>>());
+    let (mut fast_moments, mut slow_moments) = (vec![[0.0f32; 2]; N], vec![[0.0f64; 2]; N]);
+    for t in 0..100 {
+        let g = uniform_f32(2 + t, N, -1.0, 1.0);
+        cpu::step(&config, 1e-2, t, &mut fast, &mut fast_moments, &g);
+        let g: Vec<f64> = g.iter().map(|&g| g as f64).collect();
+        reference::step(&config, 1e-2, t, &mut slow, &mut slow_moments, &g);
+    }
+    // 100 steps of at most ~1e-2, each with a few roundings of it and one of p.
+    let slow: Vec<f32> = slow.iter().map(|&x| x as f32).collect();
+    assert_close(&fast, &slow, 100.0 * f32::EPSILON);
+}
+
+#[test]
+fn lazy_cpu_matches_reference_and_leaves_the_rest_alone() {
+    let config = AdamConfig::default();
+    for n_features in [1, 2, 4, 8] {
+        let n_entries = 203;
+        let n = n_entries * n_features;
+        let start = uniform_f32(1, n, -1.0, 1.0);
+        let (mut fast, mut slow) = (start.clone(), start.clone());
+        let (mut fast_moments, mut slow_moments) = (vec![[0.0; 2]; n], vec![[0.0; 2]; n]);
+        let mut touched_ever = [0; 4];
+        for t in 0..20u64 {
+            let mut gradient = uniform_f32(10 + t, n, -1.0, 1.0);
+            let mut touched = vec![0u64; 4];
+            for e in (0..n_entries).filter(|e| (e * 7 + t as usize * 13).is_multiple_of(11) && !e.is_multiple_of(5)) {
+                touched[e / 64] |= 1 << (e % 64);
+            }
+            touched_ever.iter_mut().zip(&touched).for_each(|(a, b)| *a |= b);
+            reference::step_lazy(&config, 1e-2, t, n_features, &mut slow, &mut slow_moments, &gradient, &touched);
+            let before = (gradient.clone(), touched.clone());
+            cpu::step_lazy(&config, 1e-2, t, n_features, &mut fast, &mut fast_moments, &mut gradient, &mut touched);
+            assert!(touched.iter().all(|&w| w == 0));
+            for (i, g) in gradient.iter().enumerate() {
+                let e = i / n_features;
+                let was_touched = before.1[e / 64] >> (e % 64) & 1 == 1;
+                assert_eq!(*g, if was_touched { 0.0 } else { before.0[i] });
+            }
+        }
+        assert_close(&fast, &slow, 20.0 * f32::EPSILON);
+        for (i, (a, b)) in fast.iter().zip(&start).enumerate() {
+            let e = i / n_features;
+            assert_eq!(touched_ever[e / 64] >> (e % 64) & 1 == 1, a != b, "parameter {i}");
+        }
+    }
+}
+
+#[test]
+fn schedule_warms_up_then_decays() {
+    let s = Schedule { n_warmup_steps: 500, warmup_start: 0.01, n_steps: 10_000, final_factor: 0.1 };
+    assert_eq!(s.factor(0), 0.01);
+    assert!((s.factor(250) - 0.505).abs() < 1e-12);
+    assert_eq!(s.factor(500), 1.0);
+    assert!((s.factor(5250) - 0.1f64.sqrt()).abs() < 1e-12);
+    assert!((s.factor(10_000) - 0.1).abs() < 1e-12 && s.factor(u64::MAX) == s.factor(10_000));
+    let none = Schedule { n_warmup_steps: 0, n_steps: 0, ..s };
+    assert!(none.factor(0).is_finite());
+}

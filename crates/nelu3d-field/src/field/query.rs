@@ -1,0 +1,114 @@
+//! Evaluation of many points.
+
+use super::HashField;
+use crate::encoding::hash_grid::cpu as hash_grid;
+use crate::mlp::cpu::{self as mlp, BLOCK, MlpScratch, padded};
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+
+/// Points of one task: enough to make its scratch memory cheap.
+const TASK: usize = 32 * BLOCK;
+
+impl<const D: usize> HashField<D> {
+    /// Outputs of many points, in parallel: `out[point][output]`. Points outside [0, 1]^D are clamped to it.
+    ///
+    /// # Panics
+    /// If `out` does not hold `n_outputs` values per point.
+    pub fn query(&self, points: &[[f32; D]], out: &mut [f32]) {
+        let k = self.n_outputs();
+        assert_eq!(out.len(), points.len() * k);
+        points.par_chunks(TASK).zip(out.par_chunks_mut(TASK * k)).for_each(|(points, out)| {
+            Arch::new().dispatch(Query { field: self, points, out });
+        });
+    }
+
+    /// Outputs and their derivatives by the point, in parallel: `out[point][output]`,
+    /// `jacobian[point][output][axis]` per unit of [0, 1]. Along an axis where a point is clamped the derivative is 0.
+    ///
+    /// # Panics
+    /// If `out` or `jacobian` do not hold `n_outputs` values per point.
+    pub fn query_with_jacobian(&self, points: &[[f32; D]], out: &mut [f32], jacobian: &mut [[f32; D]]) {
+        let k = self.n_outputs();
+        assert_eq!(out.len(), points.len() * k);
+        assert_eq!(jacobian.len(), points.len() * k);
+        let tasks = points.par_chunks(TASK).zip(out.par_chunks_mut(TASK * k)).zip(jacobian.par_chunks_mut(TASK * k));
+        tasks.for_each(|((points, out), jacobian)| {
+            Arch::new().dispatch(QueryWithJacobian { field: self, points, out, jacobian });
+        });
+    }
+}
+
+struct Query<'a, const D: usize> {
+    field: &'a HashField<D>,
+    points: &'a [[f32; D]],
+    out: &'a mut [f32],
+}
+
+impl<const D: usize> WithSimd for Query<'_, D> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let HashField { grid, params, packed, .. } = self.field;
+        let table = &params[..grid.n_params()];
+        let k = self.field.n_outputs();
+        let stride = padded(grid.n_features());
+        let mut scratch = MlpScratch::new(packed);
+        let mut features = vec![0.0; BLOCK * stride];
+        for (points, out) in self.points.chunks(BLOCK).zip(self.out.chunks_mut(BLOCK * k)) {
+            hash_grid::forward_inlined(grid, table, points, &mut features, stride);
+            mlp::forward_block(simd, packed, &features, points.len(), &mut scratch);
+            for (y, out) in scratch.output().chunks_exact(padded(k)).zip(out.chunks_exact_mut(k)) {
+                out.copy_from_slice(&y[..k]);
+            }
+        }
+    }
+}
+
+struct QueryWithJacobian<'a, const D: usize> {
+    field: &'a HashField<D>,
+    points: &'a [[f32; D]],
+    out: &'a mut [f32],
+    jacobian: &'a mut [[f32; D]],
+}
+
+impl<const D: usize> WithSimd for QueryWithJacobian<'_, D> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let HashField { grid, params, packed, .. } = self.field;
+        let table = &params[..grid.n_params()];
+        let k = self.field.n_outputs();
+        let (n_features, stride) = (grid.n_features(), padded(grid.n_features()));
+        let mut scratch = MlpScratch::new(packed);
+        let mut features = vec![0.0; BLOCK * stride];
+        let mut d_features = features.clone();
+        let mut slopes = vec![[0.0; D]; BLOCK * n_features];
+        let blocks = self.points.chunks(BLOCK).zip(self.out.chunks_mut(BLOCK * k));
+        for ((points, out), jacobian) in blocks.zip(self.jacobian.chunks_mut(BLOCK * k)) {
+            hash_grid::forward_inlined(grid, table, points, &mut features, stride);
+            hash_grid::jacobian_inlined(grid, table, points, &mut slopes, n_features);
+            mlp::forward_block(simd, packed, &features, points.len(), &mut scratch);
+            for (y, out) in scratch.output().chunks_exact(padded(k)).zip(out.chunks_exact_mut(k)) {
+                out.copy_from_slice(&y[..k]);
+            }
+            for o in 0..k {
+                let seed = scratch.output_and_gradient().1;
+                seed.fill(0.0);
+                for d in seed.chunks_exact_mut(padded(k)) {
+                    d[o] = 1.0;
+                }
+                mlp::backward_block(simd, packed, &features, points.len(), &mut scratch, None, &mut d_features);
+                let rows = d_features.chunks_exact(stride).zip(slopes.chunks_exact(n_features));
+                for ((d, slopes), jacobian) in rows.zip(jacobian.chunks_exact_mut(k)) {
+                    let mut sum = [0.0; D];
+                    for (d, slope) in d.iter().zip(slopes) {
+                        for a in 0..D {
+                            sum[a] += d * slope[a];
+                        }
+                    }
+                    jacobian[o] = sum;
+                }
+            }
+        }
+    }
+}

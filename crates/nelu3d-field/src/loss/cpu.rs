@@ -1,0 +1,92 @@
+//! Fast form: parallel over fixed parts, sums in double precision. Same arguments as [`super::reference`].
+
+use super::{MASK_CLAMP, Norms};
+use crate::Real;
+use crate::reduce::fill_and_sum;
+
+#[inline(always)]
+fn sign(x: f32) -> f32 {
+    if x == 0.0 { 0.0 } else { 1f32.copysign(x) }
+}
+
+/// Mean of `f(i).0` with `d[i]` = `f(i).1` / n.
+fn mean(n: usize, d: &mut [f32], f: impl Fn(usize) -> (f32, f32) + Sync) -> f64 {
+    assert_eq!(d.len(), n);
+    let scale = 1.0 / n.max(1) as f64;
+    let sum = fill_and_sum(d, &|offset, d| {
+        let mut sum = 0.0;
+        for (i, d) in d.iter_mut().enumerate() {
+            let (value, slope) = f(offset + i);
+            sum += value as f64;
+            *d = slope * scale as f32;
+        }
+        sum
+    });
+    sum * scale
+}
+
+/// Eq. 3: l1 |r| + l2 r².
+pub fn lookup(norms: Norms, residuals: &[f32], d: &mut [f32]) -> f64 {
+    let (l1, l2) = (norms.l1 as f32, norms.l2 as f32);
+    mean(residuals.len(), d, |i| {
+        let r = residuals[i];
+        (l1 * r.abs() + l2 * r * r, l1 * sign(r) + 2.0 * l2 * r)
+    })
+}
+
+/// Eq. 2: l1 |I_white r| + l2 (I_white r)².
+pub fn pattern(norms: Norms, residuals: &[f32], white: &[f32], d: &mut [f32]) -> f64 {
+    assert_eq!(residuals.len(), white.len());
+    let (l1, l2) = (norms.l1 as f32, norms.l2 as f32);
+    mean(residuals.len(), d, |i| {
+        let r = white[i] * residuals[i];
+        (l1 * r.abs() + l2 * r * r, white[i] * (l1 * sign(r) + 2.0 * l2 * r))
+    })
+}
+
+/// Eq. 5: binary cross-entropy of the opacity, clamped to [1e-3, 1 − 1e-3]; no gradient where the clamp acts.
+pub fn mask(opacity: &[f32], mask: &[f32], d: &mut [f32]) -> f64 {
+    assert_eq!(opacity.len(), mask.len());
+    let (low, high) = (MASK_CLAMP as f32, 1.0 - MASK_CLAMP as f32);
+    mean(opacity.len(), d, |i| {
+        let m = mask[i];
+        let o = opacity[i].max(low).min(high);
+        let slope = if (low..=high).contains(&opacity[i]) { (o - m) / (o * (1.0 - o)) } else { 0.0 };
+        (-(m * o.ln() + (1.0 - m) * (1.0 - o).ln()), slope)
+    })
+}
+
+/// Eq. 5 for opacities given as logits, O = sigmoid(x): never saturates, needs no clamp.
+pub fn mask_logits(logits: &[f32], mask: &[f32], d: &mut [f32]) -> f64 {
+    assert_eq!(logits.len(), mask.len());
+    mean(logits.len(), d, |i| {
+        let (x, m) = (logits[i], mask[i]);
+        (-x.log_sigmoid() + (1.0 - m) * x, x.sigmoid() - m)
+    })
+}
+
+/// Eq. 6: (|∇f| − 1)². At ∇f = 0 the gradient is 0.
+pub fn eikonal(gradients: &[[f32; 3]], d: &mut [[f32; 3]]) -> f64 {
+    assert_eq!(gradients.len(), d.len());
+    let scale = 1.0 / gradients.len().max(1) as f64;
+    let sum = fill_and_sum(d, &|offset, d| {
+        let mut sum = 0.0;
+        for (d, g) in d.iter_mut().zip(&gradients[offset..]) {
+            let norm = (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt();
+            let excess = norm - 1.0;
+            sum += (excess * excess) as f64;
+            let factor = if norm > 0.0 { 2.0 * excess / norm * scale as f32 } else { 0.0 };
+            *d = g.map(|x| factor * x);
+        }
+        sum
+    });
+    sum * scale
+}
+
+/// Eq. 6: exp(−|f|).
+pub fn sparsity(sdf: &[f32], d: &mut [f32]) -> f64 {
+    mean(sdf.len(), d, |i| {
+        let e = (-sdf[i].abs()).exp();
+        (e, -sign(sdf[i]) * e)
+    })
+}

@@ -1,0 +1,18 @@
+//! Sums over slices in parallel, always added in the same order.
+
+/// Elements one task handles.
+const GRAIN: usize = 4096;
+
+/// Calls `f(offset, part)` on disjoint parts of `out` in parallel and adds what it returns along a fixed binary tree.
+pub(crate) fn fill_and_sum<T: Send>(out: &mut [T], f: &(impl Fn(usize, &mut [T]) -> f64 + Sync)) -> f64 {
+    fn part<T: Send>(offset: usize, out: &mut [T], f: &(impl Fn(usize, &mut [T]) -> f64 + Sync)) -> f64 {
+        if out.len() <= GRAIN {
+            return f(offset, out);
+        }
+        let middle = out.len() / 2;
+        let (left, right) = out.split_at_mut(middle);
+        let (a, b) = rayon::join(|| part(offset, left, f), || part(offset + middle, right, f));
+        a + b
+    }
+    part(0, out, f)
+}

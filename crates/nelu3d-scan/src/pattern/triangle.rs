@@ -1,0 +1,40 @@
+//! A triangle wave: constant slopes, so equally sensitive everywhere but at its tips.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Axis, PatternError, along, check_period};
+use crate::image::Image;
+
+/// 0 at the first pixel, 1 half a period later, 0 a period later.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Triangle {
+    /// Direction of change.
+    #[serde(default)]
+    pub axis: Axis,
+    /// Length of a period, px.
+    pub period_px: f64,
+}
+
+impl Triangle {
+    pub(super) fn generate(&self, width: usize, height: usize) -> Result<Vec<Image>, PatternError> {
+        check_period("triangle", "period_px", self.period_px)?;
+        let value = |u: usize| 1.0 - (2.0 * (u as f64 / self.period_px).fract() - 1.0).abs();
+        Ok(vec![along(self.axis, width, height, value)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_come_back_within_half_a_period() {
+        let image = &Triangle { axis: Axis::X, period_px: 50.0 }.generate(120, 1).unwrap()[0];
+        for u in 0..=25 {
+            assert!((f64::from(image.pixel(u, 0)[0]) * 25.0 - u as f64).abs() < 1e-5);
+            assert_eq!(image.pixel(u, 0), image.pixel(50 - u, 0));
+            assert!((image.pixel(u, 0)[0] - image.pixel(u + 50, 0)[0]).abs() < 1e-6);
+        }
+    }
+}

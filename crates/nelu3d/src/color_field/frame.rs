@@ -1,0 +1,180 @@
+//! The coordinates a color field lives in: a projective frame whose lines of constant (a, b) all meet in one point.
+//!
+//! Light travels in straight lines, so a point-like source throws the same codeword on every point of a ray of light (up
+//! to defocus, which changes slowly along it). In a frame centered on the light, c is therefore detailed across (a, b)
+//! and nearly constant along w: board positions far apart supervise the same coefficients, which is what makes the field
+//! interpolate between them. In the frame centered on the camera, (a, b) are pixels and w is 1/z: any light will do there,
+//! but nothing is shared between positions. Both are this one type; only the center differs. A center at infinity
+//! (parallel light) is `kappa = 0`.
+
+use nalgebra::{Matrix3, Point3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Where the lines of a [`Frame`] meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Center {
+    /// In the light source, found from the sweep itself (or from a calibrated projector).
+    Light,
+    /// In the camera.
+    Camera,
+}
+
+/// A projective frame over the calibrated volume: camera-frame points (mm) to unit coordinates (a, b, w) in `[0, 1]^3`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Frame {
+    /// A point in the middle of the volume, mm.
+    pub origin: [f64; 3],
+    /// Unit axes e1, e2 (across) and e3 (along, pointing away from the center), row by row.
+    pub axes: [[f64; 3]; 3],
+    /// One over the distance from the center to the origin, 1/mm; 0 for parallel lines, negative for converging ones.
+    pub kappa: f64,
+    /// Lower corner of the box of (a, b, w) that maps to the unit cube, mm.
+    pub lo: [f64; 3],
+    /// Upper corner, mm.
+    pub hi: [f64; 3],
+}
+
+/// A point in a [`Frame`] and how it moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moving {
+    /// Unit coordinates.
+    pub q: [f32; 3],
+    /// Their derivative, 1/mm.
+    pub dq: [f32; 3],
+}
+
+impl Frame {
+    /// A frame whose lines meet in `center`, with its origin at `origin`; e1 is as close to `right` as it can be.
+    /// The box is empty until [`Self::enclose`] has seen the points it must hold.
+    pub fn around(center: Point3<f64>, origin: Point3<f64>, right: Vector3<f64>) -> Self {
+        let along = origin - center;
+        Self::new(origin, along.normalize(), 1.0 / along.norm(), right)
+    }
+
+    /// A frame with the axis `along` (unit) and the inverse distance `kappa` to the point where its lines meet.
+    pub fn new(origin: Point3<f64>, along: Vector3<f64>, kappa: f64, right: Vector3<f64>) -> Self {
+        let e1 = (right - along * right.dot(&along)).normalize();
+        let e2 = along.cross(&e1);
+        let axes = [e1, e2, along].map(|e| [e.x, e.y, e.z]);
+        let origin = [origin.x, origin.y, origin.z];
+        Self { origin, axes, kappa, lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3] }
+    }
+
+    /// Where the lines meet, mm; `None` when they are parallel.
+    pub fn center(&self) -> Option<Point3<f64>> {
+        let along = Vector3::from(self.axes[2]);
+        (self.kappa != 0.0).then(|| Point3::from(self.origin) - along / self.kappa)
+    }
+
+    fn rotation(&self) -> Matrix3<f64> {
+        Matrix3::from_fn(|r, c| self.axes[r][c])
+    }
+
+    /// (a, b, w) of a point, mm; `None` behind the center.
+    pub fn to_abw(&self, x: &Point3<f64>) -> Option<[f64; 3]> {
+        let y = self.rotation() * (x - Point3::from(self.origin));
+        let s = 1.0 + self.kappa * y.z;
+        (s > 1e-6).then(|| [y.x / s, y.y / s, y.z / s])
+    }
+
+    /// Grows the box so that it holds the point.
+    pub fn enclose(&mut self, x: &Point3<f64>) {
+        if let Some(p) = self.to_abw(x) {
+            for i in 0..3 {
+                self.lo[i] = self.lo[i].min(p[i]);
+                self.hi[i] = self.hi[i].max(p[i]);
+            }
+        }
+    }
+
+    /// Unit coordinates of a point; `None` behind the center. Inside the box they lie in `[0, 1]^3`.
+    pub fn to_unit(&self, x: &Point3<f64>) -> Option<[f32; 3]> {
+        let p = self.to_abw(x)?;
+        Some(std::array::from_fn(|i| ((p[i] - self.lo[i]) / (self.hi[i] - self.lo[i])) as f32))
+    }
+
+    /// The camera-frame point with the given unit coordinates, mm.
+    pub fn from_unit(&self, q: [f64; 3]) -> Point3<f64> {
+        let p: [f64; 3] = std::array::from_fn(|i| self.lo[i] + q[i] * (self.hi[i] - self.lo[i]));
+        let s = 1.0 / (1.0 - self.kappa * p[2]);
+        let y = Vector3::new(p[0] * s, p[1] * s, p[2] * s);
+        Point3::from(self.origin) + self.rotation().transpose() * y
+    }
+
+    /// The line `t ↦ dir · t` of a camera ray through this frame, ready to be evaluated at many `t`.
+    pub fn along_ray(&self, dir: &Vector3<f64>) -> RayInFrame {
+        let r = self.rotation();
+        let y0 = r * (Point3::origin() - Point3::from(self.origin));
+        let dy = r * dir;
+        let scale: [f64; 3] = std::array::from_fn(|i| 1.0 / (self.hi[i] - self.lo[i]));
+        RayInFrame { y0: y0.into(), dy: dy.into(), kappa: self.kappa, lo: self.lo, scale }
+    }
+}
+
+/// A camera ray seen in a [`Frame`]: see [`Frame::along_ray`].
+#[derive(Clone, Copy, Debug)]
+pub struct RayInFrame {
+    y0: [f64; 3],
+    dy: [f64; 3],
+    kappa: f64,
+    lo: [f64; 3],
+    scale: [f64; 3],
+}
+
+impl RayInFrame {
+    /// Unit coordinates at `t` and their derivative by `t`.
+    pub fn at(&self, t: f64) -> Moving {
+        let y: [f64; 3] = std::array::from_fn(|i| self.y0[i] + t * self.dy[i]);
+        let s = 1.0 / (1.0 + self.kappa * y[2]).max(1e-6);
+        let ds = -self.kappa * self.dy[2] * s * s;
+        Moving {
+            q: std::array::from_fn(|i| ((y[i] * s - self.lo[i]) * self.scale[i]) as f32),
+            dq: std::array::from_fn(|i| ((self.dy[i] * s + y[i] * ds) * self.scale[i]) as f32),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame() -> Frame {
+        let mut f = Frame::around(Point3::new(210.0, -20.0, 10.0), Point3::new(0.0, 0.0, 700.0), Vector3::x());
+        for c in 0..8 {
+            let s = |bit: i32, r: f64| if c >> bit & 1 == 1 { r } else { -r };
+            f.enclose(&Point3::new(s(0, 100.0), s(1, 80.0), 700.0 + s(2, 90.0)));
+        }
+        f
+    }
+
+    #[test]
+    fn light_rays_keep_their_a_and_b() {
+        let f = frame();
+        let o = f.center().unwrap();
+        let x = Point3::new(30.0, -20.0, 650.0);
+        let far = o + (x - o) * 1.2;
+        let (p, q) = (f.to_abw(&x).unwrap(), f.to_abw(&far).unwrap());
+        assert!((p[0] - q[0]).abs() < 1e-9 && (p[1] - q[1]).abs() < 1e-9 && q[2] > p[2] + 1.0);
+    }
+
+    #[test]
+    fn unit_coordinates_round_trip_and_differentiate() {
+        let f = frame();
+        let dir = Vector3::new(0.05, -0.03, 1.0).normalize();
+        let ray = f.along_ray(&dir);
+        for t in [620.0, 700.0, 780.0] {
+            let x = Point3::from(dir * t);
+            let q = f.to_unit(&x).unwrap();
+            let m = ray.at(t);
+            let back = f.from_unit(q.map(f64::from));
+            assert!((back - x).norm() < 1e-2, "{back} {x}");
+            let (hi, lo) = (ray.at(t + 0.5), ray.at(t - 0.5));
+            for i in 0..3 {
+                assert!((q[i] - m.q[i]).abs() < 1e-5);
+                assert!((hi.q[i] - lo.q[i] - m.dq[i]).abs() < 1e-4 * m.dq[i].abs().max(1e-3), "axis {i}");
+            }
+        }
+    }
+}

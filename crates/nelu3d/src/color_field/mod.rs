@@ -1,0 +1,114 @@
+//! The color field c(x): position → normalized intensities of the k patterns (paper, Sec. 3.1).
+//!
+//! A field is a [`Frame`] (coordinates in which c is easy to interpolate), a form (how c is stored there) and a
+//! [`Validity`] volume (where it was supervised). Forms: [`grid`] (cubic B-spline, least squares) and [`hash`]
+//! (multiresolution hash encoding and a small network). To add a form: a variant of [`Form`], its file, its tensors in
+//! [`checkpoint`], and [`ColorField::to_grid`], through which everything downstream reads it.
+
+pub mod checkpoint;
+pub mod frame;
+pub mod grid;
+pub mod hash;
+pub mod validity;
+
+use serde::{Deserialize, Serialize};
+
+use crate::calibrate::noise::NoiseModel;
+use frame::{Center, Frame};
+use grid::Grid;
+use hash::HashForm;
+use validity::Validity;
+
+/// How c is stored.
+#[derive(Clone, Debug)]
+pub enum Form {
+    /// Cubic B-spline.
+    Grid(Grid),
+    /// Hash encoding and MLP.
+    Hash(Box<HashForm>),
+}
+
+/// A calibrated color field: everything that a reconstruction needs to know of the light source.
+#[derive(Clone, Debug)]
+pub struct ColorField {
+    /// Its coordinates.
+    pub frame: Frame,
+    /// Its values.
+    pub form: Form,
+    /// Where it holds.
+    pub validity: Validity,
+    /// What it was made from.
+    pub about: About,
+}
+
+/// What a field was made from; stored with it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct About {
+    /// Version of nelu3d that made it.
+    pub version: String,
+    /// The rig's name.
+    pub rig: String,
+    /// The pattern set's name.
+    pub set: String,
+    /// File names of the set's images, in order.
+    pub images: Vec<String>,
+    /// Channels of an image: 1 or 3.
+    pub channels: usize,
+    /// Where the frame is centered.
+    pub center: Center,
+    /// "sweep" or "projector".
+    pub source: String,
+    /// Camera: `[width, height, fx, fy, cx, cy]`, then the distortion coefficients.
+    pub camera: Vec<f64>,
+    /// The sensor's noise.
+    pub noise: NoiseModel,
+    /// Typical distance between board positions along a ray, mm.
+    pub step_mm: f64,
+    /// How well it predicts positions it was not made from.
+    pub quality: Option<Quality>,
+    /// The settings it was made with.
+    pub settings: serde_json::Value,
+}
+
+/// How well a field predicts board positions that were held out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// Names of the held-out positions.
+    pub held_out: Vec<String>,
+    /// Samples compared.
+    pub n: usize,
+    /// PSNR over well-lit samples (white − black of at least 10 % of full scale), peak 1, dB.
+    pub psnr_db: f64,
+    /// PSNR over every usable sample (dim ones, on black ink, are mostly noise), dB.
+    pub psnr_all_db: f64,
+    /// PSNR of a perfect field over the same well-lit samples: what the noise of the held-out images allows, dB.
+    pub ceiling_db: f64,
+    /// Median depth error that the field's error implies: |error| / |∂c/∂t|, mm.
+    pub depth_mm: f64,
+}
+
+impl ColorField {
+    /// Number of pattern channels k.
+    pub fn k(&self) -> usize {
+        match &self.form {
+            Form::Grid(g) => g.k,
+            Form::Hash(h) => h.k(),
+        }
+    }
+
+    /// The field as a spline, which every later stage evaluates.
+    pub fn to_grid(&self) -> std::borrow::Cow<'_, Grid> {
+        match &self.form {
+            Form::Grid(g) => std::borrow::Cow::Borrowed(g),
+            Form::Hash(h) => std::borrow::Cow::Owned(h.to_grid()),
+        }
+    }
+
+    /// Name of the form.
+    pub fn form_name(&self) -> &'static str {
+        match &self.form {
+            Form::Grid(_) => "grid",
+            Form::Hash(_) => "hash",
+        }
+    }
+}

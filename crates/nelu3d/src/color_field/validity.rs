@@ -1,0 +1,88 @@
+//! The validity volume: where samples were. Outside it nothing is reconstructed (paper, Fig. 8).
+
+use serde::{Deserialize, Serialize};
+
+/// What part of space was calibrated: a range of distances per tile of camera pixels, and the cells of the frame that
+/// were ever lit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Validity {
+    /// Sizes.
+    pub shape: ValidityShape,
+    /// Per tile `[t_near, t_far]`, mm along the ray; an empty tile has `t_near > t_far`.
+    pub t_range: Vec<[f32; 2]>,
+    /// Per cell `[b][a][w]`, 1 where there were samples.
+    pub lit: Vec<u8>,
+}
+
+/// Sizes of a [`Validity`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ValidityShape {
+    /// Side of a tile, px.
+    pub tile_px: usize,
+    /// Tiles across and down.
+    pub tiles: [usize; 2],
+    /// Cells along a, b and w.
+    pub cells: [usize; 3],
+}
+
+impl Validity {
+    /// An empty volume for a camera of the given size.
+    pub fn new(width: usize, height: usize, tile_px: usize, cells: [usize; 3]) -> Self {
+        let tiles = [width.div_ceil(tile_px), height.div_ceil(tile_px)];
+        Self {
+            shape: ValidityShape { tile_px, tiles, cells },
+            t_range: vec![[f32::INFINITY, f32::NEG_INFINITY]; tiles[0] * tiles[1]],
+            lit: vec![0; cells.iter().product()],
+        }
+    }
+
+    /// Adds a sample: its pixel, distance along the ray and unit coordinates.
+    pub fn add(&mut self, px: [f64; 2], t: f32, q: [f32; 3]) {
+        let s = self.shape;
+        let tile = |v: f64, n: usize| ((v.max(0.0) as usize) / s.tile_px).min(n - 1);
+        let range = &mut self.t_range[tile(px[1], s.tiles[1]) * s.tiles[0] + tile(px[0], s.tiles[0])];
+        *range = [range[0].min(t), range[1].max(t)];
+        if let Some(i) = self.cell(q) {
+            self.lit[i] = 1;
+        }
+    }
+
+    /// Closes pinholes: an unlit cell between lit ones along w becomes lit (board positions may be farther apart than
+    /// cells).
+    pub fn close(&mut self) {
+        for column in self.lit.chunks_exact_mut(self.shape.cells[2]) {
+            let first = column.iter().position(|l| *l == 1);
+            let last = column.iter().rposition(|l| *l == 1);
+            if let (Some(first), Some(last)) = (first, last) {
+                column[first..=last].fill(1);
+            }
+        }
+    }
+
+    #[inline]
+    fn cell(&self, q: [f32; 3]) -> Option<usize> {
+        let n = self.shape.cells;
+        let mut c = [0; 3];
+        for i in 0..3 {
+            if !(0.0..=1.0).contains(&q[i]) {
+                return None;
+            }
+            c[i] = ((q[i] * n[i] as f32) as usize).min(n[i] - 1);
+        }
+        Some((c[1] * n[0] + c[0]) * n[2] + c[2])
+    }
+
+    /// Whether the field was supervised around unit coordinates `q`.
+    #[inline]
+    pub fn is_lit(&self, q: [f32; 3]) -> bool {
+        self.cell(q).is_some_and(|i| self.lit[i] == 1)
+    }
+
+    /// `[t_near, t_far]` at a pixel, mm along its ray; `None` where no board was ever seen.
+    pub fn range(&self, x: usize, y: usize) -> Option<[f32; 2]> {
+        let s = self.shape;
+        let r = self.t_range[(y / s.tile_px).min(s.tiles[1] - 1) * s.tiles[0] + (x / s.tile_px).min(s.tiles[0] - 1)];
+        (r[0] < r[1]).then_some(r)
+    }
+}

@@ -1,0 +1,307 @@
+//! The start: a cost volume over the frozen color field, aggregated across neighbors.
+//!
+//! c is known, so E(t) = how badly c(x(t)) explains a pixel's codeword is known along every ray before anything is
+//! optimized. Costs are in units of −2 log likelihood (χ²), and so are the penalties between neighbors: −2 log of the
+//! prior probability of a step or a jump in depth. The minimum over all labels and neighbors is approached by
+//! semi-global matching along eight directions (Hirschmüller 2008).
+
+use rayon::prelude::*;
+
+use super::measure::Measurements;
+use crate::color_field::frame::RayInFrame;
+use crate::color_field::grid::Grid;
+use crate::color_field::validity::Validity;
+use crate::result::Left;
+
+/// Rays of an image, ready for the color field.
+pub struct Rays {
+    /// Focal length, px (mean of x and y).
+    pub focal_px: f32,
+    /// Unit direction's z per pixel: depth = t · z.
+    pub dir_z: Vec<f32>,
+    /// The ray in the field's frame, per pixel.
+    pub in_frame: Vec<RayInFrame>,
+    /// `[t_near, t_far]` per pixel; empty (near > far) outside the calibrated volume.
+    pub range: Vec<[f32; 2]>,
+}
+
+/// Settings of the decoding.
+#[derive(Clone, Copy, Debug)]
+pub struct DecodeSettings {
+    /// Most depth labels.
+    pub max_labels: usize,
+    /// Prior probability that neighbors differ by a depth jump.
+    pub p_jump: f32,
+    /// Prior probability that neighbors differ by one label.
+    pub p_step: f32,
+    /// Prior standard deviation of the ambient term.
+    pub sigma_ambient: f32,
+}
+
+/// A decoded image.
+pub struct Decoded {
+    /// Inverse depth 1/z per pixel, 1/mm; NaN where nothing was decoded.
+    pub inv_z: Vec<f32>,
+    /// How much worse (χ²) the best clearly different depth is, after aggregation.
+    pub margin: Vec<f32>,
+    /// The label spacing in 1/z.
+    pub label_step: f32,
+}
+
+/// χ² is cut off here per pixel: beyond it a codeword is simply wrong (an outlier), however wrong.
+fn saturation(k: usize) -> f32 {
+    9.0 * k as f32
+}
+
+/// Misfit (χ²) of a codeword at a point, after the best non-negative share of indirect light that carries `indirect`
+/// (closed form).
+#[inline]
+pub fn misfit(c: &[f32], p: &[f32], iv: &[f32], indirect: &[f32], inv_var_ambient: f32) -> f32 {
+    let (mut num, mut den, mut e0) = (0.0, inv_var_ambient, 0.0);
+    for j in 0..c.len() {
+        let (r, g) = (p[j] - c[j], indirect[j] - c[j]);
+        num += iv[j] * r * g;
+        den += iv[j] * g * g;
+        e0 += iv[j] * r * r;
+    }
+    let a = (num / den).max(0.0);
+    e0 - a * (2.0 * num - a * den)
+}
+
+/// Decodes every kept pixel. Pixels whose rays miss the calibrated volume are marked [`Left::Outside`].
+pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Grid, valid: &Validity, s: &DecodeSettings) -> Decoded {
+    let n = m.n();
+    // One set of labels for all pixels, even in 1/z, spaced so that no codeword changes by more than a fraction of a
+    // grid cell from one label to the next.
+    let (mut lo, mut hi) = (f32::INFINITY, 0.0f32);
+    for i in 0..n {
+        if m.left[i] != Left::Kept {
+            continue;
+        }
+        let [near, far] = rays.range[i];
+        if near > far {
+            m.left[i] = Left::Outside;
+            continue;
+        }
+        lo = lo.min(1.0 / (far * rays.dir_z[i]));
+        hi = hi.max(1.0 / (near * rays.dir_z[i]));
+    }
+    let nothing = Decoded { inv_z: vec![f32::NAN; n], margin: vec![0.0; n], label_step: 0.0 };
+    if lo >= hi {
+        return nothing;
+    }
+    let kept: Vec<usize> = (0..n).filter(|i| m.left[*i] == Left::Kept).collect();
+    let labels = label_count(&kept, rays, grid, lo, hi).clamp(16, s.max_labels);
+    let step = (hi - lo) / (labels - 1) as f32;
+    let inv_z_of = |l: usize| lo + l as f32 * step;
+
+    // Cost volume: f16 would do for the costs, but the sums of eight paths need the range of f32.
+    let mut index = vec![u32::MAX; n];
+    for (slot, i) in kept.iter().enumerate() {
+        index[*i] = slot as u32;
+    }
+    let cut = saturation(m.k);
+    let mut cost = vec![0.0f32; kept.len() * labels];
+    let k = m.k;
+    // Without a black image the ambient light is in white and pattern alike: it carries the codeword 1.
+    let ones = vec![1.0; k];
+    let seen: Vec<bool> = cost
+        .par_chunks_mut(labels)
+        .zip(&kept)
+        .map(|(row, i)| {
+            let (p, iv) = (&m.p[i * k..(i + 1) * k], &m.inv_var[i * k..(i + 1) * k]);
+            let indirect = if m.has_black { &m.surround[i * k..(i + 1) * k] } else { &ones };
+            let [near, far] = rays.range[*i];
+            let mut c = vec![0.0; k];
+            let mut any = false;
+            for (l, e) in row.iter_mut().enumerate() {
+                let t = 1.0 / (inv_z_of(l) * rays.dir_z[*i]);
+                let q = rays.in_frame[*i].at(f64::from(t)).q;
+                *e = if t < near || t > far || !valid.is_lit(q) {
+                    OUTSIDE
+                } else {
+                    any = true;
+                    grid.eval(q, &mut c);
+                    let e = misfit(&c, p, iv, indirect, 1.0 / (s.sigma_ambient * s.sigma_ambient));
+                    e / (1.0 + e / cut)
+                };
+            }
+            any
+        })
+        .collect();
+    for (i, seen) in kept.iter().zip(&seen) {
+        if !seen {
+            m.left[*i] = Left::Outside;
+            index[*i] = u32::MAX;
+        }
+    }
+
+    let step_penalty = -2.0 * (s.p_step / (1.0 - 2.0 * s.p_step)).ln();
+    let jump_penalty = -2.0 * (s.p_jump / labels as f32).ln();
+    let mut total = vec![0.0f32; cost.len()];
+    for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1)] {
+        aggregate(&cost, &mut total, &index, m.width, m.height, labels, (dx, dy), step_penalty, jump_penalty);
+    }
+
+    let mut out = nothing;
+    out.label_step = step;
+    let winners: Vec<(f32, f32)> = total
+        .par_chunks(labels)
+        .zip(cost.par_chunks(labels))
+        .map(|(row, own)| {
+            let best = (0..labels).min_by(|a, b| row[*a].total_cmp(&row[*b])).expect("there are labels");
+            if own[best] >= OUTSIDE {
+                return (f32::NAN, 0.0);
+            }
+            let rival = (0..labels)
+                .filter(|l| l.abs_diff(best) > 3)
+                .map(|l| row[l])
+                .min_by(f32::total_cmp)
+                .unwrap_or(f32::INFINITY);
+            let mut at = best as f32;
+            if best > 0 && best + 1 < labels {
+                let (a, b, c) = (row[best - 1], row[best], row[best + 1]);
+                let bend = a - 2.0 * b + c;
+                if bend > 1e-6 && a < OUTSIDE && c < OUTSIDE {
+                    at += (0.5 * (a - c) / bend).clamp(-0.5, 0.5);
+                }
+            }
+            (lo + at * step, (rival - row[best]) / 8.0)
+        })
+        .collect();
+    for (i, (inv_z, margin)) in kept.iter().zip(winners) {
+        if m.left[*i] != Left::Kept {
+            continue;
+        }
+        if inv_z.is_nan() {
+            m.left[*i] = Left::Outside;
+            continue;
+        }
+        out.inv_z[*i] = inv_z;
+        out.margin[*i] = margin;
+    }
+    out
+}
+
+/// Cost of a label outside the calibrated volume: never chosen, but finite so that sums stay finite.
+const OUTSIDE: f32 = 1e6;
+
+/// Labels needed so that between two of them no ray moves by more than 0.7 of a grid cell across (a, b).
+fn label_count(kept: &[usize], rays: &Rays, grid: &Grid, lo: f32, hi: f32) -> usize {
+    let mut worst = 0.0f32;
+    for i in kept.iter().step_by((kept.len() / 500).max(1)) {
+        let at = |inv_z: f32| rays.in_frame[*i].at(f64::from(1.0 / (inv_z * rays.dir_z[*i]))).q;
+        let (a, b) = (at(lo), at(hi));
+        worst = worst.max(((a[0] - b[0]) * grid.cells[0] as f32).hypot((a[1] - b[1]) * grid.cells[1] as f32));
+    }
+    (worst / 0.7).ceil() as usize + 1
+}
+
+/// One direction of semi-global matching, added to `total`.
+#[allow(clippy::too_many_arguments)]
+fn aggregate(
+    cost: &[f32],
+    total: &mut [f32],
+    index: &[u32],
+    width: usize,
+    height: usize,
+    labels: usize,
+    (dx, dy): (isize, isize),
+    step: f32,
+    jump: f32,
+) {
+    // Slots are in row order, so the pixels of one image row own one contiguous part of `total`.
+    let slots_of = |y: usize| -> Option<(usize, usize)> {
+        let row = &index[y * width..(y + 1) * width];
+        let mut filled = row.iter().filter(|s| **s != u32::MAX);
+        let first = *filled.next()? as usize;
+        let last = filled.next_back().map_or(first, |s| *s as usize);
+        Some((first, last + 1))
+    };
+    let advance = |own: &[f32], before: Option<&[f32]>, out: &mut [f32]| {
+        let Some(before) = before else {
+            out.copy_from_slice(own);
+            return;
+        };
+        let least = before.iter().copied().fold(f32::INFINITY, f32::min);
+        let far = least + jump;
+        for l in 0..labels {
+            let mut b = before[l].min(far);
+            if l > 0 {
+                b = b.min(before[l - 1] + step);
+            }
+            if l + 1 < labels {
+                b = b.min(before[l + 1] + step);
+            }
+            out[l] = own[l] + b - least;
+        }
+    };
+    if dy == 0 {
+        // Rows are independent.
+        let mut rest = total;
+        let mut at = 0;
+        let mut rows = Vec::new();
+        for y in 0..height {
+            if let Some((first, end)) = slots_of(y) {
+                let (_, tail) = rest.split_at_mut((first - at) * labels);
+                let (own, tail) = tail.split_at_mut((end - first) * labels);
+                rows.push((y, first, own));
+                rest = tail;
+                at = end;
+            }
+        }
+        rows.into_par_iter().for_each(|(y, first, sums)| {
+            let (mut a, mut b) = (vec![0.0; labels], vec![0.0; labels]);
+            let mut has = false;
+            for i in 0..width {
+                let x = if dx > 0 { i } else { width - 1 - i };
+                let slot = index[y * width + x];
+                if slot == u32::MAX {
+                    has = false;
+                    continue;
+                }
+                let slot = slot as usize;
+                advance(&cost[slot * labels..(slot + 1) * labels], has.then_some(&a[..]), &mut b);
+                let sum = &mut sums[(slot - first) * labels..][..labels];
+                sum.iter_mut().zip(&b).for_each(|(s, v)| *s += v);
+                std::mem::swap(&mut a, &mut b);
+                has = true;
+            }
+        });
+        return;
+    }
+    // Row after row; the pixels of a row are independent.
+    let (mut before, mut now) = (Vec::<f32>::new(), Vec::<f32>::new());
+    let mut before_first: Option<(usize, usize)> = None;
+    for i in 0..height {
+        let y = if dy > 0 { i } else { height - 1 - i };
+        let Some((first, end)) = slots_of(y) else {
+            before_first = None;
+            continue;
+        };
+        now.resize((end - first) * labels, 0.0);
+        let previous_y = y as isize - dy;
+        let xs: Vec<usize> = (0..width).filter(|x| index[y * width + x] != u32::MAX).collect();
+        now.par_chunks_mut(labels)
+            .zip(total[first * labels..end * labels].par_chunks_mut(labels))
+            .enumerate()
+            .with_min_len(32)
+            .for_each(|(j, (out, sum))| {
+                let slot = first + j;
+                // Slots of dropped pixels inside the row keep their place but take no part.
+                let Ok(found) = xs.binary_search_by(|x| (index[y * width + x] as usize).cmp(&slot)) else { return };
+                let px = xs[found] as isize - dx;
+                let neighbor = match before_first {
+                    Some((f, e)) if px >= 0 && (px as usize) < width => {
+                        let s = index[previous_y as usize * width + px as usize];
+                        (s != u32::MAX && (f..e).contains(&(s as usize))).then(|| &before[(s as usize - f) * labels..][..labels])
+                    }
+                    _ => None,
+                };
+                advance(&cost[slot * labels..(slot + 1) * labels], neighbor, out);
+                sum.iter_mut().zip(out.iter()).for_each(|(s, v)| *s += v);
+            });
+        std::mem::swap(&mut before, &mut now);
+        before_first = Some((first, end));
+    }
+}

@@ -1,0 +1,506 @@
+//! From a color field and the captures of a scene to a surface: recipe `fast`.
+//!
+//! Measure (normalize, mask) → decode (cost volume, aggregation) → refine (narrow-band volume rendering) → filter → surface.
+
+pub mod decode;
+pub mod measure;
+pub mod refine;
+pub mod surface;
+mod thin_plate;
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+
+use nelu3d_scan::rig::{Capture, PatternSet, RigError, Shot};
+use nelu3d_scan::{Camera, Rig};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use crate::calibrate::camera_key;
+use crate::color_field::ColorField;
+use crate::color_field::grid::Grid;
+use crate::progress::Progress;
+use crate::result::{Left, Reconstruction, StageClock};
+use decode::{DecodeSettings, Rays, decode};
+use measure::Measurements;
+use refine::{RefineSettings, refine};
+use surface::Links;
+
+/// How the surface is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum Recipe {
+    /// Cost volume, then narrow-band volume rendering.
+    Fast,
+}
+
+/// Settings of a reconstruction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::Args))]
+#[serde(default, deny_unknown_fields)]
+pub struct Options {
+    /// How the surface is found
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Recipe::Fast))]
+    pub recipe: Recipe,
+    /// Seed of everything random
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = 0))]
+    pub seed: u64,
+    /// Steps of the narrow-band refinement
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = 14))]
+    pub steps: usize,
+    /// Most depth labels of the cost volume
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = 512))]
+    pub max_labels: usize,
+    /// Smallest connected piece of surface that is kept, px
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = 40))]
+    pub min_component: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { recipe: Recipe::Fast, seed: 0, steps: 14, max_labels: 512, min_component: 40 }
+    }
+}
+
+/// Why a reconstruction failed.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The rig folder or one of its images.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// The field was made for something else.
+    #[error("the color field was made for {what} {theirs}, but the rig has {ours}: {remedy}")]
+    Mismatch {
+        /// What differs.
+        what: &'static str,
+        /// The field's.
+        theirs: String,
+        /// The rig's.
+        ours: String,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// Nothing can be reconstructed.
+    #[error("{path}: no pixel can be reconstructed: {reason}")]
+    Nothing {
+        /// The scene's folder.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The user stopped it.
+    #[error("stopped before the surface was finished; nothing was written")]
+    Cancelled,
+}
+
+/// Reconstructs a scene of a rig.
+pub fn run(
+    rig: &Rig,
+    set: &PatternSet,
+    shot: &Shot,
+    field: &ColorField,
+    opts: &Options,
+    progress: &Progress,
+) -> Result<Reconstruction, Error> {
+    const AGAIN: &str = "run `nelu3d calibrate` for this rig and set, or pass the right --field";
+    if camera_key(&rig.camera) != field.about.camera {
+        let show = |k: &[f64]| format!("{} × {} px, f = {:.1} px", k[0], k[1], k[2]);
+        let (theirs, ours) = (show(&field.about.camera), show(&camera_key(&rig.camera)));
+        return Err(Error::Mismatch { what: "the camera", theirs, ours, remedy: AGAIN });
+    }
+    if field.about.images != set.images || field.k() != set.images.len() * rig.channels.count() {
+        let show = |name: &str, images: &[String]| format!("`{name}` ({})", images.join(", "));
+        let (theirs, ours) = (show(&field.about.set, &field.about.images), show(&set.name, &set.images));
+        return Err(Error::Mismatch { what: "the pattern set", theirs, ours, remedy: AGAIN });
+    }
+    let mut clock = StageClock::new(progress);
+    clock.begin("read the scene");
+    let capture = rig.read_shot(shot, set, nelu3d_scan::rig::Need::Scene)?;
+    let mut out = reconstruct(&capture, &rig.camera, field, opts, progress, &mut clock)
+        .map_err(|reason| reason.at(shot))?;
+    out.stages = clock.finish();
+    Ok(out)
+}
+
+/// Why [`reconstruct`] has no result.
+#[derive(Debug)]
+pub enum Failure {
+    /// Every pixel was left out.
+    Nothing(String),
+    /// The user stopped it.
+    Cancelled,
+}
+
+impl Failure {
+    fn at(self, shot: &Shot) -> Error {
+        match self {
+            Failure::Nothing(reason) => Error::Nothing { path: shot.dir.clone(), reason },
+            Failure::Cancelled => Error::Cancelled,
+        }
+    }
+}
+
+/// What a pixel measured, and where its decoded surface point is.
+pub(crate) struct Codeword {
+    /// Camera-frame point, mm.
+    pub(crate) point: [f64; 3],
+    /// k normalized intensities; NaN where a channel is unusable.
+    pub(crate) intensities: Vec<f32>,
+}
+
+/// Decoded points and their codewords, without refinement: only pixels in surroundings that agree.
+pub(crate) fn codewords(capture: &Capture, camera: &Camera, field: &ColorField) -> Vec<Codeword> {
+    let mut m = Measurements::new(capture, &field.about.noise, 0.05);
+    let undistorted = undistorted(camera);
+    let opts = Options { min_component: 400, ..Options::default() };
+    let rays = rays(camera, field, &undistorted, 1);
+    let decoded = start_pieces(&mut m, &rays, &field.to_grid(), field, camera, 0.03, &opts);
+    let k = m.k;
+    (0..m.n())
+        .filter(|i| decoded.0[*i].is_finite())
+        .map(|i| {
+            let z = 1.0 / f64::from(decoded.0[i]);
+            let [u, v] = undistorted[i].map(f64::from);
+            let intensities =
+                (i * k..(i + 1) * k).map(|j| if m.inv_var[j] > 0.0 { m.p[j] } else { f32::NAN }).collect();
+            Codeword { point: [u * z, v * z, z], intensities }
+        })
+        .collect()
+}
+
+/// Most pixels that are decoded at once; larger images are decoded reduced and refined in full.
+const MAX_DECODED: usize = 400_000;
+
+/// Standard deviation of what the color field itself gets wrong, in normalized intensity.
+fn model_sigma(field: &ColorField) -> f32 {
+    // What the held-out positions show beyond their own noise, and at least half a percent: interreflection, sensor
+    // nonlinearity and the like never vanish.
+    let q = field.about.quality.as_ref();
+    let excess = q.map_or(1e-4, |q| (10f64.powf(-q.psnr_db / 10.0) - 10f64.powf(-q.ceiling_db / 10.0)).max(0.0));
+    (excess.sqrt() as f32).max(0.005)
+}
+
+/// Reconstructs a capture.
+pub fn reconstruct(
+    capture: &Capture,
+    camera: &Camera,
+    field: &ColorField,
+    opts: &Options,
+    progress: &Progress,
+    clock: &mut StageClock<'_>,
+) -> Result<Reconstruction, Failure> {
+    // Normalize and mask.
+    clock.begin("prepare");
+    let grid = field.to_grid();
+    let channels = capture.white.channels;
+    let mut m = Measurements::new(capture, &field.about.noise, model_sigma(field));
+    let undistorted = undistorted(camera);
+    let rays = rays(camera, field, &undistorted, 1);
+    let stop = || if progress.cancelled() { Err(Failure::Cancelled) } else { Ok(()) };
+    stop()?;
+
+    // Decode, in a smaller picture if this one is large.
+    clock.begin("decode the cost volume");
+    let sigma_ambient = if m.has_black { 0.05 } else { 0.1 };
+    let (start, unit) = start(&mut m, &rays, &grid, field, camera, sigma_ambient, opts);
+    if start.iter().all(|z| z.is_nan()) {
+        return Err(Failure::Nothing(why_nothing(&m.left)));
+    }
+    stop()?;
+
+    // Refine.
+    clock.begin("refine the surface");
+    let settings = RefineSettings {
+        steps: opts.steps,
+        first_width_mm: 0.7,
+        last_width_mm: 0.1,
+        samples: 8,
+        sigma_ambient,
+        sigma_indirect: std::env::var("SI").ok().and_then(|s| s.parse().ok()).unwrap_or(0.1),
+        ambient_radius: std::env::var("AR").ok().and_then(|s| s.parse().ok()).unwrap_or(4),
+        draws: 12,
+        seed: opts.seed,
+    };
+    let refined = refine(&m, &rays, &grid, &start, unit, channels, &settings, &|done, total| progress.tick(done, total));
+    stop()?;
+
+    // Leave out what has no consistent code.
+    clock.begin("filter");
+    let n = m.n();
+    let mut depth: Vec<f32> = refined.inv_z.iter().map(|v| 1.0 / v).collect();
+    let misfit = local_mean(&refined.chi2, m.width, m.height, 2);
+    for i in 0..n {
+        if !depth[i].is_finite() {
+            continue;
+        }
+        let [near, far] = rays.range[i];
+        let t = depth[i] / rays.dir_z[i];
+        if !(t >= near && t <= far) {
+            m.left[i] = Left::Outside;
+        } else if misfit[i] > MAX_MISFIT {
+            m.left[i] = Left::Ambiguous;
+        } else {
+            continue;
+        }
+        depth[i] = f32::NAN;
+    }
+    let links = Links::new(&depth, camera, MAX_SLOPE);
+    let sizes = links.component_sizes(&depth, m.width);
+    for i in 0..n {
+        if depth[i].is_finite() && (sizes[i] as usize) < opts.min_component {
+            m.left[i] = Left::Ambiguous;
+            depth[i] = f32::NAN;
+        }
+        if depth[i].is_nan() && m.left[i] == Left::Kept {
+            m.left[i] = Left::Ambiguous;
+        }
+    }
+    if depth.iter().all(|z| z.is_nan()) {
+        return Err(Failure::Nothing(why_nothing(&m.left)));
+    }
+
+    // The surface.
+    clock.begin("build the surface");
+    let links = Links::new(&depth, camera, MAX_SLOPE);
+    let normals = surface::normals(&depth, &links, &undistorted, m.width);
+    let mesh = surface::mesh(&depth, &normals, &links, &undistorted, &capture.white);
+    let kept = |i: usize| depth[i].is_finite();
+    let sigma = (0..n)
+        .map(|i| {
+            if !kept(i) {
+                return f32::NAN;
+            }
+            // From 1/z to z; a local misfit above the noise means that the noise is not all there is.
+            let z2 = depth[i] * depth[i];
+            refined.sigma[i] * z2 * misfit[i].max(1.0).sqrt()
+        })
+        .collect();
+    let ambient = (0..n)
+        .map(|i| {
+            let a = &refined.ambient[i * channels..(i + 1) * channels];
+            if kept(i) { a.iter().sum::<f32>() / channels as f32 } else { f32::NAN }
+        })
+        .collect();
+    let residual: Vec<f32> = (0..n).map(|i| if kept(i) { refined.residual[i] } else { f32::NAN }).collect();
+    let median_residual = {
+        let mut v: Vec<f32> = residual.iter().copied().filter(|v| v.is_finite()).collect();
+        let mid = v.len() / 2;
+        *v.select_nth_unstable_by(mid, f32::total_cmp).1
+    };
+    let mut info = serde_json::Map::new();
+    info.insert("settings".into(), serde_json::to_value(opts).expect("plain data serializes"));
+    info.insert(
+        "field".into(),
+        json!({ "rig": field.about.rig, "set": field.about.set, "form": field.form_name(), "source": field.about.source }),
+    );
+    info.insert("losses".into(), json!(refined.losses));
+    info.insert("median_residual".into(), json!(median_residual));
+    info.insert("roughness_mm".into(), json!(refined.roughness_mm));
+    Ok(Reconstruction {
+        width: m.width,
+        height: m.height,
+        depth,
+        normals,
+        sigma,
+        left: m.left,
+        residual,
+        ambient,
+        white: capture.white.clone(),
+        mesh,
+        stages: Vec::new(),
+        info,
+    })
+}
+
+/// Mean χ² per measurement around a pixel above which its codeword is not explained by any surface here.
+const MAX_MISFIT: f32 = 40.0;
+/// Slope (depth per lateral mm) up to which neighbors always belong together.
+const MAX_SLOPE: f32 = 4.0;
+
+fn why_nothing(left: &[Left]) -> String {
+    let count = |l: Left| left.iter().filter(|v| **v == l).count() as f64 / left.len() as f64 * 100.0;
+    format!(
+        "{:.0} % of the pixels are too dark, {:.0} % clipped, {:.0} % outside the calibrated volume, {:.0} % without a \
+         consistent code; check the exposure and that the object stands where the board was swept",
+        count(Left::Dark),
+        count(Left::Clipped),
+        count(Left::Outside),
+        count(Left::Ambiguous)
+    )
+}
+
+/// Undistorted image-plane coordinates (x/z, y/z) of every pixel.
+fn undistorted(camera: &Camera) -> Vec<[f32; 2]> {
+    (0..camera.n_pixels())
+        .into_par_iter()
+        .map(|i| camera.undistort([(i % camera.width) as f64, (i / camera.width) as f64]).map(|v| v as f32))
+        .collect()
+}
+
+/// Rays of the image reduced by `f`, in the field's frame.
+fn rays(camera: &Camera, field: &ColorField, undistorted: &[[f32; 2]], f: usize) -> Rays {
+    let (w, h) = (camera.width / f, camera.height / f);
+    let half = (f as f64 - 1.0) / 2.0;
+    let all: Vec<_> = (0..w * h)
+        .into_par_iter()
+        .map(|i| {
+            let (x, y) = ((i % w) * f, (i / w) * f);
+            let [u, v] = if f == 1 {
+                undistorted[i].map(f64::from)
+            } else {
+                camera.undistort([x as f64 + half, y as f64 + half])
+            };
+            let dir = nalgebra::Vector3::new(u, v, 1.0).normalize();
+            let range = field.validity.range(x + f / 2, y + f / 2).unwrap_or([1.0, 0.0]);
+            (dir.z as f32, field.frame.along_ray(&dir), range)
+        })
+        .collect();
+    Rays {
+        focal_px: (0.5 * (camera.fx + camera.fy)) as f32 / f as f32,
+        dir_z: all.iter().map(|a| a.0).collect(),
+        in_frame: all.iter().map(|a| a.1).collect(),
+        range: all.iter().map(|a| a.2).collect(),
+    }
+}
+
+/// The start of the refinement: decoded inverse depth for every pixel that has one, and the label spacing.
+fn start(
+    m: &mut Measurements,
+    full: &Rays,
+    grid: &Grid,
+    field: &ColorField,
+    camera: &Camera,
+    sigma_ambient: f32,
+    opts: &Options,
+) -> (Vec<f32>, f32) {
+    let (mut out, unit) = start_pieces(m, full, grid, field, camera, sigma_ambient, opts);
+    fill(&mut out, &m.left, m.width);
+    (out, unit)
+}
+
+/// The decoded pieces of surface that are large enough to be believed.
+fn start_pieces(
+    m: &mut Measurements,
+    full: &Rays,
+    grid: &Grid,
+    field: &ColorField,
+    camera: &Camera,
+    sigma_ambient: f32,
+    opts: &Options,
+) -> (Vec<f32>, f32) {
+    let settings = DecodeSettings { max_labels: opts.max_labels, p_jump: 0.01, p_step: 0.2, sigma_ambient };
+    let kept = m.left.iter().filter(|l| **l == Left::Kept).count();
+    let f = (1..).find(|f| kept / (f * f) <= MAX_DECODED).expect("some reduction is enough");
+    let (mut inv_z, unit, small_camera) = if f == 1 {
+        let d = decode(m, full, grid, &field.validity, &settings);
+        (d.inv_z, d.label_step, camera.clone())
+    } else {
+        let mut small = m.reduced(f);
+        let d = decode(&mut small, &rays(camera, field, &[], f), grid, &field.validity, &settings);
+        let g = f as f64;
+        let half = (g - 1.0) / 2.0;
+        let reduced = Camera {
+            width: camera.width / f,
+            height: camera.height / f,
+            fx: camera.fx / g,
+            fy: camera.fy / g,
+            cx: (camera.cx - half) / g,
+            cy: (camera.cy - half) / g,
+            distortion: camera.distortion.clone(),
+        };
+        (d.inv_z, d.label_step, reduced)
+    };
+    // Small pieces are wrong periods of the code more often than small surfaces: they take over their surroundings'
+    // depth, and the refinement decides whether their codewords agree.
+    let depth: Vec<f32> = inv_z.iter().map(|v| 1.0 / v).collect();
+    let links = Links::new(&depth, &small_camera, MAX_SLOPE);
+    let sizes = links.component_sizes(&depth, small_camera.width);
+    for (v, size) in inv_z.iter_mut().zip(&sizes) {
+        if (*size as usize) < opts.min_component {
+            *v = f32::NAN;
+        }
+    }
+    let mut out = vec![f32::NAN; m.n()];
+    for (i, v) in out.iter_mut().enumerate() {
+        let (x, y) = ((i % m.width) / f, (i / m.width) / f);
+        if x < small_camera.width && y < small_camera.height && m.left[i] == Left::Kept {
+            *v = inv_z[y * small_camera.width + x];
+        }
+    }
+    (out, unit)
+}
+
+/// Fills kept pixels without a value from their nearest neighbors that have one, connected through kept pixels.
+fn fill(values: &mut [f32], left: &[Left], width: usize) {
+    let mut queue: VecDeque<usize> = (0..values.len()).filter(|i| values[*i].is_finite()).collect();
+    while let Some(i) = queue.pop_front() {
+        let x = i % width;
+        let around = [
+            (x > 0).then(|| i - 1),
+            (x + 1 < width).then_some(i + 1),
+            i.checked_sub(width),
+            (i + width < values.len()).then_some(i + width),
+        ];
+        for j in around.into_iter().flatten() {
+            if left[j] == Left::Kept && values[j].is_nan() {
+                values[j] = values[i];
+                queue.push_back(j);
+            }
+        }
+    }
+}
+
+/// Mean over the finite values in a square around each finite pixel.
+fn local_mean(v: &[f32], width: usize, height: usize, radius: usize) -> Vec<f32> {
+    (0..v.len())
+        .into_par_iter()
+        .map(|i| {
+            if !v[i].is_finite() {
+                return f32::NAN;
+            }
+            let (x, y) = (i % width, i / width);
+            let (mut sum, mut n) = (0.0, 0);
+            for yy in y.saturating_sub(radius)..(y + radius + 1).min(height) {
+                for xx in x.saturating_sub(radius)..(x + radius + 1).min(width) {
+                    let u = v[yy * width + xx];
+                    if u.is_finite() {
+                        sum += u;
+                        n += 1;
+                    }
+                }
+            }
+            sum / n as f32
+        })
+        .collect()
+}
+
+/// In-place mean over a square of the given radius (zero outside), by running sums.
+fn box_mean(v: &mut [f32], w: usize, h: usize, radius: usize) {
+    let norm = 1.0 / (2 * radius + 1) as f32;
+    let pass = |line: &mut [f32]| {
+        let src = line.to_vec();
+        let mut sum: f64 = src.iter().take(radius).map(|v| f64::from(*v)).sum();
+        for i in 0..src.len() {
+            if i + radius < src.len() {
+                sum += f64::from(src[i + radius]);
+            }
+            if i > radius {
+                sum -= f64::from(src[i - radius - 1]);
+            }
+            line[i] = sum as f32 * norm;
+        }
+    };
+    v.chunks_exact_mut(w).for_each(pass);
+    let mut column = vec![0.0; h];
+    for x in 0..w {
+        for y in 0..h {
+            column[y] = v[y * w + x];
+        }
+        pass(&mut column);
+        for y in 0..h {
+            v[y * w + x] = column[y];
+        }
+    }
+}
