@@ -6,6 +6,7 @@ use std::sync::Mutex;
 
 use anyhow::{Result, anyhow, bail};
 use nelu3d_sim::Spec;
+use nelu3d_sim::spec::PRESETS;
 
 use super::{Context, shown};
 use crate::args;
@@ -25,7 +26,7 @@ fn spec(name: &str) -> Result<Spec> {
     }
     let path = Path::new(name);
     if !path.exists() {
-        let known = Spec::PRESETS.join(", ");
+        let known = PRESETS.map(|(name, _)| name).join(", ");
         return Err(anyhow!("`{name}` is neither a preset ({known}) nor a file; name one of them"));
     }
     Ok(Spec::read(path)?)
