@@ -71,7 +71,7 @@ impl Console {
         let Some(stage) = stage else { return };
         stage.bar.finish_and_clear();
         if done && !self.quiet {
-            eprintln!("{:<28} {:>8.1} s", stage.name, stage.start.elapsed().as_secs_f64());
+            eprintln!("{:<46} {:>7.1} s", stage.name, stage.start.elapsed().as_secs_f64());
         }
     }
 
@@ -103,7 +103,7 @@ impl Sink for Console {
         let Some(stage) = guard.as_mut() else { return };
         if self.terminal {
             if stage.bar.length() != Some(total as u64) {
-                let template = "{spinner} {msg:<28} {bar:32} {pos}/{len} {eta}";
+                let template = "{spinner} {msg:<46} {bar:24} {pos}/{len} {eta}";
                 stage.bar.set_style(ProgressStyle::with_template(template).expect("a valid template"));
                 stage.bar.set_length(total as u64);
             }

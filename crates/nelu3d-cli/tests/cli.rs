@@ -72,6 +72,9 @@ fn a_missing_rig_is_one_sentence() {
         assert_one_sentence(&nelu3d(args), "no-such-rig");
         assert!(!missing.exists(), "{args:?} left something behind");
     }
+    let out = nelu3d(&["check", rig]);
+    assert_eq!(code(&out), 1);
+    assert!(stdout(&out).contains("no-such-rig"), "{}", stdout(&out));
 }
 
 #[test]

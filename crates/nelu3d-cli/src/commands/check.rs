@@ -4,13 +4,28 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use nelu3d_scan::Rig;
+use nelu3d_scan::rig::{Finding, Severity};
 
 use super::{Context, shown};
 use crate::args;
 
-/// Runs the command; fails when there are errors, not when there are only warnings.
+/// Runs the command. Errors make it fail; warnings do not.
 pub(crate) fn run(args: args::Check, context: &Context) -> Result<ExitCode> {
-    let rig = Rig::open(&args.rig)?;
-    let findings = rig.check();
-    Ok(ExitCode::SUCCESS)
+    context.progress.stage("check");
+    let findings = Rig::check(&args.rig);
+    let errors = findings.iter().filter(|f| f.severity == Severity::Error).count();
+    let json = serde_json::json!({ "rig": args.rig, "ok": errors == 0, "findings": findings });
+    context.answer(&json, || text(&shown(&args.rig), &findings, errors))?;
+    Ok(if errors == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The findings for people, one a line.
+fn text(rig: &str, findings: &[Finding], errors: usize) -> String {
+    if findings.is_empty() {
+        return format!("{rig}: nothing is wrong");
+    }
+    let lines: Vec<String> = findings.iter().map(ToString::to_string).collect();
+    let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    let warnings = findings.len() - errors;
+    format!("{}\n{rig}: {}, {}", lines.join("\n"), count(errors, "error"), count(warnings, "warning"))
 }

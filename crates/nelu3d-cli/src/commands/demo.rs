@@ -17,7 +17,7 @@ const MARKER: &str = "nelu3d-demo.txt";
 
 /// Runs the command.
 pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
-    let spec = nelu3d_sim::Spec::preset("demo")?;
+    let spec = nelu3d_sim::Spec::preset("demo").context("the preset `demo` is part of the simulator")?;
     claim(&args.output)?;
     let rig_dir = args.output.join("rig");
     super::simulate::write(&spec, &rig_dir, context)?;

@@ -2,22 +2,50 @@
 
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::Mutex;
 
-use anyhow::Result;
+use anyhow::{Result, anyhow, bail};
+use nelu3d_sim::Spec;
+use nelu3d_sim::spec::PRESETS;
 
 use super::{Context, shown};
 use crate::args;
 
 /// Runs the command.
 pub(crate) fn run(args: args::Simulate, context: &Context) -> Result<ExitCode> {
-    let spec = nelu3d_sim::Spec::named(&args.spec)?;
+    let spec = spec(&args.spec)?;
     write(&spec, &args.output, context)?;
     context.answer(&serde_json::json!({ "rig": args.output }), || format!("rig  {}", shown(&args.output)))?;
     Ok(ExitCode::SUCCESS)
 }
 
+/// A preset by its name, or the spec in a file.
+fn spec(name: &str) -> Result<Spec> {
+    if let Some(spec) = Spec::preset(name) {
+        return Ok(spec);
+    }
+    let path = Path::new(name);
+    if !path.exists() {
+        let known = PRESETS.map(|(name, _)| name).join(", ");
+        return Err(anyhow!("`{name}` is neither a preset ({known}) nor a file; name one of them"));
+    }
+    Ok(Spec::read(path)?)
+}
+
 /// Simulates `spec` into the rig folder `output`.
-pub(crate) fn write(spec: &nelu3d_sim::Spec, output: &Path, context: &Context) -> Result<()> {
-    context.progress.stage("simulate the scanner");
-    Ok(nelu3d_sim::simulate(spec, output, |done, total| context.progress.tick(done, total))?)
+pub(crate) fn write(spec: &Spec, output: &Path, context: &Context) -> Result<()> {
+    let progress = &context.progress;
+    let stage = Mutex::new(String::new());
+    nelu3d_sim::simulate(spec, output, &|name, done, total| {
+        let mut stage = stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if *stage != name {
+            name.clone_into(&mut stage);
+            progress.stage(name);
+        }
+        progress.tick(done, total);
+    })?;
+    if progress.cancelled() {
+        bail!("stopped");
+    }
+    Ok(())
 }

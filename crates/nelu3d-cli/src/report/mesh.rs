@@ -64,7 +64,7 @@ fn clustered(mesh: &Mesh, limit: usize) -> Mesh {
     if mesh.vertices.len() <= limit || size <= 0.0 {
         let mut whole = mesh.clone();
         if whole.normals.len() != whole.vertices.len() {
-            whole.normals = face_normals(&whole);
+            whole.compute_normals();
         }
         return whole;
     }
@@ -114,21 +114,8 @@ fn clustered(mesh: &Mesh, limit: usize) -> Mesh {
         normals: Vec::new(),
         faces,
     };
-    small.normals = face_normals(&small);
+    small.compute_normals();
     small
-}
-
-/// Vertex normals: the sum of the adjacent triangles' normals, each weighted by its area.
-fn face_normals(mesh: &Mesh) -> Vec<[f32; 3]> {
-    let mut sums = vec![nalgebra::Vector3::<f64>::zeros(); mesh.vertices.len()];
-    for f in &mesh.faces {
-        let [a, b, c] = f.map(|i| nalgebra::Vector3::from(mesh.vertices[i as usize].map(f64::from)));
-        let n = (b - a).cross(&(c - a));
-        f.iter().for_each(|&i| sums[i as usize] += n);
-    }
-    sums.iter()
-        .map(|n| n.try_normalize(0.0).map_or([0.0, 0.0, -1.0], |n| [n.x as f32, n.y as f32, n.z as f32]))
-        .collect()
 }
 
 fn bounds(mesh: &Mesh) -> ([f32; 3], [f32; 3]) {

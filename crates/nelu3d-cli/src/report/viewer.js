@@ -35,7 +35,7 @@
       normal = turn * n;
       color = c;
       float w = away + v.z / radius;
-      gl_Position = vec4(scale * vec2(v.x, -v.y) / radius + shift * w, (v.z / radius + 0.0) / 4.0 * w, w);
+      gl_Position = vec4(scale * vec2(v.x, -v.y) / radius + shift * w, v.z / radius / 4.0 * w, w);
     }`;
   const fragmentShader = `
     precision mediump float;
@@ -103,7 +103,7 @@
     const [cy, sy, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
     // Rx(pitch) · Ry(yaw), column by column.
     gl.uniformMatrix3fv(uniform("turn"), false, [cy, sp * sy, -cp * sy, 0, cp, sp, sy, -sp * cy, cp * cy]);
-    const away = 3.2, fit = 1.05 * away * zoom;
+    const away = 3.2, fit = 0.92 * away * zoom;
     gl.uniform2f(uniform("scale"), fit * Math.min(1, h / w), fit * Math.min(1, w / h));
     gl.uniform2fv(uniform("shift"), shift);
     gl.uniform1f(uniform("away"), away);

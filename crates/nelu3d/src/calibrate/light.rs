@@ -91,8 +91,7 @@ pub fn find_center(
         }
     }
     let frame = Tangent::new(base, right);
-    let mut scored: Vec<(f64, State)> =
-        candidates.into_par_iter().map(|s| (t.score(&few, &frame, s, 1), s)).collect();
+    let mut scored: Vec<(f64, State)> = candidates.into_par_iter().map(|s| (t.score(&few, &frame, s, 1), s)).collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     scored.truncate(6);
 
@@ -148,8 +147,8 @@ impl Transport<'_> {
             .flat_map_iter(|p| {
                 let (n, d) = self.planes[p];
                 let ys = (stride / 2..self.sweep.height).step_by(stride);
-                ys.flat_map(move |y| (stride / 2..self.sweep.width).step_by(stride).map(move |x| (x, y)))
-                    .filter_map(move |(x, y)| {
+                ys.flat_map(move |y| (stride / 2..self.sweep.width).step_by(stride).map(move |x| (x, y))).filter_map(
+                    move |(x, y)| {
                         let index = y * self.sweep.width + x;
                         if self.images[p][index * k1 + self.sweep.k] < 0.99 {
                             return None;
@@ -157,7 +156,8 @@ impl Transport<'_> {
                         let ray = self.camera.ray(self.sweep.px(x, y));
                         let t = d / n.dot(&ray.dir);
                         (t > 0.0).then(|| Seed { position: p, index, point: ray.at(t) })
-                    })
+                    },
+                )
             })
             .collect()
     }
@@ -206,7 +206,11 @@ impl Transport<'_> {
     fn partner(&self, seed: &Seed, arm: usize) -> usize {
         let n = self.sweep.positions.len();
         let up = seed.index % 2 == 0;
-        if (up && seed.position + arm < n) || seed.position < arm { (seed.position + arm).min(n - 1) } else { seed.position - arm }
+        if (up && seed.position + arm < n) || seed.position < arm {
+            (seed.position + arm).min(n - 1)
+        } else {
+            seed.position - arm
+        }
     }
 
     /// Mean truncated squared difference of codewords; 1 is chance.

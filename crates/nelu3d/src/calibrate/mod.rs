@@ -122,7 +122,9 @@ pub enum Error {
     #[error(transparent)]
     Pose(#[from] PoseError),
     /// There is no board.
-    #[error("{0}: [board] is missing; describe the target of the sweep, or use --from-projector with a calibrated projector")]
+    #[error(
+        "{0}: [board] is missing; describe the target of the sweep, or use --from-projector with a calibrated projector"
+    )]
     NoBoard(PathBuf),
     /// There are too few positions.
     #[error("{path}: {found} usable board positions, and at least 3 are needed{reasons}")]
@@ -261,8 +263,7 @@ fn read_sweep(
         }
         let white = rig.read_image(&shot.dir.join(&rig.white))?;
         let black = rig.read_image(&shot.dir.join(&rig.black))?;
-        let corners =
-            detector.detect(&white.to_gray(), white.width, white.height).map_err(|e| e.to_string());
+        let corners = detector.detect(&white.to_gray(), white.width, white.height).map_err(|e| e.to_string());
         let mut noise = NoiseEstimator::default();
         noise.add(&white);
         let mut builder = PositionBuilder::new(white, black, k, opts.min_contrast);
@@ -658,7 +659,8 @@ fn measure(placed: &Placed, frame: &Frame, grid: &Grid, held: &[usize]) -> Quali
     }
     let db = |sum: f64, n: usize| if n > 0 { -10.0 * (sum / n as f64).log10() } else { f64::NAN };
     t.depth.sort_by(f32::total_cmp);
-    let (lit, noise) = if t.lit.1 > 0 { (db(t.lit.0, t.lit.1), db(t.noise, t.lit.1)) } else { (db(t.all.0, t.all.1), 60.0) };
+    let (lit, noise) =
+        if t.lit.1 > 0 { (db(t.lit.0, t.lit.1), db(t.noise, t.lit.1)) } else { (db(t.all.0, t.all.1), 60.0) };
     Quality {
         held_out: held.iter().map(|p| placed.sweep.positions[*p].name.clone()).collect(),
         n: t.all.1,

@@ -120,11 +120,8 @@ impl NoiseEstimator {
             return NoiseModel { read: floor as f32, gain: 1e-4 };
         }
         let det = s * sxx - sx * sx;
-        let (mut read, mut gain) = if det > 1e-9 * s * sxx {
-            ((sxx * sy - sx * sxy) / det, (s * sxy - sx * sy) / det)
-        } else {
-            (sy / s, 0.0)
-        };
+        let (mut read, mut gain) =
+            if det > 1e-9 * s * sxx { ((sxx * sy - sx * sxy) / det, (s * sxy - sx * sy) / det) } else { (sy / s, 0.0) };
         if gain < 0.0 {
             (read, gain) = (sy / s, 0.0);
         }

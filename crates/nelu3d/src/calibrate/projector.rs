@@ -51,8 +51,7 @@ pub(super) fn run(
         let image = nelu3d_scan::image::read_any(&path).map_err(|e| fail(path.clone(), e.to_string()))?;
         let (w, h) = (projector.optics.width, projector.optics.height);
         if (image.width, image.height) != (w, h) {
-            let reason =
-                format!("is {} × {} px, but projector.json says {w} × {h}", image.width, image.height);
+            let reason = format!("is {} × {} px, but projector.json says {w} × {h}", image.width, image.height);
             return Err(fail(path, reason));
         }
         // One plane per channel of the camera; a gray pattern serves all of them.
@@ -64,7 +63,9 @@ pub(super) fn run(
     let scenes = scenes(rig, set)?;
     let [near, far] = depth_range(rig, projector, opts)?;
     let Some(frame) = frame(&rig.camera, projector, near, far) else {
-        let reason = format!("its light and the camera's view do not overlap between {near:.0} and {far:.0} mm; check R and T, or give --depth NEAR FAR");
+        let reason = format!(
+            "its light and the camera's view do not overlap between {near:.0} and {far:.0} mm; check R and T, or give --depth NEAR FAR"
+        );
         return Err(fail(rig.root.join("projector.json"), reason));
     };
 

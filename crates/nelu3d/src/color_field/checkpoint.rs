@@ -93,16 +93,11 @@ impl ColorField {
         let json = serde_json::to_string(&header).expect("plain data serializes");
         let t_range: &[u8] = bytemuck::cast_slice(&self.validity.t_range);
         let [ca, cb, cw] = self.validity.shape.cells;
-        let malformed = |e: safetensors::SafeTensorError| CheckpointError::Malformed {
-            path: path.into(),
-            reason: e.to_string(),
-        };
+        let malformed =
+            |e: safetensors::SafeTensorError| CheckpointError::Malformed { path: path.into(), reason: e.to_string() };
         let tensors = [
             (name, TensorView::new(dtype, shape, &bytes).map_err(malformed)?),
-            (
-                "t_range",
-                TensorView::new(Dtype::F32, vec![self.validity.t_range.len(), 2], t_range).map_err(malformed)?,
-            ),
+            ("t_range", TensorView::new(Dtype::F32, vec![self.validity.t_range.len(), 2], t_range).map_err(malformed)?),
             ("lit", TensorView::new(Dtype::U8, vec![cb, ca, cw], &self.validity.lit).map_err(malformed)?),
         ];
         let metadata = HashMap::from([("nelu3d".to_string(), json)]);

@@ -250,9 +250,8 @@ impl Bins {
                         continue;
                     }
                     let cell = [i / self.counts[2], b, i % self.counts[2]];
-                    let q = std::array::from_fn(|i| {
-                        (cell[i] as f32 + 0.5 + bin[1 + i] / bin[0]) / self.counts[i] as f32
-                    });
+                    let q =
+                        std::array::from_fn(|i| (cell[i] as f32 + 0.5 + bin[1 + i] / bin[0]) / self.counts[i] as f32);
                     out.push(Sample { q, at: (b * self.counts[0] * self.counts[2] + i) * self.stride() + 4 });
                 }
                 out

@@ -294,7 +294,8 @@ fn aggregate(
                 let neighbor = match before_first {
                     Some((f, e)) if px >= 0 && (px as usize) < width => {
                         let s = index[previous_y as usize * width + px as usize];
-                        (s != u32::MAX && (f..e).contains(&(s as usize))).then(|| &before[(s as usize - f) * labels..][..labels])
+                        (s != u32::MAX && (f..e).contains(&(s as usize)))
+                            .then(|| &before[(s as usize - f) * labels..][..labels])
                     }
                     _ => None,
                 };

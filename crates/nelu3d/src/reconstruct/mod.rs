@@ -118,8 +118,8 @@ pub fn run(
     let mut clock = StageClock::new(progress);
     clock.begin("read the scene");
     let capture = rig.read_shot(shot, set, nelu3d_scan::rig::Need::Scene)?;
-    let mut out = reconstruct(&capture, &rig.camera, field, opts, progress, &mut clock)
-        .map_err(|reason| reason.at(shot))?;
+    let mut out =
+        reconstruct(&capture, &rig.camera, field, opts, progress, &mut clock).map_err(|reason| reason.at(shot))?;
     out.stages = clock.finish();
     Ok(out)
 }
@@ -223,7 +223,8 @@ pub fn reconstruct(
         draws: 12,
         seed: opts.seed,
     };
-    let refined = refine(&m, &rays, &grid, &start, unit, channels, &settings, &|done, total| progress.tick(done, total));
+    let refined =
+        refine(&m, &rays, &grid, &start, unit, channels, &settings, &|done, total| progress.tick(done, total));
     stop()?;
 
     // Leave out what has no consistent code.

@@ -11,9 +11,9 @@
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 
+use super::box_mean;
 use super::decode::Rays;
 use super::measure::Measurements;
-use super::box_mean;
 use super::thin_plate::Plate;
 use crate::color_field::grid::Grid;
 
@@ -62,7 +62,8 @@ pub struct Refined {
 fn band(samples: usize) -> Vec<(f32, f32)> {
     // Interval bounds from +4 to −4 widths; a sample stands in the middle of each interval.
     let bounds: Vec<f64> = (0..=samples).map(|j| 4.0 - 8.0 * j as f64 / samples as f64).collect();
-    let phi: Vec<f64> = bounds.iter().map(|f: &f64| 1.0 / (1.0 + (-f).exp())).collect(); let weights: Vec<f64> = phi.windows(2).map(|p| (p[0] - p[1]) / phi[0]).collect();
+    let phi: Vec<f64> = bounds.iter().map(|f: &f64| 1.0 / (1.0 + (-f).exp())).collect();
+    let weights: Vec<f64> = phi.windows(2).map(|p| (p[0] - p[1]) / phi[0]).collect();
     let total: f64 = weights.iter().sum();
     weights.iter().enumerate().map(|(j, w)| (-0.5 * (bounds[j] + bounds[j + 1]) as f32, (*w / total) as f32)).collect()
 }

@@ -25,8 +25,7 @@ impl Links {
             let side = |ok: bool, a: usize, b: usize| {
                 if ok && depth[a].is_finite() && depth[b].is_finite() { (depth[b] - depth[a]).abs() } else { 0.0 }
             };
-            let around =
-                side(before, i.wrapping_sub(stride), i).min(side(after, j, (j + stride).min(depth.len() - 1)));
+            let around = side(before, i.wrapping_sub(stride), i).min(side(after, j, (j + stride).min(depth.len() - 1)));
             step <= 12.0 * mm && step <= 4.0 * around
         };
         let mut links = vec![0u8; w * h];
@@ -188,8 +187,10 @@ pub fn mesh(depth: &[f32], normals: &[[f32; 3]], links: &Links, undistorted: &[[
     }
     // The brightest percent may clip in the picture; the rest of the range shows the surface.
     let peak = {
-        let mut v: Vec<f32> =
-            (0..depth.len()).filter(|i| depth[*i].is_finite()).flat_map(|i| white.pixel(i % width, i / width).to_vec()).collect();
+        let mut v: Vec<f32> = (0..depth.len())
+            .filter(|i| depth[*i].is_finite())
+            .flat_map(|i| white.pixel(i % width, i / width).to_vec())
+            .collect();
         let at = v.len().saturating_sub(1) * 99 / 100;
         if v.is_empty() { 1.0 } else { v.select_nth_unstable_by(at, f32::total_cmp).1.max(1e-6) }
     };

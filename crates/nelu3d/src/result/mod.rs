@@ -11,7 +11,7 @@ pub use stages::{StageClock, StageTime};
 pub use summary::{
     About, CameraJson, DepthRange, FORMAT, Input, Machine, MeshSize, Pixels, Summary, peak_memory_bytes,
 };
-pub use write::{MeshFiles, write, write_into};
+pub use write::{MeshFiles, WriteError, write, write_into};
 
 use nelu3d_scan::{Image, Mesh};
 

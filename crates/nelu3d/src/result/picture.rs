@@ -67,6 +67,11 @@ impl Picture {
         Self(imageops::thumbnail(&self.0, nw, nh))
     }
 
+    /// The part `[x, y, width, height]`, which lies inside.
+    pub fn part(&self, [x, y, width, height]: [usize; 4]) -> Self {
+        Self(imageops::crop_imm(&self.0, x as u32, y as u32, width as u32, height as u32).to_image())
+    }
+
     /// Side by side, of equal height.
     ///
     /// # Panics
@@ -147,7 +152,24 @@ pub fn preview(r: &Reconstruction) -> Picture {
         Picture::shaded(&r.normals, r.width, r.height, |_| [226, 221, 212]),
         Picture::shaded(&r.normals, r.width, r.height, depth_color),
     ];
-    Picture::beside(&panels.map(|p| p.at_most(640)))
+    let part = surroundings(r);
+    Picture::beside(&panels.map(|p| p.part(part).at_most(640)))
+}
+
+/// The rectangle `[x, y, width, height]` around the pixels that have depth, with a margin; the whole image when there
+/// are none.
+fn surroundings(r: &Reconstruction) -> [usize; 4] {
+    let kept = || (0..r.depth.len()).filter(|&i| r.depth[i].is_finite());
+    let along = |coordinate: &dyn Fn(usize) -> usize, size: usize| -> [usize; 2] {
+        let (Some(low), Some(high)) = (kept().map(coordinate).min(), kept().map(coordinate).max()) else {
+            return [0, size];
+        };
+        let margin = 4 + (high - low) / 12;
+        let start = low.saturating_sub(margin);
+        [start, (high + margin + 1).min(size) - start]
+    };
+    let ([x, width], [y, height]) = (along(&|i| i % r.width, r.width), along(&|i| i / r.width, r.height));
+    [x, y, width, height]
 }
 
 /// Brightness of a clay surface: a key light over the left shoulder, a weak fill from the right, some ambient.

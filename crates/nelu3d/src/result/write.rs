@@ -3,12 +3,24 @@
 use std::io;
 use std::path::Path;
 
+use nelu3d_scan::mesh::{MeshFileError, write_points};
 use nelu3d_scan::output::{OutputDir, write_atomic};
-use nelu3d_scan::{Camera, Mesh, image, mesh, npy};
+use nelu3d_scan::{Camera, image, npy};
 use rayon::prelude::*;
 
 use super::picture::{Picture, preview};
 use super::{About, Reconstruction, Summary};
+
+/// A result folder that could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The folder or one of its files; the message names it.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// A mesh file.
+    #[error(transparent)]
+    Mesh(#[from] MeshFileError),
+}
 
 /// Mesh files to write besides mesh.ply.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -39,10 +51,16 @@ pub struct MeshFiles {
 /// # Errors
 ///
 /// A file cannot be written, or `dir` exists and is no result.
-pub fn write(r: &Reconstruction, camera: &Camera, about: &About, mesh_files: MeshFiles, dir: &Path) -> io::Result<()> {
+pub fn write(
+    r: &Reconstruction,
+    camera: &Camera,
+    about: &About,
+    mesh_files: MeshFiles,
+    dir: &Path,
+) -> Result<(), WriteError> {
     let folder = OutputDir::create(dir, "result.json")?;
     write_into(folder.path(), r, &Summary::new(r, camera, about), mesh_files)?;
-    folder.commit()
+    Ok(folder.commit()?)
 }
 
 /// The same into a folder that exists, for callers that add files of their own before it is put into place.
@@ -54,7 +72,7 @@ pub fn write(r: &Reconstruction, camera: &Camera, about: &About, mesh_files: Mes
 /// # Panics
 ///
 /// When the maps differ in size.
-pub fn write_into(dir: &Path, r: &Reconstruction, summary: &Summary, mesh_files: MeshFiles) -> io::Result<()> {
+pub fn write_into(dir: &Path, r: &Reconstruction, summary: &Summary, mesh_files: MeshFiles) -> Result<(), WriteError> {
     let (w, h) = (r.width, r.height);
     let lengths = [r.depth.len(), r.normals.len(), r.sigma.len(), r.left.len(), r.residual.len(), r.ambient.len()];
     assert!(lengths.iter().all(|&n| n == w * h), "maps of {lengths:?} values for {w} × {h} pixels");
@@ -70,19 +88,20 @@ pub fn write_into(dir: &Path, r: &Reconstruction, summary: &Summary, mesh_files:
         data: r.ambient.iter().map(|a| if a.is_finite() { *a } else { 0.0 }).collect(),
     };
     image::write_png16(&dir.join("ambient.png"), &ambient, 0.0, 65535.0)?;
-    mesh::write(&dir.join("points.ply"), &points(r, summary))?;
-    mesh::write(&dir.join("mesh.ply"), &r.mesh)?;
+    write_point_cloud(&dir.join("points.ply"), r, summary)?;
+    r.mesh.write(&dir.join("mesh.ply"))?;
     for (wanted, name) in [(mesh_files.obj, "mesh.obj"), (mesh_files.stl, "mesh.stl"), (mesh_files.glb, "mesh.glb")] {
         if wanted {
-            mesh::write(&dir.join(name), &r.mesh)?;
+            r.mesh.write(&dir.join(name))?;
         }
     }
     write_atomic(&dir.join("preview.png"), |w| w.write_all(&preview(r).png()))?;
-    write_atomic(&dir.join("result.json"), |w| Ok(serde_json::to_writer_pretty(w, summary)?))
+    write_atomic(&dir.join("result.json"), |w| Ok(serde_json::to_writer_pretty(w, summary)?))?;
+    Ok(())
 }
 
 /// One point per pixel that has depth: position, normal, and its color in the white image.
-fn points(r: &Reconstruction, summary: &Summary) -> Mesh {
+fn write_point_cloud(path: &Path, r: &Reconstruction, summary: &Summary) -> io::Result<()> {
     let camera = summary.camera.camera().expect("made from a camera");
     let color = Picture::of_image(&r.white);
     let kept: Vec<usize> = (0..r.depth.len()).filter(|&i| r.depth[i].is_finite()).collect();
@@ -91,12 +110,10 @@ fn points(r: &Reconstruction, summary: &Summary) -> Mesh {
         let p = ray.at(f64::from(r.depth[i]) / ray.dir.z);
         [p.x as f32, p.y as f32, p.z as f32]
     };
-    Mesh {
-        vertices: kept.par_iter().map(position).collect(),
-        normals: kept.iter().map(|&i| r.normals[i]).collect(),
-        colors: kept.iter().map(|&i| color.rgb(i)).collect(),
-        faces: Vec::new(),
-    }
+    let positions: Vec<[f32; 3]> = kept.par_iter().map(position).collect();
+    let normals: Vec<[f32; 3]> = kept.iter().map(|&i| r.normals[i]).collect();
+    let colors: Vec<[u8; 3]> = kept.iter().map(|&i| color.rgb(i)).collect();
+    write_points(path, &positions, &normals, &colors)
 }
 
 #[cfg(test)]
@@ -125,7 +142,7 @@ mod tests {
             residual: map(|_| 0.01),
             ambient: map(|_| 0.5),
             white: nelu3d_scan::Image { width, height, channels: 1, data: vec![0.7; n] },
-            mesh: Mesh {
+            mesh: nelu3d_scan::Mesh {
                 vertices: vec![[0.0, 0.0, 500.0], [1.0, 0.0, 500.0], [0.0, 1.0, 500.0]],
                 normals: Vec::new(),
                 colors: Vec::new(),
