@@ -31,17 +31,12 @@ impl View<'_> {
     pub(crate) fn render(&self) -> Vec<f32> {
         let (w, h) = (self.camera.width, self.camera.height);
         let coverage = self.coverage();
-        let blurred = blur(coverage, w * CELLS, h * CELLS, self.blur_px * CELLS as f64);
+        let albedo = self.sense(&coverage);
         let mut rng = Gauss::new(self.seed);
         let mut image = vec![0.0f32; w * h];
         for y in 0..h {
             for x in 0..w {
-                let mut sum = 0.0f64;
-                for j in 0..CELLS {
-                    let row = &blurred[(y * CELLS + j) * w * CELLS + x * CELLS..][..CELLS];
-                    sum += row.iter().map(|v| f64::from(*v)).sum::<f64>();
-                }
-                let albedo = sum / (CELLS * CELLS) as f64;
+                let albedo = f64::from(albedo[y * w + x]);
                 // The light falls off to one side and toward the corners by almost half.
                 let (u, v) = (x as f64 / w as f64 - 0.5, y as f64 / h as f64 - 0.5);
                 let light = 0.7 * (1.0 - 0.35 * u - 0.2 * v) * (1.0 - 0.5 * (u * u + v * v));
@@ -51,6 +46,32 @@ impl View<'_> {
             }
         }
         image
+    }
+
+    /// What pixels see of the cells: their own area, blurred.
+    fn sense(&self, coverage: &[f32]) -> Vec<f32> {
+        let (w, h) = (self.camera.width, self.camera.height);
+        let sigma = self.blur_px * CELLS as f64;
+        let radius = (4.0 * sigma).ceil() as i64;
+        let gauss = |i: i64| if sigma > 0.0 { (-0.5 * (i as f64 / sigma).powi(2)).exp() } else { f64::from(i == 0) };
+        let reach = -radius..CELLS as i64 + radius;
+        let weights: Vec<f64> = reach.clone().map(|i| (0..CELLS as i64).map(|c| gauss(i - c)).sum()).collect();
+        let total: f64 = weights.iter().sum();
+        let kernel: Vec<(i64, f32)> = reach.zip(weights.iter().map(|v| (v / total) as f32)).collect();
+        let near = |pixel: usize, offset: i64, n: usize| {
+            ((pixel * CELLS) as i64 + offset).clamp(0, (n * CELLS) as i64 - 1) as usize
+        };
+        let rows: Vec<f32> = (0..h * CELLS * w)
+            .into_par_iter()
+            .map(|i| {
+                let row = &coverage[i / w * w * CELLS..][..w * CELLS];
+                kernel.iter().map(|(o, k)| k * row[near(i % w, *o, w)]).sum()
+            })
+            .collect();
+        (0..h * w)
+            .into_par_iter()
+            .map(|i| kernel.iter().map(|(o, k)| k * rows[near(i / w, *o, h) * w + i % w]).sum())
+            .collect()
     }
 
     /// Share of paper in each cell of the image.
@@ -104,31 +125,6 @@ fn area(f: &impl Fn(f64, f64) -> f32, [x, y]: [f64; 2], size: f64, c: [f32; 4], 
         + area(f, [x + half, y], half, [top, c[1], mid, right], depth - 1)
         + area(f, [x, y + half], half, [left, mid, c[2], bottom], depth - 1)
         + area(f, [x + half, y + half], half, [mid, right, bottom, c[3]], depth - 1))
-}
-
-fn blur(image: Vec<f32>, w: usize, h: usize, sigma: f64) -> Vec<f32> {
-    if sigma <= 0.0 {
-        return image;
-    }
-    let radius = (4.0 * sigma).ceil() as isize;
-    let kernel: Vec<f32> = (-radius..=radius).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32).collect();
-    let total: f32 = kernel.iter().sum();
-    let pass = |image: &[f32], step: isize, count: usize, at: &(dyn Fn(usize) -> usize + Sync)| -> Vec<f32> {
-        (0..image.len())
-            .into_par_iter()
-            .map(|i| {
-                let place = at(i) as isize;
-                let mut sum = 0.0;
-                for (k, weight) in kernel.iter().enumerate() {
-                    let to = (place + k as isize - radius).clamp(0, count as isize - 1);
-                    sum += weight * image[(i as isize + (to - place) * step) as usize];
-                }
-                sum / total
-            })
-            .collect()
-    };
-    let across = pass(&image, 1, w, &|i| i % w);
-    pass(&across, w as isize, h, &|i| i / w)
 }
 
 /// Normal variates (Box–Muller on a 64-bit generator), the same on every machine.

@@ -1,6 +1,6 @@
 //! Homographies between planes, from four points or robustly from many.
 
-use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
 use super::robust::{Lcg, median};
 
@@ -39,7 +39,7 @@ impl Homography {
             if (1..4).any(|k| pick[..k].contains(&pick[k])) {
                 continue;
             }
-            let Some(h) = dlt(&pick.map(|i| from[i]), &pick.map(|i| to[i])) else { continue };
+            let Some(h) = four(&pick.map(|i| from[i]), &pick.map(|i| to[i])) else { continue };
             let m = median(&residuals(&h));
             if best.as_ref().is_none_or(|(b, _)| m < *b) {
                 best = Some((m, h));
@@ -117,7 +117,7 @@ fn dlt(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Matrix3<f64>> {
         let mut m = SMatrix::<f64, 9, 9>::zeros();
         for i in 0..from.len() {
             for row in rows(i) {
-                let v = nalgebra::SVector::<f64, 9>::from(row);
+                let v = SVector::<f64, 9>::from(row);
                 m += v * v.transpose();
             }
         }
@@ -132,6 +132,27 @@ fn dlt(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Matrix3<f64>> {
     let h = b.try_inverse()? * h * a;
     let at = from.iter().map(|p| (h * Vector3::new(p[0], p[1], 1.0)).z).sum::<f64>();
     let h = h * (at.signum() / h.norm());
+    h.iter().all(|v| v.is_finite()).then_some(h)
+}
+
+/// Through four points by elimination, with the last entry 1 where the points' mean is the origin: quick, and good enough
+/// to choose among samples.
+fn four(from: &[[f64; 2]; 4], to: &[[f64; 2]; 4]) -> Option<Matrix3<f64>> {
+    let (a, b) = (normalizer(from)?, normalizer(to)?);
+    let (mut m, mut rhs) = (SMatrix::<f64, 8, 8>::zeros(), SVector::<f64, 8>::zeros());
+    for i in 0..4 {
+        let ([x, y], [u, v]) = (apply(&a, from[i]), apply(&b, to[i]));
+        let rows = [[x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y], [0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y]];
+        for k in 0..2 {
+            for c in 0..8 {
+                m[(2 * i + k, c)] = rows[k][c];
+            }
+        }
+        (rhs[2 * i], rhs[2 * i + 1]) = (u, v);
+    }
+    let h = m.lu().solve(&rhs)?;
+    let h = Matrix3::new(h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], 1.0);
+    let h = b.try_inverse()? * h * a;
     h.iter().all(|v| v.is_finite()).then_some(h)
 }
 

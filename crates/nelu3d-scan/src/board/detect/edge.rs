@@ -17,6 +17,8 @@ pub(super) struct Expected {
     pub(super) length: f64,
     /// How far the middle lies off the chord, along `normal`: the lens's doing.
     pub(super) sag: f64,
+    /// Relative change of the light per pixel along `normal`.
+    pub(super) light: f64,
 }
 
 /// How far the edge lies from where it was expected.
@@ -30,6 +32,8 @@ pub(super) struct EdgeFit {
     pub(super) information: Matrix2<f64>,
     /// Gaussian blur beyond the pixel's own area, px.
     pub(super) blur: f64,
+    /// Level of the bright side in the middle of the edge.
+    pub(super) bright: f64,
 }
 
 /// Least contrast (linear) that counts as an edge.
@@ -47,13 +51,24 @@ struct Sample {
 /// of the expected edge.
 ///
 /// The model is symmetric about the edge and lives in linear light, so blur of any amount moves it nowhere; offset, slope,
-/// blur and both sides' levels (each linear along the edge: uneven lighting) are free. `None` where there is no such edge,
+/// blur and both sides' levels (each linear along the edge: uneven lighting) are free. `blur` is where that one starts. `None` where there is no such edge,
 /// it leaves the image, or is clipped.
-pub(super) fn fit(image: &Pixels, edge: &Expected, range: [f64; 2], half_width: f64) -> Option<EdgeFit> {
+pub(super) fn fit(
+    image: &Pixels,
+    edge: &Expected,
+    range: [f64; 2],
+    half_width: f64,
+    blur: Option<f64>,
+) -> Option<EdgeFit> {
     let samples = samples(image, edge, range, half_width)?;
     let n = samples.len() as f64;
     let middle = 0.5 * (range[0] + range[1]);
     let reach = 0.5 * (range[1] - range[0]);
+
+    // The light's own slope across the edge would pass for a shift of it (of opposite sign on the two sides of a marker, but
+    // of the same sign as seen from the image's middle): divided out beforehand.
+    let samples: Vec<Sample> =
+        samples.into_iter().map(|p| Sample { value: p.value / (1.0 + edge.light * p.d), ..p }).collect();
 
     // Start: levels from the extremes, the offset from the area under the profile.
     let mut values: Vec<f64> = samples.iter().map(|p| p.value).collect();
@@ -66,29 +81,35 @@ pub(super) fn fit(image: &Pixels, edge: &Expected, range: [f64; 2], half_width: 
     let box_width = edge.normal[0].abs().max(edge.normal[1].abs());
     let box_minor = edge.normal[0].abs().min(edge.normal[1].abs());
     let least = (0.15f64.powi(2) + box_minor * box_minor / 12.0).sqrt();
+    let sigma = blur.unwrap_or(0.7).hypot(box_minor / 12f64.sqrt()).clamp(least, half_width);
     // Offset and slope (per `reach`) in the middle, σ, dark level and its slope, bright level and its slope.
-    let mut p = SVector::<f64, 7>::from([half_width * (1.0 - 2.0 * share), 0.0, 0.7, dark, 0.0, bright, 0.0]);
-    let evaluate = |p: &SVector<f64, 7>, jacobian: bool| {
+    let mut p = SVector::<f64, 7>::from([half_width * (1.0 - 2.0 * share), 0.0, sigma, dark, 0.0, bright, 0.0]);
+    let evaluate = |p: &SVector<f64, 7>| {
         let (mut a, mut g, mut cost) = (SMatrix::<f64, 7, 7>::zeros(), SVector::<f64, 7>::zeros(), 0.0);
         for q in &samples {
             let u = (q.s - middle) / reach;
             let (step, by_d, by_sigma) = blurred_step(q.d - p[0] - p[1] * u, box_width, p[2]);
             let (lo, hi) = (p[3] + p[4] * u, p[5] + p[6] * u);
-            let r = q.value - (lo + (hi - lo) * step);
+            let (contrast, r) = (hi - lo, q.value - (lo + (hi - lo) * step));
+            let (fall, rise) = (1.0 - step, step);
+            let by_offset = -contrast * by_d;
+            let j = SVector::<f64, 7>::from([
+                by_offset,
+                by_offset * u,
+                contrast * by_sigma,
+                fall,
+                fall * u,
+                rise,
+                rise * u,
+            ]);
             cost += r * r;
-            if jacobian {
-                let k = hi - lo;
-                let (keep, rise) = (1.0 - step, step);
-                let j =
-                    SVector::<f64, 7>::from([-k * by_d, -k * by_d * u, k * by_sigma, keep, keep * u, rise, rise * u]);
-                a.ger(1.0, &j, &j, 1.0);
-                g += r * j;
-            }
+            a.ger(1.0, &j, &j, 1.0);
+            g += r * j;
         }
         (a, g, cost)
     };
-    let mut damping = 1e-3;
-    let (mut a, mut g, mut cost) = evaluate(&p, true);
+    let mut damping = 1e-4;
+    let (mut a, mut g, mut cost) = evaluate(&p);
     for _ in 0..30 {
         let mut m = a;
         for i in 0..7 {
@@ -97,17 +118,17 @@ pub(super) fn fit(image: &Pixels, edge: &Expected, range: [f64; 2], half_width: 
         let step = m.cholesky()?.solve(&g);
         let mut next = p + step;
         next[2] = next[2].clamp(least, half_width);
-        let (_, _, c) = evaluate(&next, false);
+        let (a1, g1, c) = evaluate(&next);
+        let moved = step[0].abs() + step[1].abs();
         if c < cost {
-            let done = step[0].abs() + step[1].abs() < 1e-5;
-            p = next;
-            (a, g, cost) = evaluate(&p, true);
+            (p, a, g, cost) = (next, a1, g1, c);
             damping = (damping * 0.1).max(1e-9);
-            if done {
+            // The next step would be smaller by another two orders.
+            if moved < 3e-4 {
                 break;
             }
         } else {
-            if damping > 1e3 || step[0].abs() + step[1].abs() < 1e-6 {
+            if damping > 1e3 || moved < 1e-5 {
                 break;
             }
             damping *= 10.0;
@@ -128,7 +149,7 @@ pub(super) fn fit(image: &Pixels, edge: &Expected, range: [f64; 2], half_width: 
     let information = (to_start * covariance * to_start.transpose()).try_inverse()?;
     let slope = p[1] / reach;
     let blur = (p[2] * p[2] - box_minor * box_minor / 12.0).max(0.0).sqrt();
-    Some(EdgeFit { offset: p[0] - slope * middle, slope, information, blur })
+    Some(EdgeFit { offset: p[0] - slope * middle, slope, information, blur, bright: p[5] })
 }
 
 /// The pixels around an expected edge: their distance along it and from it.

@@ -7,6 +7,7 @@ mod check;
 mod chessboard;
 mod edge;
 mod gray;
+mod light;
 mod markers;
 mod quads;
 mod refine;
@@ -112,11 +113,15 @@ impl Detector {
         let lost = || BoardError::not_found(format!("the {} points seen lie on no plane", pairs.len()));
         let mut warp = Warp::fit(pairs, camera, pixels).ok_or_else(lost)?;
         let mut found = refine::corners(pixels, &self.corners, &warp, None);
-        for _ in 0..2 {
+        // Once more from where they are, with strips fitting the blur; and again if that brought in many that were too far off.
+        for _ in 0..3 {
             let pairs: Vec<Pair> = found.iter().map(|c| (c.corner.board_mm, c.corner.px)).collect();
             let Some(better) = Warp::fit(&pairs, camera, pixels) else { break };
             warp = better;
-            found = refine::corners(pixels, &self.corners, &warp, refine::blur(&found));
+            found = refine::corners(pixels, &self.corners, &warp, refine::conditions(pixels, &found).as_ref());
+            if found.len() * 10 <= pairs.len() * 11 {
+                break;
+            }
         }
         // Edges alone do not tell one square of a board from the next.
         if let Some(r) = agreement(pixels, &self.layout.markers, &self.artwork, &warp)

@@ -4,6 +4,7 @@ use nalgebra::{Matrix2x4, Matrix4, Vector2, Vector4};
 use rayon::prelude::*;
 
 use super::edge::{self, EdgeFit, Expected};
+use super::light::Light;
 use super::spec::{Arm, CornerSpec};
 use super::warp::Warp;
 use crate::board::Corner;
@@ -30,6 +31,16 @@ pub(super) struct Localized {
     pub(super) corner: Corner,
     /// Blur of its edges, px.
     blur: f64,
+    /// Level of the white beside it.
+    bright: f64,
+}
+
+/// What an earlier pass tells of an image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Conditions {
+    /// Typical blur, px.
+    blur: f64,
+    light: Light,
 }
 
 /// Share of the clear strip beside an edge that is looked at: what lies beyond may be blurred into it.
@@ -43,19 +54,20 @@ const MAX_LENGTH: f64 = 120.0;
 /// Corners less certain than this (σ, px) are left out.
 const MAX_SIGMA: f64 = 0.2;
 
-/// All corners whose edges are where the warp says, within the strips. `blur` is that of an earlier pass.
-pub(super) fn corners(image: &Pixels, specs: &[CornerSpec], warp: &Warp, blur: Option<f64>) -> Vec<Localized> {
-    specs.par_iter().filter_map(|spec| corner(image, spec, warp, blur)).collect()
+/// All corners whose edges are where the warp says, within the strips.
+pub(super) fn corners(image: &Pixels, specs: &[CornerSpec], warp: &Warp, known: Option<&Conditions>) -> Vec<Localized> {
+    specs.par_iter().filter_map(|spec| corner(image, spec, warp, known)).collect()
 }
 
-/// The typical blur of an earlier pass, px.
-pub(super) fn blur(found: &[Localized]) -> Option<f64> {
+/// What a pass tells of the image.
+pub(super) fn conditions(image: &Pixels, found: &[Localized]) -> Option<Conditions> {
     let mut blurs: Vec<f64> = found.iter().map(|c| c.blur).collect();
     blurs.sort_by(f64::total_cmp);
-    blurs.get(blurs.len() / 2).copied()
+    let levels: Vec<([f64; 2], f64)> = found.iter().map(|c| (c.corner.px, c.bright)).collect();
+    Some(Conditions { blur: *blurs.get(blurs.len() / 2)?, light: Light::fit(image, &levels) })
 }
 
-fn corner(image: &Pixels, spec: &CornerSpec, warp: &Warp, blur: Option<f64>) -> Option<Localized> {
+fn corner(image: &Pixels, spec: &CornerSpec, warp: &Warp, known: Option<&Conditions>) -> Option<Localized> {
     let start = warp.px(spec.board_mm);
     let inside = start[0] >= 0.0 && start[1] >= 0.0 && start[0] < image.width as f64 && start[1] < image.height as f64;
     if !inside {
@@ -64,9 +76,10 @@ fn corner(image: &Pixels, spec: &CornerSpec, warp: &Warp, blur: Option<f64>) -> 
     // Unknown: the corner's shift, and the turn of each line. Each arm measures the shift along its normal, and its turn.
     let (mut a, mut g) = (Matrix4::zeros(), Vector4::zeros());
     let mut blurs = Vec::with_capacity(4);
+    let mut bright = 0.0f64;
     for (line, arms) in spec.lines.iter().enumerate() {
         for arm in arms {
-            let (expected, fit) = measure(image, spec.board_mm, start, arm, warp, blur)?;
+            let (expected, fit) = measure(image, spec.board_mm, start, arm, warp, known)?;
             let n = expected.normal;
             let turn = (expected.along[0] * n[1] - expected.along[1] * n[0]).signum();
             let mut rows = Matrix2x4::zeros();
@@ -75,6 +88,7 @@ fn corner(image: &Pixels, spec: &CornerSpec, warp: &Warp, blur: Option<f64>) -> 
             a += rows.transpose() * fit.information * rows;
             g += rows.transpose() * fit.information * Vector2::new(fit.offset, fit.slope);
             blurs.push(fit.blur);
+            bright = bright.max(fit.bright);
         }
     }
     let covariance = a.try_inverse()?;
@@ -85,7 +99,7 @@ fn corner(image: &Pixels, spec: &CornerSpec, warp: &Warp, blur: Option<f64>) -> 
         return None;
     }
     blurs.sort_by(f64::total_cmp);
-    Some(Localized { corner: Corner { board_mm: spec.board_mm, px }, blur: blurs[blurs.len() / 2] })
+    Some(Localized { corner: Corner { board_mm: spec.board_mm, px }, blur: blurs[blurs.len() / 2], bright })
 }
 
 /// Expects an arm where the warp puts it, and fits the edge there.
@@ -95,8 +109,9 @@ fn measure(
     start: [f64; 2],
     arm: &Arm,
     warp: &Warp,
-    blur: Option<f64>,
+    known: Option<&Conditions>,
 ) -> Option<(Expected, EdgeFit)> {
+    let blur = known.map(|k| k.blur);
     let on_arm = |s: f64, d: f64| {
         let at = |k: usize| board_mm[k] + s * arm.dir[k] + d * arm.bright[k];
         warp.px([at(0), at(1)])
@@ -120,7 +135,9 @@ fn measure(
     // The clear strip as wide as it is seen, measured across the edge.
     let clear = across[0] * normal[0] + across[1] * normal[1];
     let sag = (0..2).map(|k| (middle[k] - 0.5 * (start[k] + end[k])) * normal[k]).sum();
-    let expected = Expected { start, along, normal, length, sag };
+    let slope = known.map_or([0.0; 2], |k| k.light.slope(middle));
+    let light = slope[0] * normal[0] + slope[1] * normal[1];
+    let expected = Expected { start, along, normal, length, sag, light };
 
     let wanted = blur.map_or(FIRST_HALF_WIDTH, |b| (3.5 * b + 1.0).clamp(2.5, 20.0));
     let half_width = wanted.min(CLEAR_SHARE * clear);
@@ -130,5 +147,5 @@ fn measure(
     if !(half_width >= MIN_HALF_WIDTH && range[1] - range[0] >= 2.0) {
         return None;
     }
-    Some((expected, edge::fit(image, &expected, range, half_width)?))
+    Some((expected, edge::fit(image, &expected, range, half_width, blur)?))
 }
