@@ -66,8 +66,8 @@ fn a_missing_rig_is_one_sentence() {
     let dir = tempfile::tempdir().unwrap();
     let missing = dir.path().join("no-such-rig");
     let rig = missing.to_str().unwrap();
-    let commands: [&[&str]; 4] =
-        [&["check", rig], &["calibrate", rig], &["reconstruct", rig, "scene"], &["evaluate", rig, "--truth", rig]];
+    let commands: [&[&str]; 3] =
+        [&["calibrate", rig], &["reconstruct", rig, "scene"], &["evaluate", rig, "--truth", rig]];
     for args in commands {
         assert_one_sentence(&nelu3d(args), "no-such-rig");
         assert!(!missing.exists(), "{args:?} left something behind");
