@@ -52,7 +52,10 @@ impl Finder {
         let side = self.squares.side_mm;
         let mut pairs = Vec::with_capacity(found.corners.len());
         for c in &found.corners {
-            let (column, row) = (c.grid.u as f64 + 1.0, c.grid.v as f64 + 1.0 - self.extra_rows as f64);
+            // Numbers run row by row over the inner corners. (Its `grid` counts from the first square, not from there.)
+            let columns = self.squares.columns as u32 - 1;
+            let (column, row) =
+                (f64::from(c.id % columns) + 1.0, f64::from(c.id / columns) + 1.0 - self.extra_rows as f64);
             // The corners between the extra row and the board's first are the board's outline.
             if row >= 1.0 {
                 let px = [f64::from(c.position.x), f64::from(c.position.y)];

@@ -3,6 +3,7 @@
 //! corner from the edges that meet in it, on the linear image itself.
 
 mod charuco;
+mod check;
 mod chessboard;
 mod edge;
 mod gray;
@@ -15,17 +16,19 @@ mod warp;
 use calib_targets_aruco::Matcher;
 use calib_targets_charuco::CharucoDetector;
 
+use self::check::agreement;
 use self::gray::{Decimated, stretch};
 use self::refine::Pixels;
 use self::spec::CornerSpec;
 use self::warp::Warp;
 use super::layout::Layout;
-use super::{Board, BoardError, Corner};
+use super::{Artwork, Board, BoardError, Corner};
 use crate::Camera;
 
 /// Finds one board in images.
 pub struct Detector {
     layout: Layout,
+    artwork: Artwork,
     corners: Vec<CornerSpec>,
     camera: Option<Camera>,
     charuco: Option<charuco::Finder>,
@@ -38,6 +41,10 @@ type Pair = ([f64; 2], [f64; 2]);
 /// Images are reduced to about this many pixels for the coarse step; the final one works at full resolution.
 const COARSE_PIXELS: usize = 1_500_000;
 
+/// Least correlation between a board's bits and the image at them. A right one has more than 0.8 even in bad light, a
+/// wrong one about 0.
+const MIN_AGREEMENT: f64 = 0.5;
+
 impl Detector {
     /// Prepares to find a board. Fails when it cannot be printed as described.
     pub fn new(board: &Board) -> Result<Self, BoardError> {
@@ -48,7 +55,7 @@ impl Detector {
             _ => None,
         };
         let matcher = layout.dictionary.as_ref().map(markers::matcher);
-        Ok(Self { layout, corners, camera: None, charuco, matcher })
+        Ok(Self { layout, artwork: Artwork::new(board)?, corners, camera: None, charuco, matcher })
     }
 
     /// Tells the detector the camera that takes the images. Then the lens distortion is known between corners; otherwise
@@ -110,6 +117,14 @@ impl Detector {
             let Some(better) = Warp::fit(&pairs, camera, pixels) else { break };
             warp = better;
             found = refine::corners(pixels, &self.corners, &warp, refine::blur(&found));
+        }
+        // Edges alone do not tell one square of a board from the next.
+        if let Some(r) = agreement(pixels, &self.layout.markers, &self.artwork, &warp)
+            && r < MIN_AGREEMENT
+        {
+            return Err(BoardError::not_found(format!(
+                "a board was seen, but not this one: its markers agree with the print to {r:.2} of 1"
+            )));
         }
         if found.len() < 4 {
             return Err(BoardError::not_found(format!(
