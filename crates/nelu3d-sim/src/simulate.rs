@@ -6,8 +6,8 @@ use std::path::Path;
 
 use nelu3d_scan::Image;
 use nelu3d_scan::board::{Artwork, BoardError};
-use nelu3d_scan::mesh::MeshFileError;
 use nelu3d_scan::image::{write_gray8, write_png8, write_png16};
+use nelu3d_scan::mesh::MeshFileError;
 use nelu3d_scan::output::{OutputDir, create_dir, write_atomic};
 use nelu3d_scan::pattern::{self, PatternImage};
 use nelu3d_scan::rig::{PatternSet, Rig, RigError};
@@ -97,7 +97,7 @@ pub fn simulate(spec: &Spec, out: &Path, progress: &(dyn Fn(&str, usize, usize) 
     let frames = shown.frames(true, false);
     for (i, pose) in poses.iter().enumerate() {
         progress("sweep", i, poses.len());
-        let scene = Scene::of_board(&board, artwork.clone(), &pose.cam_from_board);
+        let scene = Scene::of_board(&board, artwork.clone(), spec.board_albedo, &pose.cam_from_board);
         camera.shoot(&scene, &frames, i as u64, &root.join("calibration").join(&pose.position))?;
     }
     progress("sweep", poses.len(), poses.len());

@@ -19,9 +19,9 @@ pub(crate) struct BlurStack {
 
 /// Added standard deviation of level 1, px, and its growth per level: level i > 0 has `FIRST · GROWTH^(i−1)`.
 const FIRST_PX: f64 = 0.4;
-const GROWTH: f64 = 1.5;
-/// The last level has 53 px: more blur than that is clamped.
-const N_LEVELS: usize = 14;
+const GROWTH: f64 = 1.25;
+/// The last level has 54 px: more blur than that is clamped.
+const N_LEVELS: usize = 24;
 
 /// Variance of linear interpolation between pixels, px²: that of a triangle of half width 1.
 const INTERPOLATION_VARIANCE: f64 = 1.0 / 6.0;
@@ -70,7 +70,8 @@ impl BlurStack {
         let variance = (sigma * sigma - INTERPOLATION_VARIANCE).max(0.0);
         let i = (1..N_LEVELS - 1).find(|&i| self.variances[i] >= variance).unwrap_or(N_LEVELS - 1);
         let (low, high) = (self.variances[i - 1], self.variances[i]);
-        // Mixed in proportion to the variances, the mixture has exactly the variance asked for.
+        // Mixed in proportion to the variances, the mixture has exactly the variance asked for (and, between close levels, nearly the
+        // shape of a Gaussian).
         let part = ((variance - low) / (high - low)).clamp(0.0, 1.0) as f32;
         for (level, part) in [(i - 1, 1.0 - part), (i, part)] {
             if part == 0.0 {
@@ -179,7 +180,9 @@ mod tests {
     #[test]
     fn outside_is_dark() {
         let stack = BlurStack::new(&[Image { width: 4, height: 4, channels: 3, data: vec![1.0; 48] }]);
-        for (u, v, expected) in [(-1.5, 1.0, 0.0), (f64::NAN, 1.0, 0.0), (4.0, 1.0, 0.0), (1.5, 1.0, 1.0), (3.5, 3.0, 0.5)] {
+        for (u, v, expected) in
+            [(-1.5, 1.0, 0.0), (f64::NAN, 1.0, 0.0), (4.0, 1.0, 0.0), (1.5, 1.0, 1.0), (3.5, 3.0, 0.5)]
+        {
             let mut out = [7.0; 3];
             stack.at([u, v], 0.1, &mut out);
             assert_eq!(out, [expected; 3], "{u}, {v}");

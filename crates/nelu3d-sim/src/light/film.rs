@@ -39,11 +39,11 @@ impl Film {
             let n = spec.waves;
             (0..n)
                 .map(|i| {
-                    // Frequencies evenly through the band, in directions evenly around: no two waves alike.
+                    // One frequency from each of n equal parts of the band: no two waves alike.
                     let part = (i as f64 + random.random::<f64>()) / n as f64;
                     let (low, high) = (1.0 / spec.max_period_mm, 1.0 / spec.min_period_mm);
                     let k = TAU * (low + (high - low) * part);
-                    let angle = TAU * random.random::<f64>();
+                    let angle = spec.spread * (2.0 * random.random::<f64>() - 1.0);
                     Wave { k: [k * angle.cos(), k * angle.sin()], phase: TAU * random.random::<f64>() }
                 })
                 .collect()

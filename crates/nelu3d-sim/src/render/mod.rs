@@ -122,15 +122,7 @@ impl Renderer {
     }
 
     /// The light along a line of subsamples, for all frames.
-    fn sample_line(
-        &self,
-        scene: &Scene,
-        light: &Light,
-        frames: &[Frame],
-        shot: u64,
-        sub_row: i64,
-        lines: &mut [f32],
-    ) {
+    fn sample_line(&self, scene: &Scene, light: &Light, frames: &[Frame], shot: u64, sub_row: i64, lines: &mut [f32]) {
         let (n, values) = (self.n as i64, self.values_per_pixel());
         let radius = self.filter.radius() as i64;
         let length = lines.len() / frames.len();

@@ -7,15 +7,11 @@ use nelu3d_scan::board::Artwork;
 
 use crate::spec::AlbedoSpec;
 
-/// Albedo of a board's paper and of its ink.
-const PAPER: f32 = 0.85;
-const INK: f32 = 0.04;
-
 #[derive(Clone, Debug)]
 pub(crate) enum Albedo {
     Constant([f32; 3]),
     Waves { from: [f32; 3], to: [f32; 3], per_mm: f64 },
-    Board(Box<Artwork>),
+    Board { artwork: Box<Artwork>, ink: f32, paper: f32 },
 }
 
 impl Albedo {
@@ -37,7 +33,7 @@ impl Albedo {
                 let part = (0.5 + waves / 6.0) as f32;
                 std::array::from_fn(|c| from[c] + part * (to[c] - from[c]))
             }
-            Self::Board(artwork) => [INK + (PAPER - INK) * artwork.albedo(p.x, p.y); 3],
+            Self::Board { artwork, ink, paper } => [ink + (paper - ink) * artwork.albedo(p.x, p.y); 3],
         }
     }
 }

@@ -52,10 +52,16 @@ impl Scene {
     }
 
     /// A board by itself.
-    pub(crate) fn of_board(board: &Board, artwork: Artwork, cam_from_board: &Isometry3<f64>) -> Self {
+    pub(crate) fn of_board(
+        board: &Board,
+        artwork: Artwork,
+        [ink, paper]: [f64; 2],
+        cam_from_board: &Isometry3<f64>,
+    ) -> Self {
         let [x0, y0, x1, y1] = board.extent_mm;
         let shape = Shape::Rectangle(shape::Rectangle::new([x0, y0], [x1, y1]));
-        Self { objects: vec![Object::new(shape, *cam_from_board, Albedo::Board(Box::new(artwork)))] }
+        let albedo = Albedo::Board { artwork: Box::new(artwork), ink: ink as f32, paper: paper as f32 };
+        Self { objects: vec![Object::new(shape, *cam_from_board, albedo)] }
     }
 
     /// The first surface along a ray.

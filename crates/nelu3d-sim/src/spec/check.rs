@@ -151,7 +151,12 @@ impl Spec {
         within("camera.full_well_electrons", c.full_well_electrons, 1.0, 1e9)?;
         within("camera.read_noise_electrons", c.read_noise_electrons, 0.0, 1e6)?;
         within("camera.psf_sigma_px", c.psf_sigma_px, 0.0, 20.0)?;
-        check(c.exposure > 0.0 && c.exposure <= 1e3, "camera.exposure", c.exposure, "give a number above 0, up to 1000")?;
+        check(
+            c.exposure > 0.0 && c.exposure <= 1e3,
+            "camera.exposure",
+            c.exposure,
+            "give a number above 0, up to 1000",
+        )?;
         finite("camera.color_mixing", c.color_mixing.as_flattened())
     }
 
@@ -179,7 +184,12 @@ impl Spec {
                         .map_err(|source| SpecError::Pattern { set: set.name.clone(), source })?;
                     check(!made.images.is_empty(), "pattern_sets.patterns", "empty", "give the set a pattern")?;
                     let rgb = set.patterns.iter().any(|p| matches!(p, Pattern::Rgb(_)));
-                    check(color || !rgb, "pattern_sets.patterns", "rgb", "a mono camera cannot tell its channels apart")?;
+                    check(
+                        color || !rgb,
+                        "pattern_sets.patterns",
+                        "rgb",
+                        "a mono camera cannot tell its channels apart",
+                    )?;
                 }
             }
             LightSpec::Film(f) => {
@@ -193,6 +203,7 @@ impl Spec {
                 within("light.lamp_sigma_mm", f.lamp_sigma_mm, 0.0, 1e3)?;
                 positive("light.film_half_size_mm", f.film_half_size_mm[0].min(f.film_half_size_mm[1]))?;
                 within("light.vignetting", f.vignetting, 0.0, 100.0)?;
+                within("light.spread", f.spread, 0.0, std::f64::consts::PI)?;
                 within("light.waves", f.waves as f64, 1.0, 64.0)?;
                 positive("light.min_period_mm", f.min_period_mm)?;
                 let good = f.max_period_mm >= f.min_period_mm && f.max_period_mm < 1e9;
@@ -206,10 +217,13 @@ impl Spec {
         let board = self.board.board();
         let [x0, y0, x1, y1] = board.extent_mm;
         finite("board.extent_mm", &board.extent_mm)?;
+        for albedo in self.board_albedo {
+            within("board_albedo", albedo, 0.0, 1.0)?;
+        }
         let shown = format!("{:?}", board.extent_mm);
         check(x0 < x1 && y0 < y1, "board.extent_mm", shown, "it must be [x_min, y_min, x_max, y_max]")?;
-        if let BoardSpec::Charuco { columns, rows, square_mm, .. } | BoardSpec::Chessboard { columns, rows, square_mm, .. } =
-            &self.board
+        if let BoardSpec::Charuco { columns, rows, square_mm, .. }
+        | BoardSpec::Chessboard { columns, rows, square_mm, .. } = &self.board
         {
             check((3..=1000).contains(columns), "board.columns", columns, "give 3 to 1000 squares")?;
             check((3..=1000).contains(rows), "board.rows", rows, "give 3 to 1000 squares")?;

@@ -79,6 +79,10 @@ pub struct ProjectorSpec {
     pub black: BlackImage,
 }
 
+fn any_direction() -> f64 {
+    std::f64::consts::FRAC_PI_2
+}
+
 fn one() -> f64 {
     1.0
 }
@@ -123,6 +127,10 @@ pub struct FilmSpec {
     pub min_period_mm: f64,
     /// Longest period on the film, mm.
     pub max_period_mm: f64,
+    /// Waves run along the film's rows give or take this angle. A change of depth shifts the pattern along the line from
+    /// lamp to camera only, so waves across that line tell nothing.
+    #[serde(default = "any_direction")]
+    pub spread: f64,
     /// Seed of the film's waves.
     #[serde(default)]
     pub seed: u64,

@@ -46,11 +46,18 @@ pub struct Spec {
     pub pattern_sets: Vec<PatternSetSpec>,
     /// The board of the calibration sweep.
     pub board: BoardSpec,
+    /// Albedo of the board's ink and of its paper. Gray ink still shows the pattern, black ink hardly does.
+    #[serde(default = "ink_and_paper")]
+    pub board_albedo: [f64; 2],
     /// Where the board is put.
     pub sweep: SweepSpec,
     /// The scenes to scan.
     #[serde(default)]
     pub scenes: Vec<SceneSpec>,
+}
+
+fn ink_and_paper() -> [f64; 2] {
+    [0.04, 0.85]
 }
 
 fn supersampling() -> usize {
@@ -82,8 +89,8 @@ impl Spec {
     pub fn read(path: &Path) -> Result<Self, SpecError> {
         let text = std::fs::read_to_string(path).map_err(|source| SpecError::Io { path: path.into(), source })?;
         let located = |e: SpecError| SpecError::File { path: path.into(), source: Box::new(e) };
-        let spec: Self =
-            toml::from_str(&text).map_err(|e| located(SpecError::Syntax { reason: e.to_string().trim_end().into() }))?;
+        let spec: Self = toml::from_str(&text)
+            .map_err(|e| located(SpecError::Syntax { reason: e.to_string().trim_end().into() }))?;
         spec.check().map_err(located)?;
         Ok(spec)
     }

@@ -78,6 +78,7 @@ fn demo() -> Spec {
             ],
         }],
         board: marker_board(),
+        board_albedo: [0.04, 0.85],
         sweep: SweepSpec::Stage {
             positions: 24,
             first_mm: MIDDLE_MM - 69.0,
@@ -136,9 +137,7 @@ fn object(position_mm: [f64; 3], rotation: [f64; 3], shape: ShapeSpec) -> Object
 
 fn shapes() -> Vec<SceneSpec> {
     let scene = |name: &str, objects| SceneSpec { name: name.into(), black: true, objects };
-    let plane = |z, rotation| {
-        object([0.0, 0.0, z], rotation, ShapeSpec::Plane { width_mm: 150.0, height_mm: 130.0 })
-    };
+    let plane = |z, rotation| object([0.0, 0.0, z], rotation, ShapeSpec::Plane { width_mm: 150.0, height_mm: 130.0 });
     let ball = |z, radius_mm| object([0.0, 0.0, z], [0.0; 3], ShapeSpec::Sphere { radius_mm });
     let jump = ShapeSpec::Step { width_mm: 150.0, height_mm: 130.0, jump_mm: 40.0 };
     vec![
@@ -176,6 +175,7 @@ fn color() -> Spec {
             waves: 4,
             min_period_mm: 0.9,
             max_period_mm: 5.0,
+            spread: 0.7,
             seed: 11,
         }),
         pattern_sets: Vec::new(),
@@ -188,6 +188,7 @@ fn color() -> Spec {
             legacy: false,
             extent_mm: [0.0, 0.0, 216.0, 168.0],
         },
+        board_albedo: [0.3, 0.85],
         scenes: vec![
             SceneSpec { name: "vase".into(), black: false, objects: vec![vase(waves)] },
             SceneSpec { name: "ball".into(), black: false, objects: vec![ball] },

@@ -84,8 +84,8 @@ fn revolve(ring: impl Fn(usize) -> [f64; 4]) -> Mesh {
     let at = |i: usize, j: usize| (i * N_SEGMENTS + j % N_SEGMENTS) as u32;
     for i in 0..N_RINGS {
         for j in 0..N_SEGMENTS {
-            mesh.faces.push([at(i, j), at(i + 1, j), at(i, j + 1)]);
-            mesh.faces.push([at(i, j + 1), at(i + 1, j), at(i + 1, j + 1)]);
+            mesh.faces.push([at(i, j), at(i, j + 1), at(i + 1, j)]);
+            mesh.faces.push([at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)]);
         }
     }
     mesh
