@@ -1,6 +1,7 @@
 //! From a board sweep to a color field (method.md §1): read and normalize, find the boards, find where the light comes
 //! from, fit c, and measure it at positions that it has not seen.
 
+pub mod dark;
 pub mod light;
 pub mod noise;
 pub mod projector;
@@ -23,6 +24,7 @@ use crate::color_field::validity::Validity;
 use crate::color_field::{About, ColorField, Form, Quality};
 use crate::progress::Progress;
 use crate::result::{StageClock, StageTime};
+use dark::{DarkEstimator, DarkLevel};
 use noise::{NoiseEstimator, NoiseModel};
 use sweep::{PositionBuilder, Sweep};
 
@@ -198,7 +200,7 @@ pub fn run(rig: &Rig, set: &PatternSet, opts: &Options, progress: &Progress) -> 
     }
 
     clock.begin("read the sweep and find the boards");
-    let (sweep, found, noise) = read_sweep(rig, set, &shots, &detector, opts, progress)?;
+    let (sweep, found, noise, dark) = read_sweep(rig, set, &shots, &detector, opts, progress)?;
 
     clock.begin("solve the board poses");
     let trajectory = if rig.poses.is_empty() {
@@ -228,6 +230,7 @@ pub fn run(rig: &Rig, set: &PatternSet, opts: &Options, progress: &Progress) -> 
         return Err(Error::NoSamples { path: folder, reason: sweep.why_unusable(opts.min_contrast) });
     }
     let (mut field, mut report) = from_sweep(&sweep, opts, progress, &mut clock)?;
+    field.about.dark = dark;
     field.about.rig = rig.name.clone();
     field.about.set = set.name.clone();
     field.about.images = set.images.clone();
@@ -247,7 +250,7 @@ fn read_sweep(
     detector: &Detector,
     opts: &Options,
     progress: &Progress,
-) -> Result<(Sweep, Found, NoiseModel), Error> {
+) -> Result<(Sweep, Found, NoiseModel, Vec<DarkLevel>), Error> {
     let channels = rig.channels.count();
     let k = set.images.len() * channels;
     let n = rig.camera.n_pixels();
@@ -255,8 +258,7 @@ fn read_sweep(
     let at_once = (READ_BUDGET / (n * channels * 4 * 4 + n * k * 4)).clamp(1, rayon::current_num_threads());
     let pool = rayon::ThreadPoolBuilder::new().num_threads(at_once).build().expect("a thread pool starts");
     let done = std::sync::atomic::AtomicUsize::new(0);
-    let sensor = NoiseEstimator::default();
-    let estimator = std::sync::Mutex::new(sensor);
+    let sensor = std::sync::Mutex::new((NoiseEstimator::default(), DarkEstimator::default()));
     let read = |shot: &Shot| -> Result<_, Error> {
         if progress.cancelled() {
             return Err(Error::Cancelled);
@@ -264,15 +266,21 @@ fn read_sweep(
         let white = rig.read_image(&shot.dir.join(&rig.white))?;
         let black = rig.read_image(&shot.dir.join(&rig.black))?;
         let corners = detector.detect(&white.to_gray(), white.width, white.height).map_err(|e| e.to_string());
-        let mut noise = NoiseEstimator::default();
+        let (mut noise, mut dark) = (NoiseEstimator::default(), DarkEstimator::default());
         noise.add(&white);
+        dark.add(&white, &black, opts.min_contrast);
         let mut builder = PositionBuilder::new(white, black, k, opts.min_contrast);
         for name in &set.images {
             let pattern = rig.read_image(&shot.dir.join(name))?;
             noise.add(&pattern);
             builder.add(&pattern);
         }
-        estimator.lock().expect("no thread panics while it holds this").merge(&noise);
+        {
+            // Integer counts and sums of the same pixels: the order of merging only touches the last bits of sums.
+            let mut sensor = sensor.lock().expect("no thread panics while it holds this");
+            sensor.0.merge(&noise);
+            sensor.1.merge(&dark);
+        }
         let position = builder.finish(shot.name.clone(), block);
         progress.tick(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1, shots.len());
         Ok((position, (shot.name.clone(), corners)))
@@ -280,10 +288,11 @@ fn read_sweep(
     let parts: Vec<_> = pool.install(|| shots.par_iter().map(read).collect::<Result<Vec<_>, Error>>())?;
     let (positions, found) = parts.into_iter().unzip();
     let lsb = 1.0 / (rig.saturation - rig.black_level).max(1e-9);
-    let noise = estimator.into_inner().expect("no thread panics while it holds this").finish(lsb as f32);
+    let (noise, dark) = sensor.into_inner().expect("no thread panics while it holds this");
+    let (noise, dark) = (noise.finish(lsb as f32), dark.finish());
     let sweep =
         Sweep { width: rig.camera.width / block, height: rig.camera.height / block, block, k, channels, positions };
-    Ok((sweep, found, noise))
+    Ok((sweep, found, noise, dark))
 }
 
 /// Keeps the positions that have a pose, in order.
@@ -439,6 +448,7 @@ pub fn from_sweep(
         source: "sweep".into(),
         camera: camera_key(&placed.camera),
         noise: placed.noise,
+        dark: Vec::new(),
         step_mm,
         quality: Some(quality.clone()),
         settings: serde_json::to_value(opts).expect("plain data serializes"),

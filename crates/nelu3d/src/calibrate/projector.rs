@@ -92,6 +92,7 @@ pub(super) fn run(
         source: "projector".into(),
         camera: camera_key(&rig.camera),
         noise,
+        dark: Vec::new(),
         step_mm: 0.0,
         quality: None,
         settings: serde_json::Value::Null,

@@ -13,6 +13,7 @@ pub mod validity;
 
 use serde::{Deserialize, Serialize};
 
+use crate::calibrate::dark::DarkLevel;
 use crate::calibrate::noise::NoiseModel;
 use frame::{Center, Frame};
 use grid::Grid;
@@ -62,6 +63,8 @@ pub struct About {
     pub camera: Vec<f64>,
     /// The sensor's noise.
     pub noise: NoiseModel,
+    /// What is seen without the light source, per channel; for scenes without a black image.
+    pub dark: Vec<DarkLevel>,
     /// Typical distance between board positions along a ray, mm.
     pub step_mm: f64,
     /// How well it predicts positions it was not made from.

@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::measure::Measurements;
+use super::measure::{Measurements, SharesPrior, SharesSum};
 use crate::color_field::frame::RayInFrame;
 use crate::color_field::grid::Grid;
 use crate::color_field::validity::Validity;
@@ -34,8 +34,8 @@ pub struct DecodeSettings {
     pub p_jump: f32,
     /// Prior probability that neighbors differ by one label.
     pub p_step: f32,
-    /// Prior standard deviation of the ambient term.
-    pub sigma_ambient: f32,
+    /// Prior of the light that is not in c.
+    pub shares: SharesPrior,
 }
 
 /// A decoded image.
@@ -49,23 +49,23 @@ pub struct Decoded {
 }
 
 /// χ² is cut off here per pixel: beyond it a codeword is simply wrong (an outlier), however wrong.
-pub(crate) fn saturation(k: usize) -> f32 {
+fn saturation(k: usize) -> f32 {
     9.0 * k as f32
 }
 
-/// Misfit (χ²) of a codeword at a point, after the best non-negative share of indirect light that carries `indirect`
-/// (closed form).
+/// Misfit (χ²) of pixel `i` at a point with codeword `c`, after the best shares of ambient light and interreflection,
+/// saturating for outliers.
 #[inline]
-pub fn misfit(c: &[f32], p: &[f32], iv: &[f32], indirect: &[f32], inv_var_ambient: f32) -> f32 {
-    let (mut num, mut den, mut e0) = (0.0, inv_var_ambient, 0.0);
-    for j in 0..c.len() {
-        let (r, g) = (p[j] - c[j], indirect[j] - c[j]);
-        num += iv[j] * r * g;
-        den += iv[j] * g * g;
-        e0 += iv[j] * r * r;
+pub(super) fn misfit(m: &Measurements, i: usize, c: &[f32], prior: [f32; 2]) -> f32 {
+    let k = m.k;
+    let (mut shares, mut e) = (SharesSum::default(), 0.0);
+    for j in 0..k {
+        let (p, iv) = (m.p[i * k + j], m.inv_var[i * k + j]);
+        shares.add(c[j], p, m.surround[i * k + j], iv);
+        e += iv * (p - c[j]) * (p - c[j]);
     }
-    let a = (num / den).max(0.0);
-    e0 - a * (2.0 * num - a * den)
+    let e = (e - shares.solve(prior).1).max(0.0);
+    e / (1.0 + e / saturation(k))
 }
 
 /// Decodes every kept pixel. Pixels whose rays miss the calibrated volume are marked [`Left::Outside`].
@@ -100,17 +100,14 @@ pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Grid, valid: &Validity, 
     for (slot, i) in kept.iter().enumerate() {
         index[*i] = slot as u32;
     }
-    let cut = saturation(m.k);
     let mut cost = vec![0.0f32; kept.len() * labels];
     let k = m.k;
-    // Without a black image the ambient light is in white and pattern alike: it carries the codeword 1.
-    let ones = vec![1.0; k];
+    let prior = m.shares_prior(&s.shares);
+    let m_ref = &*m;
     let seen: Vec<bool> = cost
         .par_chunks_mut(labels)
         .zip(&kept)
         .map(|(row, i)| {
-            let (p, iv) = (&m.p[i * k..(i + 1) * k], &m.inv_var[i * k..(i + 1) * k]);
-            let indirect = if m.has_black { &m.surround[i * k..(i + 1) * k] } else { &ones };
             let [near, far] = rays.range[*i];
             let mut c = vec![0.0; k];
             let mut any = false;
@@ -122,8 +119,7 @@ pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Grid, valid: &Validity, 
                 } else {
                     any = true;
                     grid.eval(q, &mut c);
-                    let e = misfit(&c, p, iv, indirect, 1.0 / (s.sigma_ambient * s.sigma_ambient));
-                    e / (1.0 + e / cut)
+                    misfit(m_ref, *i, &c, prior)
                 };
             }
             any

@@ -2,6 +2,7 @@
 
 use nelu3d_scan::rig::Capture;
 
+use crate::calibrate::dark::DarkLevel;
 use crate::calibrate::noise::NoiseModel;
 use crate::result::Left;
 
@@ -14,7 +15,7 @@ pub struct Measurements {
     pub height: usize,
     /// Pattern channels.
     pub k: usize,
-    /// Normalized intensity, `n × k`: (pattern − black) / (white − black), or pattern / white without a black image.
+    /// Normalized intensity, `n × k`: (pattern − black) / (white − black).
     pub p: Vec<f32>,
     /// One over its variance, `n × k`; 0 where a channel is unusable.
     pub inv_var: Vec<f32>,
@@ -24,8 +25,55 @@ pub struct Measurements {
     pub left: Vec<Left>,
     /// Mean white − black over channels.
     pub contrast: Vec<f32>,
-    /// Whether ambient light was subtracted with a black image.
+    /// Whether ambient light was subtracted with a black image of the scene itself.
     pub has_black: bool,
+}
+
+/// Prior standard deviations of the shares of light that is not in c.
+#[derive(Clone, Copy, Debug)]
+pub struct SharesPrior {
+    /// Of ambient light, in a scene without a black image.
+    pub sigma_ambient: f32,
+    /// Of interreflection.
+    pub sigma_indirect: f32,
+}
+
+/// Normal equations of the two shares (a of ambient light, b of interreflection) in
+/// `c + a (1 − c) + b (surround − c) = p`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct SharesSum {
+    /// Entries aa, ab, bb of the matrix, then the right-hand side.
+    pub(super) sums: [f32; 5],
+}
+
+impl SharesSum {
+    /// Adds a measurement.
+    #[inline]
+    pub(super) fn add(&mut self, c: f32, p: f32, surround: f32, iv: f32) {
+        let (r, a, b) = (p - c, 1.0 - c, surround - c);
+        self.sums[0] += iv * a * a;
+        self.sums[1] += iv * a * b;
+        self.sums[2] += iv * b * b;
+        self.sums[3] += iv * a * r;
+        self.sums[4] += iv * b * r;
+    }
+
+    /// The best shares that are not negative (nor most of the light), and by how much they lower χ².
+    #[inline]
+    pub(super) fn solve(&self, prior: [f32; 2]) -> ([f32; 2], f32) {
+        let [aa, ab, bb, f, g] = self.sums;
+        let (a, c) = (aa + prior[0], bb + prior[1]);
+        let det = a * c - ab * ab;
+        let mut x = [(c * f - ab * g) / det, (a * g - ab * f) / det];
+        if x[0] < 0.0 {
+            x = [0.0, (g / c).max(0.0)];
+        } else if x[1] < 0.0 {
+            x = [(f / a).max(0.0), 0.0];
+        }
+        x = x.map(|v| v.min(0.45));
+        let gain = 2.0 * (x[0] * f + x[1] * g) - a * x[0] * x[0] - c * x[1] * x[1] - 2.0 * ab * x[0] * x[1];
+        (x, gain)
+    }
 }
 
 /// The largest standard deviation of the normalized intensity with which a channel still tells something. Above it the
@@ -33,8 +81,8 @@ pub struct Measurements {
 const MAX_SIGMA: f32 = 0.12;
 
 impl Measurements {
-    /// Normalizes a capture. `model_sigma` is the error of the color field itself, added to the sensor's noise.
-    pub fn new(capture: &Capture, noise: &NoiseModel, model_sigma: f32) -> Self {
+    /// Normalizes a capture. Without a black image, the sweep's dark level stands in. `model_sigma` is the error of the color field itself, added to the sensor's noise.
+    pub fn new(capture: &Capture, noise: &NoiseModel, dark: &[DarkLevel], model_sigma: f32) -> Self {
         let white = &capture.white;
         let (n, c) = (white.width * white.height, white.channels);
         let k = capture.patterns.len() * c;
@@ -53,7 +101,10 @@ impl Measurements {
             let (mut usable, mut clipped) = (0, 0);
             for ch in 0..c {
                 let w = white.data[i * c + ch];
-                let b = capture.black.as_ref().map_or(0.0, |b| b.data[i * c + ch]);
+                let b = match &capture.black {
+                    Some(black) => black.data[i * c + ch],
+                    None => dark.get(ch).map_or(0.0, |d| d.at(w)),
+                };
                 let contrast = w - b;
                 out.contrast[i] += contrast / c as f32;
                 for (m, pattern) in capture.patterns.iter().enumerate() {
@@ -105,6 +156,14 @@ impl Measurements {
             }
         }
         out
+    }
+
+    /// Weights of the two kinds of light that are not in c: ambient light (codeword 1) and interreflection (the codeword
+    /// of the surroundings).
+    pub(super) fn shares_prior(&self, s: &SharesPrior) -> [f32; 2] {
+        // With a black image of the scene there is no ambient light left.
+        let ambient = if self.has_black { 1e12 } else { 1.0 / (s.sigma_ambient * s.sigma_ambient) };
+        [ambient, 1.0 / (s.sigma_indirect * s.sigma_indirect)]
     }
 
     /// Number of pixels.

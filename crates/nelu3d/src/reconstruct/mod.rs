@@ -23,7 +23,7 @@ use crate::color_field::grid::Grid;
 use crate::progress::Progress;
 use crate::result::{Left, Reconstruction, StageClock};
 use decode::{DecodeSettings, Rays, decode};
-use measure::Measurements;
+use measure::{Measurements, SharesPrior};
 use refine::{RefineSettings, refine};
 use surface::Links;
 
@@ -152,11 +152,12 @@ pub(crate) struct Codeword {
 
 /// Decoded points and their codewords, without refinement: only pixels in surroundings that agree.
 pub(crate) fn codewords(capture: &Capture, camera: &Camera, field: &ColorField) -> Vec<Codeword> {
-    let mut m = Measurements::new(capture, &field.about.noise, 0.05);
+    let mut m = Measurements::new(capture, &field.about.noise, &field.about.dark, 0.05);
     let undistorted = undistorted(camera);
+    let shares = SharesPrior { sigma_ambient: 0.03, sigma_indirect: 0.1 };
     let opts = Options { min_component: 400, ..Options::default() };
     let rays = rays(camera, field, &undistorted, 1);
-    let decoded = start_pieces(&mut m, &rays, &field.to_grid(), field, camera, 0.03, &opts);
+    let decoded = start_pieces(&mut m, &rays, &field.to_grid(), field, camera, shares, &opts);
     let k = m.k;
     (0..m.n())
         .filter(|i| decoded.0[*i].is_finite())
@@ -195,7 +196,7 @@ pub fn reconstruct(
     clock.begin("prepare");
     let grid = field.to_grid();
     let channels = capture.white.channels;
-    let mut m = Measurements::new(capture, &field.about.noise, model_sigma(field));
+    let mut m = Measurements::new(capture, &field.about.noise, &field.about.dark, model_sigma(field));
     let undistorted = undistorted(camera);
     let rays = rays(camera, field, &undistorted, 1);
     let stop = || if progress.cancelled() { Err(Failure::Cancelled) } else { Ok(()) };
@@ -203,8 +204,8 @@ pub fn reconstruct(
 
     // Decode, in a smaller picture if this one is large.
     clock.begin("decode the cost volume");
-    let sigma_ambient = 0.15;
-    let (start, unit) = start(&mut m, &rays, &grid, field, camera, sigma_ambient, opts);
+    let shares = SharesPrior { sigma_ambient: 0.05, sigma_indirect: 0.2 };
+    let (start, unit) = start(&mut m, &rays, &grid, field, camera, shares, opts);
     if start.iter().all(|z| z.is_nan()) {
         return Err(Failure::Nothing(why_nothing(&m.left)));
     }
@@ -217,8 +218,7 @@ pub fn reconstruct(
         first_width_mm: 0.7,
         last_width_mm: 0.1,
         samples: 8,
-        sigma_ambient,
-        sigma_indirect: 0.2,
+        shares,
         ambient_radius: (m.width / 80).max(2),
         draws: 12,
         seed: opts.seed,
@@ -382,10 +382,10 @@ fn start(
     grid: &Grid,
     field: &ColorField,
     camera: &Camera,
-    sigma_ambient: f32,
+    shares: SharesPrior,
     opts: &Options,
 ) -> (Vec<f32>, f32) {
-    let (mut out, unit) = start_pieces(m, full, grid, field, camera, sigma_ambient, opts);
+    let (mut out, unit) = start_pieces(m, full, grid, field, camera, shares, opts);
     fill(&mut out, &m.left, m.width);
     (out, unit)
 }
@@ -397,10 +397,10 @@ fn start_pieces(
     grid: &Grid,
     field: &ColorField,
     camera: &Camera,
-    sigma_ambient: f32,
+    shares: SharesPrior,
     opts: &Options,
 ) -> (Vec<f32>, f32) {
-    let settings = DecodeSettings { max_labels: opts.max_labels, p_jump: 0.01, p_step: 0.2, sigma_ambient };
+    let settings = DecodeSettings { max_labels: opts.max_labels, p_jump: 0.01, p_step: 0.2, shares };
     let kept = m.left.iter().filter(|l| **l == Left::Kept).count();
     let f = (1..).find(|f| kept / (f * f) <= MAX_DECODED).expect("some reduction is enough");
     let (mut inv_z, unit, small_camera, small) = if f == 1 {
@@ -424,7 +424,7 @@ fn start_pieces(
         (d.inv_z, d.label_step, reduced, Some((small, small_rays)))
     };
     let small_pixels = |inv_z: &mut Vec<f32>, m: &Measurements, rays: &Rays| {
-        settle_pieces(inv_z, m, rays, grid, &small_camera, unit, sigma_ambient, opts.min_component);
+        settle_pieces(inv_z, m, rays, grid, &small_camera, unit, shares, opts.min_component);
     };
     match &small {
         Some((m, rays)) => small_pixels(&mut inv_z, m, rays),
@@ -452,7 +452,7 @@ fn settle_pieces(
     grid: &Grid,
     camera: &Camera,
     unit: f32,
-    sigma_ambient: f32,
+    shares: SharesPrior,
     least: usize,
 ) {
     /// Search around the surroundings' depth, labels: a slanted surface changes that much across a piece.
@@ -471,15 +471,11 @@ fn settle_pieces(
         }
     }
     fill(&mut around, &m.left, camera.width);
-    let ones = vec![1.0; m.k];
-    let k = m.k;
+    let prior = m.shares_prior(&shares);
     let cost = |i: usize, inv_z: f32| {
-        let indirect = if m.has_black { &m.surround[i * k..(i + 1) * k] } else { &ones[..] };
-        let (p, iv) = (&m.p[i * k..(i + 1) * k], &m.inv_var[i * k..(i + 1) * k]);
-        let mut c = vec![0.0; k];
+        let mut c = vec![0.0; m.k];
         grid.eval(rays.in_frame[i].at(f64::from(1.0 / (inv_z * rays.dir_z[i]))).q, &mut c);
-        let e = decode::misfit(&c, p, iv, indirect, 1.0 / (sigma_ambient * sigma_ambient));
-        e / (1.0 + e / decode::saturation(k))
+        decode::misfit(m, i, &c, prior)
     };
     // Per piece: Σ of (misfit in its surroundings − misfit where it was decoded).
     let mut excess = vec![0.0f32; sizes.len()];
@@ -493,7 +489,6 @@ fn settle_pieces(
             };
         }
     }
-    if std::env::var("DBG").is_ok() { for l in 0..sizes.len() { if is_small[l] && sizes[l]>20 { let px: Vec<usize>=(0..label.len()).filter(|i| label[*i]==l as u32).collect(); let w=camera.width; eprintln!("piece {l} size {} excess {:.2} own {:.2} at {} {} z {:.1} around {:.1}",sizes[l],excess[l]/sizes[l] as f32,px.iter().map(|i| cost(*i,inv_z[*i])).sum::<f32>()/px.len() as f32,px.iter().map(|i| i%w).sum::<usize>()/px.len(),px.iter().map(|i| i/w).sum::<usize>()/px.len(),1.0/inv_z[px[0]],1.0/around[px[0]]); } } }
     for i in 0..inv_z.len() {
         if label[i] == u32::MAX {
             continue;

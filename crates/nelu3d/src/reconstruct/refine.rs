@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::box_mean;
 use super::decode::Rays;
-use super::measure::Measurements;
+use super::measure::{Measurements, SharesPrior, SharesSum};
 use super::thin_plate::Plate;
 use crate::color_field::grid::Grid;
 
@@ -28,10 +28,8 @@ pub struct RefineSettings {
     pub last_width_mm: f32,
     /// Samples per ray in the narrow band.
     pub samples: usize,
-    /// Prior standard deviation of the ambient term.
-    pub sigma_ambient: f32,
-    /// Prior standard deviation of the share of interreflection.
-    pub sigma_indirect: f32,
+    /// Prior of the light that is not in c.
+    pub shares: SharesPrior,
     /// Radius over which the ambient term is smooth, px.
     pub ambient_radius: usize,
     /// Draws for the uncertainty.
@@ -364,30 +362,22 @@ fn update_shares(
 ) {
     let k = m.k;
     let n = win.w * win.h;
-    let prior = [1.0 / (s.sigma_ambient * s.sigma_ambient), 1.0 / (s.sigma_indirect * s.sigma_indirect)];
+    let prior = m.shares_prior(&s.shares);
     for ch in 0..channels {
-        // Σ iv g gᵀ and Σ iv g r for g = (1 − c, surround − c): a, b, c of the matrix, then the right-hand side.
         let mut sums = vec![vec![0.0f32; n]; 5];
         for i in 0..n {
             if !plate.active[i] {
                 continue;
             }
             let px = (win.y0 + i / win.w) * m.width + win.x0 + i % win.w;
-            let (mut v, mut chi2) = ([0.0f32; 5], 0.0);
+            let (mut v, mut chi2) = (SharesSum::default(), 0.0);
             for j in (ch..k).step_by(channels) {
-                let c = rendered[i * 2 * k + j];
-                let iv = m.inv_var[px * k + j];
-                let r = m.p[px * k + j] - c;
-                let g = [if m.has_black { 0.0 } else { 1.0 - c }, m.surround[px * k + j] - c];
-                v[0] += iv * g[0] * g[0];
-                v[1] += iv * g[0] * g[1];
-                v[2] += iv * g[1] * g[1];
-                v[3] += iv * g[0] * r;
-                v[4] += iv * g[1] * r;
-                chi2 += iv * r * r;
+                let (c, p, iv) = (rendered[i * 2 * k + j], m.p[px * k + j], m.inv_var[px * k + j]);
+                v.add(c, p, m.surround[px * k + j], iv);
+                chi2 += iv * (p - c) * (p - c);
             }
             let robust = 1.0 / (1.0 + chi2 / (30.0 * k as f32));
-            for (sum, v) in sums.iter_mut().zip(v) {
+            for (sum, v) in sums.iter_mut().zip(v.sums) {
                 sum[i] = v * robust * robust;
             }
         }
@@ -397,17 +387,8 @@ fn update_shares(
             }
         }
         for i in 0..n {
-            let (a, b, c) = (sums[0][i] + prior[0], sums[1][i], sums[2][i] + prior[1]);
-            let (f, g) = (sums[3][i], sums[4][i]);
-            let det = a * c - b * b;
-            let mut x = [(c * f - b * g) / det, (a * g - b * f) / det];
-            // Shares are not negative: the best point on the boundary otherwise.
-            if x[0] < 0.0 {
-                x = [0.0, (g / c).max(0.0)];
-            } else if x[1] < 0.0 {
-                x = [(f / a).max(0.0), 0.0];
-            }
-            shares[i * channels + ch] = x.map(|v| v.min(0.45));
+            let v = SharesSum { sums: [0, 1, 2, 3, 4].map(|j| sums[j][i]) };
+            shares[i * channels + ch] = v.solve(prior).0;
         }
     }
 }

@@ -1,0 +1,89 @@
+//! How much light there is without the light source, from the sweep: for scenes that come without a black image.
+
+use nelu3d_scan::Image;
+use serde::{Deserialize, Serialize};
+
+/// What a pixel shows without the light source, as `offset + share · white`: light that does not depend on what is seen
+/// (sensor, veiling glare) and ambient light, which an object reflects as it reflects the flash.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DarkLevel {
+    /// Linear intensity.
+    pub offset: f32,
+    /// Share of the white image.
+    pub share: f32,
+}
+
+impl DarkLevel {
+    /// Expected black level of a pixel whose white is `white`.
+    pub fn at(&self, white: f32) -> f32 {
+        (self.offset + self.share * white).clamp(0.0, white.max(0.0))
+    }
+}
+
+/// Regression of black on white, per channel, over the lit pixels of a sweep. Paper and ink of the board tell offset and
+/// share apart.
+#[derive(Clone, Default)]
+pub struct DarkEstimator {
+    /// Per channel: n, Σw, Σb, Σw², Σwb.
+    sums: Vec<[f64; 5]>,
+}
+
+impl DarkEstimator {
+    /// Adds a position's white and black images; pixels with less contrast than `min_contrast` or clipped are left out.
+    pub fn add(&mut self, white: &Image, black: &Image, min_contrast: f32) {
+        self.sums.resize(white.channels, [0.0; 5]);
+        for (i, (w, b)) in white.data.iter().zip(&black.data).enumerate() {
+            if w - b >= min_contrast && *w < 1.0 {
+                let (w, b) = (f64::from(*w), f64::from(*b));
+                for (s, v) in self.sums[i % white.channels].iter_mut().zip([1.0, w, b, w * w, w * b]) {
+                    *s += v;
+                }
+            }
+        }
+    }
+
+    /// Joins another estimator's sums.
+    pub fn merge(&mut self, other: &Self) {
+        self.sums.resize(self.sums.len().max(other.sums.len()), [0.0; 5]);
+        for (a, b) in self.sums.iter_mut().zip(&other.sums) {
+            a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+        }
+    }
+
+    /// The level per channel. Neither part is negative.
+    pub fn finish(&self) -> Vec<DarkLevel> {
+        self.sums
+            .iter()
+            .map(|[n, w, b, ww, wb]| {
+                if *n < 100.0 {
+                    return DarkLevel::default();
+                }
+                let var = ww / n - (w / n).powi(2);
+                let slope = if var > 1e-6 { (wb / n - w / n * b / n) / var } else { 0.0 };
+                let share = slope.clamp(0.0, 0.9);
+                let offset = (b / n - share * w / n).max(0.0);
+                DarkLevel { offset: offset as f32, share: share as f32 }
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tells_offset_from_ambient_light() {
+        let mut white = Image::new(64, 64, 1);
+        let mut black = white.clone();
+        for i in 0..white.data.len() {
+            white.data[i] = if i % 3 == 0 { 0.1 } else { 0.6 } + (i % 7) as f32 * 0.01;
+            black.data[i] = 0.01 + 0.05 * white.data[i];
+        }
+        let mut e = DarkEstimator::default();
+        e.add(&white, &black, 0.02);
+        let d = e.finish()[0];
+        assert!((d.offset - 0.01).abs() < 1e-4 && (d.share - 0.05).abs() < 1e-3, "{d:?}");
+    }
+}
