@@ -14,7 +14,7 @@ pub(crate) struct Squares {
 
 impl Squares {
     pub(crate) fn is_black(&self, column: usize, row: usize) -> bool {
-        ((column + row) % 2 == 0) == self.black_first
+        (column + row).is_multiple_of(2) == self.black_first
     }
 }
 
@@ -36,7 +36,7 @@ impl Layout {
             BoardKind::Charuco { columns, rows, square_mm, marker_mm, dictionary, legacy } => {
                 // OpenCV's `CharucoBoard`: since 4.6 the top-left square is always black. Before, an even number of rows
                 // made it white (`setLegacyPattern`); with an odd number both are the same print.
-                let black_first = !(*legacy && rows % 2 == 0);
+                let black_first = !(*legacy && rows.is_multiple_of(2));
                 let squares = squares(*columns, *rows, *square_mm, black_first)?;
                 if !(*marker_mm > 0.0 && marker_mm <= square_mm) {
                     return Err(BoardError::invalid(format!(

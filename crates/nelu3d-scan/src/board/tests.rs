@@ -302,8 +302,8 @@ fn poses_have_no_depth_bias() {
             let mean = e.iter().sum::<f64>() / n as f64;
             let std = (e.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n as f64).sqrt();
             eprintln!("    at {p:?}: {mean:+.4} {std:.4}");
-            assert!(mean.abs() < 0.02 + 2.0 * std / (n as f64).sqrt(), "{name} at {p:?}: {mean} mm");
-            assert!(std < 0.1, "{name} at {p:?}: {std} mm");
+            assert!(mean.abs() < 0.004 + 2.0 * std / (n as f64).sqrt(), "{name} at {p:?}: {mean} mm");
+            assert!(std < 0.02, "{name} at {p:?}: {std} mm");
         }
     }
 }

@@ -32,10 +32,7 @@ impl Homography {
         let mut best = all.map(|h| (median(&residuals(&h)), h));
         let mut rng = Lcg::new(n as u64);
         for _ in 0..300 {
-            let mut pick = [0usize; 4];
-            for k in 0..4 {
-                pick[k] = rng.below(n);
-            }
+            let pick: [usize; 4] = std::array::from_fn(|_| rng.below(n));
             if (1..4).any(|k| pick[..k].contains(&pick[k])) {
                 continue;
             }
@@ -160,8 +157,6 @@ fn four(from: &[[f64; 2]; 4], to: &[[f64; 2]; 4]) -> Option<Matrix3<f64>> {
 fn smallest(values: &[f64], vectors: Vec<Vec<f64>>) -> Option<Vec<f64>> {
     let mut order: Vec<usize> = (0..9).collect();
     order.sort_by(|&i, &j| values[i].total_cmp(&values[j]));
-    if !(values[order[1]] > 1e-6 * values[order[8]]) {
-        return None;
-    }
-    Some(vectors[order[0]].clone())
+    let unique = values[order[1]] > 1e-6 * values[order[8]];
+    unique.then(|| vectors[order[0]].clone())
 }

@@ -133,7 +133,8 @@ impl Detector {
         }
         if found.len() < 4 {
             return Err(BoardError::not_found(format!(
-                "{} points of it were seen, but only {} corners are sharp enough to be localized",
+                "{} points of it were seen, but only {} corners could be localized: the others are \
+                 hidden, clipped (overexposed) or too blurred",
                 pairs.len(),
                 found.len()
             )));
