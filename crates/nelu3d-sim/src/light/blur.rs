@@ -142,7 +142,8 @@ mod tests {
             let data = (0..400 * 9).map(|i| value(i % 400) as f32).collect();
             Image { width: 400, height: 9, channels: 1, data }
         };
-        // Rows blur into the dark outside: white, blurred alike, tells how much.
+        // Rows blur into the dark outside: white, blurred alike, tells how much. Within a hundredth, because a mixture of two
+        // Gaussians of the right variance is nearly, not quite, a Gaussian.
         let stack = BlurStack::new(&[image(&|i| wave(i as f64)), image(&|_| 1.0)]);
         for sigma in [0.5, 0.8, 1.3, 2.0, 4.0] {
             let expected = (-0.5 * (std::f64::consts::TAU * sigma / period).powi(2)).exp();
@@ -150,7 +151,7 @@ mod tests {
                 let mut got = [0.0; 2];
                 stack.at([u, 4.0], sigma, &mut got);
                 let got = f64::from(got[0] / got[1]);
-                assert!((got - expected * wave(u)).abs() < 0.004, "{sigma} at {u}: {got}, {}", expected * wave(u));
+                assert!((got - expected * wave(u)).abs() < 0.01, "{sigma} at {u}: {got}, {}", expected * wave(u));
             }
         }
     }

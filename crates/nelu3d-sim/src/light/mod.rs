@@ -31,7 +31,7 @@ pub(crate) enum Frame {
 #[derive(Debug)]
 pub(crate) enum Light {
     Projector(Box<ProjectorLight>),
-    Film(Film),
+    Film(Box<Film>),
 }
 
 /// What a light source needs to know about a surface point.
@@ -50,7 +50,7 @@ impl Light {
     pub(crate) fn new(spec: &Spec, patterns: &[nelu3d_scan::Image]) -> Self {
         match &spec.light {
             LightSpec::Projector(p) => Self::Projector(Box::new(ProjectorLight::new(p, patterns))),
-            LightSpec::Film(f) => Self::Film(Film::new(f)),
+            LightSpec::Film(f) => Self::Film(Box::new(Film::new(f))),
         }
     }
 

@@ -31,7 +31,7 @@ fn demo() -> Spec {
     Spec {
         name: "demo".into(),
         seed: 1,
-        supersampling: 4,
+        supersampling: 3,
         ambient: 0.015,
         camera: CameraSpec {
             width: 320,

@@ -39,7 +39,7 @@ impl Vase {
             for k in 0..=CHECKS {
                 let square = value(&vase.pieces[i], length * k as f64 / CHECKS as f64);
                 // Far from zero, not merely above it: nothing happens between two checks then.
-                if !(square > 0.05 * smallest * smallest) {
+                if square.is_nan() || square < 0.05 * smallest * smallest {
                     return None;
                 }
                 vase.max_radius = vase.max_radius.max(square.sqrt());
@@ -157,7 +157,7 @@ impl Vase {
             }
             for j in 0..N_SEGMENTS as u32 {
                 let (a, b) = (center + 1 + j, center + 1 + (j + 1) % N_SEGMENTS as u32);
-                mesh.faces.push(if ny > 0.0 { [center, a, b] } else { [center, b, a] });
+                mesh.faces.push(if ny > 0.0 { [center, b, a] } else { [center, a, b] });
             }
         }
         mesh
