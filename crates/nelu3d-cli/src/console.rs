@@ -83,6 +83,9 @@ impl Console {
 
 impl Sink for Console {
     fn stage(&self, name: &str) {
+        // The line of the stage before is printed before the new bar draws itself.
+        let before = self.lock().take();
+        self.end(before, true);
         let bar = if self.terminal && !self.quiet {
             let bar = ProgressBar::new_spinner();
             bar.set_style(ProgressStyle::with_template("{spinner} {msg}").expect("a valid template"));
@@ -94,8 +97,7 @@ impl Sink for Console {
         };
         let now = Instant::now();
         let stage = Stage { name: name.to_owned(), start: now, last_line: now, bar };
-        let before = self.lock().replace(stage);
-        self.end(before, true);
+        *self.lock() = Some(stage);
     }
 
     fn tick(&self, done: usize, total: usize) {

@@ -3,8 +3,7 @@
 use std::process::ExitCode;
 
 use anyhow::Result;
-use nelu3d_scan::Rig;
-use nelu3d_scan::rig::{Finding, Severity};
+use nelu3d_scan::rig::{Finding, Severity, check};
 
 use super::{Context, shown};
 use crate::args;
@@ -12,7 +11,7 @@ use crate::args;
 /// Runs the command. Errors make it fail; warnings do not.
 pub(crate) fn run(args: args::Check, context: &Context) -> Result<ExitCode> {
     context.progress.stage("check");
-    let findings = nelu3d_scan::rig::check(&args.rig);
+    let findings = check(&args.rig);
     let errors = findings.iter().filter(|f| f.severity == Severity::Error).count();
     let json = serde_json::json!({ "rig": args.rig, "ok": errors == 0, "findings": findings });
     context.answer(&json, || text(&shown(&args.rig), &findings, errors))?;
