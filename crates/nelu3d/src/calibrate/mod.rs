@@ -192,7 +192,7 @@ pub fn run(rig: &Rig, set: &PatternSet, opts: &Options, progress: &Progress) -> 
     }
     let mut clock = StageClock::new(progress);
     let board = rig.board.as_ref().ok_or_else(|| Error::NoBoard(rig.root.join("rig.toml")))?;
-    let detector = Detector::new(board)?;
+    let detector = Detector::new(board)?.with_camera(&rig.camera);
     let shots = rig.positions()?;
     let folder = rig.root.join("calibration");
     if shots.len() < 3 {
