@@ -403,6 +403,7 @@ fn start_pieces(
     let settings = DecodeSettings { max_labels: opts.max_labels, p_jump: 0.01, p_step: 0.2, shares };
     let kept = m.left.iter().filter(|l| **l == Left::Kept).count();
     let f = (1..).find(|f| kept / (f * f) <= MAX_DECODED).expect("some reduction is enough");
+    let f = std::env::var("F").ok().and_then(|s| s.parse().ok()).unwrap_or(f);
     let (mut inv_z, unit, small_camera, small) = if f == 1 {
         let d = decode(m, full, grid, &field.validity, &settings);
         (d.inv_z, d.label_step, camera.clone(), None)

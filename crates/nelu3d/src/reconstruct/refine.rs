@@ -123,7 +123,7 @@ pub fn refine(
     let mut shares = vec![[0.0f32; 2]; nw * channels];
     let quadrature = band(s.samples);
     let mut losses = Vec::new();
-    let mut kappa = 0.02f32;
+    let mut kappa = std::env::var("KAPPA").ok().and_then(|s| s.parse().ok()).unwrap_or(0.02f32);
     let mut data = vec![Data::default(); nw];
     let mut rng = rand::rngs::StdRng::seed_from_u64(s.seed);
 
@@ -197,9 +197,10 @@ pub fn refine(
 
         // One Gauss-Newton step; the plate's stiffness follows from how well it predicts pixels that it has not seen.
         let held: Vec<bool> = (0..nw).map(|_| rng.random::<f32>() < 0.1).collect();
-        if step > 0 && step % 2 == 0 && step + 4 < s.steps {
+        if std::env::var("KAPPA").is_err() && step > 0 && step % 2 == 0 && step + 4 < s.steps {
             let factors = [0.5, 1.0, 2.0];
-            let scores = factors.map(|f| held_out_score(&mut plate, &data, &x, &held, kappa * f));
+            let scores: [f64; 3] = factors.map(|f| held_out_score(&mut plate, &data, &x, &held, kappa * f));
+            if std::env::var("DBG").is_ok() { eprintln!("scores {scores:?}"); }
             let best = (0..3).min_by(|a, b| scores[*a].total_cmp(&scores[*b])).expect("three scores");
             kappa *= factors[best];
         }
@@ -207,7 +208,8 @@ pub fn refine(
         let h: Vec<f32> = data.iter().map(|d| d.h).collect();
         let b: Vec<f32> = data.iter().zip(&x).map(|(d, x)| d.h * x - d.g).collect();
         let mut next = x.clone();
-        plate.solve(&h, &b, &mut next, 120);
+        let its = plate.solve(&h, &b, &mut next, std::env::var("ITS").ok().and_then(|s| s.parse().ok()).unwrap_or(120));
+        if std::env::var("DBG").is_ok() { eprintln!("step {step} its {its} kappa {kappa} loss {:?}", losses.last()); }
         for i in 0..nw {
             x[i] += (next[i] - x[i]).clamp(-2.0, 2.0);
         }
@@ -265,7 +267,8 @@ fn held_out_score(plate: &mut Plate, data: &[Data], x: &[f32], held: &[bool], ka
     let b: Vec<f32> =
         data.iter().zip(held).zip(x).map(|((d, out), x)| if *out { 0.0 } else { d.h * x - d.g }).collect();
     let mut y = x.to_vec();
-    plate.solve(&h, &b, &mut y, 80);
+    let its = plate.solve(&h, &b, &mut y, 120);
+    if std::env::var("DBG").is_ok() { eprintln!("held its {its} kappa {kappa}"); }
     let mut score = 0.0;
     for i in 0..x.len() {
         if held[i] && data[i].h > 0.0 {
