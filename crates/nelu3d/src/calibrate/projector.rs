@@ -121,7 +121,7 @@ pub(super) fn run(
             tracing::debug!(gamma, round, ?fitted, residual, pixels = seen.len(), "response");
             if best.as_ref().is_none_or(|b| residual < b.0) {
                 best = Some((residual, fitted, build(fitted)));
-            } else if round > 0 {
+            } else {
                 break;
             }
             response = fitted;

@@ -193,6 +193,38 @@ fn label_count(kept: &[usize], rays: &Rays, grid: &Grid, lo: f32, hi: f32) -> us
     (worst / 0.7).ceil() as usize + 1
 }
 
+/// Standard deviation of a typical pixel's own depth, in labels (the median over pixels of what noise and slope of c
+/// allow, averaged over depth).
+pub(super) fn depth_noise(m: &Measurements, rays: &Rays, grid: &Grid) -> f32 {
+    let kept: Vec<usize> = (0..m.n()).filter(|i| m.left[*i] == Left::Kept).collect();
+    let k = m.k;
+    let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
+    let mut sigmas: Vec<f32> = kept
+        .iter()
+        .step_by((kept.len() / 2000).max(1))
+        .filter(|i| rays.range[**i][0] < rays.range[**i][1])
+        .map(|i| {
+            let [near, far] = rays.range[*i];
+            let mut information = 0.0;
+            for step in 0..16 {
+                let t = near + (far - near) * (step as f32 + 0.5) / 16.0;
+                let p = rays.in_frame[*i].at(f64::from(t));
+                grid.eval_along(p.q, p.dq, &mut c, &mut d);
+                // A label moves 0.7 of a cell across the grid.
+                let speed = (p.dq[0] * grid.cells[0] as f32).hypot(p.dq[1] * grid.cells[1] as f32);
+                let per_label = 0.7 / speed.max(1e-9);
+                information += (0..k).map(|j| m.inv_var[i * k + j] * (d[j] * per_label).powi(2)).sum::<f32>() / 16.0;
+            }
+            1.0 / information.max(1e-12).sqrt()
+        })
+        .collect();
+    if sigmas.is_empty() {
+        return 1.0;
+    }
+    let mid = sigmas.len() / 2;
+    *sigmas.select_nth_unstable_by(mid, f32::total_cmp).1
+}
+
 /// One direction of semi-global matching, added to `total`.
 #[allow(clippy::too_many_arguments)]
 fn aggregate(

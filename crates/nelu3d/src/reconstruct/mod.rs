@@ -53,14 +53,22 @@ pub struct Options {
     /// Most depth labels of the cost volume
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 512))]
     pub max_labels: usize,
+    /// Least roughness of the surface: typical second difference between neighboring pixels, in px of disparity; smaller
+    /// is smoother
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = 0.14))]
+    pub roughness: f32,
     /// Smallest connected piece of surface that is kept, px
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 40))]
     pub min_component: usize,
+    /// Decode in a smaller picture, for a first look.
+    #[cfg_attr(feature = "clap", arg(skip))]
+    #[serde(skip)]
+    pub quick: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { recipe: Recipe::Fast, seed: 0, steps: 14, max_labels: 512, min_component: 40 }
+        Self { recipe: Recipe::Fast, seed: 0, steps: 14, max_labels: 512, roughness: 0.14, min_component: 40, quick: false }
     }
 }
 
@@ -155,7 +163,7 @@ pub(crate) fn codewords(capture: &Capture, camera: &Camera, field: &ColorField) 
     let mut m = Measurements::new(capture, &field.about.noise, &field.about.dark, 0.05);
     let undistorted = undistorted(camera);
     let shares = SharesPrior { sigma_ambient: 0.03, sigma_indirect: 0.1 };
-    let opts = Options { min_component: 400, ..Options::default() };
+    let opts = Options { min_component: 50, quick: true, ..Options::default() };
     let rays = rays(camera, field, &undistorted, 1);
     let decoded = start_pieces(&mut m, &rays, &field.to_grid(), field, camera, shares, &opts);
     let k = m.k;
@@ -220,6 +228,8 @@ pub fn reconstruct(
         samples: 8,
         shares,
         ambient_radius: (m.width / 80).max(2),
+        // A label is 0.7 px of disparity.
+        roughness: opts.roughness / 0.7,
         draws: 12,
         seed: opts.seed,
     };
@@ -305,7 +315,6 @@ pub fn reconstruct(
     );
     info.insert("losses".into(), json!(refined.losses));
     info.insert("median_residual".into(), json!(median_residual));
-    info.insert("roughness_mm".into(), json!(refined.roughness_mm));
     Ok(Reconstruction {
         width: m.width,
         height: m.height,
@@ -402,8 +411,12 @@ fn start_pieces(
 ) -> (Vec<f32>, f32) {
     let settings = DecodeSettings { max_labels: opts.max_labels, p_jump: 0.01, p_step: 0.2, shares };
     let kept = m.left.iter().filter(|l| **l == Left::Kept).count();
-    let f = (1..).find(|f| kept / (f * f) <= MAX_DECODED).expect("some reduction is enough");
-    let f = std::env::var("F").ok().and_then(|s| s.parse().ok()).unwrap_or(f);
+    let most = if opts.quick { MAX_DECODED / 8 } else { MAX_DECODED };
+    let too_large = (1..).find(|f| kept / (f * f) <= most).expect("some reduction is enough");
+    // A noisy picture is decoded reduced as well: one pixel's codeword should tell its depth to about a label.
+    let noisy = decode::depth_noise(m, full, grid).round().clamp(1.0, 4.0) as usize;
+    let f = too_large.max(noisy);
+    tracing::info!(reduction = f, noisy, "decode");
     let (mut inv_z, unit, small_camera, small) = if f == 1 {
         let d = decode(m, full, grid, &field.validity, &settings);
         (d.inv_z, d.label_step, camera.clone(), None)

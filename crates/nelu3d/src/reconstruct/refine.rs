@@ -8,7 +8,8 @@
 //! method.md §2 is the image loss, weighed by the noise of every measurement instead of a fixed blend, the ambient term
 //! and the mask. It is minimized by Gauss-Newton, each step one sparse linear system.
 
-use rand::{RngExt, SeedableRng};
+use nelu3d_field::volrend::reference::render_weights;
+use rand::SeedableRng;
 use rayon::prelude::*;
 
 use super::box_mean;
@@ -32,6 +33,9 @@ pub struct RefineSettings {
     pub shares: SharesPrior,
     /// Radius over which the ambient term is smooth, px.
     pub ambient_radius: usize,
+    /// Least roughness of the surface: standard deviation of second differences between neighboring pixels, in labels (a
+    /// label is about 0.7 px of disparity). Smaller is smoother.
+    pub roughness: f32,
     /// Draws for the uncertainty.
     pub draws: usize,
     /// Seed of everything random.
@@ -52,16 +56,15 @@ pub struct Refined {
     pub residual: Vec<f32>,
     /// The loss after every step: mean robust χ² per measurement.
     pub losses: Vec<f32>,
-    /// The chosen scale of second differences (the surface's roughness), in mm of depth per px².
-    pub roughness_mm: f32,
 }
 
 /// NeuS weights of a planar surface crossing the band: offsets along f in units of the width, and their weights.
 fn band(samples: usize) -> Vec<(f32, f32)> {
     // Interval bounds from +4 to −4 widths; a sample stands in the middle of each interval.
     let bounds: Vec<f64> = (0..=samples).map(|j| 4.0 - 8.0 * j as f64 / samples as f64).collect();
-    let phi: Vec<f64> = bounds.iter().map(|f: &f64| 1.0 / (1.0 + (-f).exp())).collect();
-    let weights: Vec<f64> = phi.windows(2).map(|p| (p[0] - p[1]) / phi[0]).collect();
+    let mut weights = vec![0.0; bounds.len()];
+    render_weights(&bounds, 1.0, &mut weights);
+    weights.pop();
     let total: f64 = weights.iter().sum();
     weights.iter().enumerate().map(|(j, w)| (-0.5 * (bounds[j] + bounds[j + 1]) as f32, (*w / total) as f32)).collect()
 }
@@ -107,7 +110,6 @@ pub fn refine(
             chi2: vec![f32::NAN; n],
             residual: vec![f32::NAN; n],
             losses: Vec::new(),
-            roughness_mm: 0.0,
         };
     };
     let at = |i: usize| (win.y0 + i / win.w) * m.width + win.x0 + i % win.w;
@@ -123,7 +125,6 @@ pub fn refine(
     let mut shares = vec![[0.0f32; 2]; nw * channels];
     let quadrature = band(s.samples);
     let mut losses = Vec::new();
-    let mut kappa = std::env::var("KAPPA").ok().and_then(|s| s.parse().ok()).unwrap_or(0.02f32);
     let mut data = vec![Data::default(); nw];
     let mut rng = rand::rngs::StdRng::seed_from_u64(s.seed);
 
@@ -195,21 +196,12 @@ pub fn refine(
             .fold((0.0f64, 0usize), |(s, c), (d, _)| (s + f64::from(d.loss), c + 1));
         losses.push((sum / (count * k) as f64) as f32);
 
-        // One Gauss-Newton step; the plate's stiffness follows from how well it predicts pixels that it has not seen.
-        let held: Vec<bool> = (0..nw).map(|_| rng.random::<f32>() < 0.1).collect();
-        if std::env::var("KAPPA").is_err() && step > 0 && step % 2 == 0 && step + 4 < s.steps {
-            let factors = [0.5, 1.0, 2.0];
-            let scores: [f64; 3] = factors.map(|f| held_out_score(&mut plate, &data, &x, &held, kappa * f));
-            if std::env::var("DBG").is_ok() { eprintln!("scores {scores:?}"); }
-            let best = (0..3).min_by(|a, b| scores[*a].total_cmp(&scores[*b])).expect("three scores");
-            kappa *= factors[best];
-        }
-        set_stiffness(&mut plate, &x, kappa);
+        // One Gauss-Newton step.
+        plate.reweight(&x, s.roughness, CREASE, ROUGHNESS_RADIUS);
         let h: Vec<f32> = data.iter().map(|d| d.h).collect();
         let b: Vec<f32> = data.iter().zip(&x).map(|(d, x)| d.h * x - d.g).collect();
         let mut next = x.clone();
-        let its = plate.solve(&h, &b, &mut next, std::env::var("ITS").ok().and_then(|s| s.parse().ok()).unwrap_or(120));
-        if std::env::var("DBG").is_ok() { eprintln!("step {step} its {its} kappa {kappa} loss {:?}", losses.last()); }
+        plate.solve(&h, &b, &mut next, 120);
         for i in 0..nw {
             x[i] += (next[i] - x[i]).clamp(-2.0, 2.0);
         }
@@ -223,7 +215,6 @@ pub fn refine(
         chi2: vec![f32::NAN; n],
         residual: vec![f32::NAN; n],
         losses,
-        roughness_mm: kappa * unit / (mid * mid),
     };
     for i in 0..nw {
         if plate.active[i] {
@@ -254,31 +245,10 @@ fn window(m: &Measurements, start: &[f32]) -> Option<Window> {
     (x0 <= x1).then(|| Window { x0, y0, w: x1 - x0 + 1, h: y1 - y0 + 1 })
 }
 
-/// See [`Plate::reweight`]; κ is the floor of the local roughness.
-fn set_stiffness(plate: &mut Plate, x: &[f32], kappa: f32) {
-    let env = |n: &str, d: f32| std::env::var(n).ok().and_then(|s| s.parse().ok()).unwrap_or(d);
-    plate.reweight(x, kappa, env("CREASE", 0.5), env("RAD", 3.0) as usize);
-}
-
-/// How badly a plate of stiffness κ, solved without the held-out pixels, predicts what their data say.
-fn held_out_score(plate: &mut Plate, data: &[Data], x: &[f32], held: &[bool], kappa: f32) -> f64 {
-    set_stiffness(plate, x, kappa);
-    let h: Vec<f32> = data.iter().zip(held).map(|(d, out)| if *out { 0.0 } else { d.h }).collect();
-    let b: Vec<f32> =
-        data.iter().zip(held).zip(x).map(|((d, out), x)| if *out { 0.0 } else { d.h * x - d.g }).collect();
-    let mut y = x.to_vec();
-    let its = plate.solve(&h, &b, &mut y, 120);
-    if std::env::var("DBG").is_ok() { eprintln!("held its {its} kappa {kappa}"); }
-    let mut score = 0.0;
-    for i in 0..x.len() {
-        if held[i] && data[i].h > 0.0 {
-            let e = y[i] - x[i] + data[i].g / data[i].h;
-            let chi2 = f64::from(data[i].h * e * e);
-            score += chi2 / (1.0 + chi2 / 9.0);
-        }
-    }
-    score
-}
+/// Second differences beyond this many labels are creases or jumps, where the plate breaks.
+const CREASE: f32 = 0.5;
+/// Half side of the square over which a surface's local roughness is pooled, px.
+const ROUGHNESS_RADIUS: usize = 3;
 
 /// Standard deviation of the posterior by draws: solutions of the last linear system for random right-hand sides with the
 /// covariance of data and prior, pooled over 3 × 3 pixels.

@@ -182,74 +182,12 @@ impl Plate {
         out
     }
 
-    /// Solves (diag(h) + DᵀWD) x = b by conjugate gradients from the given start, preconditioned by a hierarchical basis.
-    /// Stops when the residual has fallen by 1e-4 or after so many iterations; returns how many it took.
-    pub(super) fn solve(&self, h: &[f32], b: &[f32], x: &mut [f32], iterations: usize) -> usize {
+    /// One over the diagonal of (diag(h) + DᵀWD); 0 where there is no surface.
+    fn inverse_diagonal(&self, h: &[f32]) -> Vec<f32> {
         let w = self.width;
-        let n = x.len();
-        let hierarchy = Hierarchy::new(self, h);
-        let dot = |a: &[f32], b: &[f32]| -> f64 {
-            a.par_chunks(w)
-                .zip(b.par_chunks(w))
-                .map(|(a, b)| a.iter().zip(b).map(|(x, y)| f64::from(*x) * f64::from(*y)).sum::<f64>())
-                .collect::<Vec<_>>()
-                .iter()
-                .sum()
-        };
-        let mut scratch = vec![[0.0; 3]; n];
-        let mut ap = vec![0.0; n];
-        self.apply(h, x, &mut scratch, &mut ap);
-        let mut r: Vec<f32> =
-            b.iter().zip(&ap).zip(&self.active).map(|((b, a), on)| if *on { b - a } else { 0.0 }).collect();
-        let mut z = vec![0.0; n];
-        hierarchy.apply(&r, &mut z);
-        let mut p = z.clone();
-        let mut rz = dot(&r, &z);
-        let first = rz;
-        for iteration in 0..iterations {
-            if rz <= 1e-8 * first || rz <= 0.0 {
-                return iteration;
-            }
-            self.apply(h, &p, &mut scratch, &mut ap);
-            let pap = dot(&p, &ap);
-            if pap <= 0.0 {
-                return iteration;
-            }
-            let step = (rz / pap) as f32;
-            for i in 0..n {
-                x[i] += step * p[i];
-                r[i] -= step * ap[i];
-            }
-            hierarchy.apply(&r, &mut z);
-            let next = dot(&r, &z);
-            let beta = (next / rz) as f32;
-            for i in 0..n {
-                p[i] = z[i] + beta * p[i];
-            }
-            rz = next;
-        }
-        iterations
-    }
-}
-
-/// The hierarchical-basis preconditioner of Szeliski (1990): pixels are differences from the bilinear interpolation of
-/// coarser ones, and in that basis the plate is nearly diagonal, so that conjugate gradients need tens of iterations where
-/// a diagonal alone needs hundreds.
-struct Hierarchy<'a> {
-    plate: &'a Plate,
-    /// One over the diagonal in the hierarchical basis, 0 outside the surface.
-    inverse: Vec<f32>,
-    levels: u32,
-}
-
-impl<'a> Hierarchy<'a> {
-    fn new(plate: &'a Plate, h: &[f32]) -> Self {
-        let (w, rows) = (plate.width, plate.height);
-        let n = w * rows;
-        let levels = std::env::var("LEV").ok().and_then(|s| s.parse().ok()).unwrap_or(0);
         let mut diag = h.to_vec();
-        for i in 0..n {
-            let (a, c, e) = (plate.wxx[i], plate.wyy[i], plate.wxy[i]);
+        for i in 0..diag.len() {
+            let (a, c, e) = (self.wxx[i], self.wyy[i], self.wxy[i]);
             if a > 0.0 {
                 diag[i - 1] += a;
                 diag[i] += 4.0 * a;
@@ -266,72 +204,55 @@ impl<'a> Hierarchy<'a> {
                 }
             }
         }
-        // A basis function of spacing s is a bilinear hat: Σ hat² = (2s/3)² data terms, kinks of 1/s (6 of them squared,
-        // along 2s/3 lines) and mixed differences of 1/s² in (2s)² cells.
-        let (mut data, mut bend, mut twist): (Vec<f32>, Vec<f32>, Vec<f32>) = (
-            h.to_vec(),
-            plate.wxx.iter().zip(&plate.wyy).map(|(a, b)| a + b).collect(),
-            plate.wxy.clone(),
-        );
-        for level in 1..=levels {
-            let s = 1usize << level;
-            for v in [&mut data, &mut bend, &mut twist] {
-                super::box_mean(v, w, rows, s / 2);
-            }
-            let f = s as f32;
-            for y in (0..rows).step_by(s) {
-                for x in (0..w).step_by(s) {
-                    let i = y * w + x;
-                    diag[i] = 0.444 * f * f * data[i] + 4.0 / f * bend[i] + 4.0 / (f * f) * twist[i];
-                }
-            }
-        }
-        let inverse = diag.iter().map(|d| if *d > 0.0 { 1.0 / d } else { 0.0 }).collect();
-        Self { plate, inverse, levels }
+        diag.iter().zip(&self.active).map(|(d, on)| if *on && *d > 0.0 { 1.0 / d } else { 0.0 }).collect()
     }
 
-    /// Calls `f(node, parents)` for every node of a level that is not part of the next coarser one.
-    fn for_each(&self, level: u32, mut f: impl FnMut(usize, &[usize])) {
-        let (w, rows) = (self.plate.width, self.plate.height);
-        let s = 1usize << level;
-        for y in (0..rows).step_by(s) {
-            let odd_y = (y / s) % 2 == 1;
-            for x in (0..w).step_by(s) {
-                let odd_x = (x / s) % 2 == 1;
-                if !odd_x && !odd_y {
-                    continue;
-                }
-                let xs = if odd_x { [Some(x - s), (x + s < w).then_some(x + s)] } else { [Some(x), None] };
-                let ys = if odd_y { [Some(y - s), (y + s < rows).then_some(y + s)] } else { [Some(y), None] };
-                let (mut parents, mut n) = ([0; 4], 0);
-                for py in ys.into_iter().flatten() {
-                    for px in xs.into_iter().flatten() {
-                        parents[n] = py * w + px;
-                        n += 1;
-                    }
-                }
-                f(y * w + x, &parents[..n]);
+    /// Solves (diag(h) + DᵀWD) x = b by conjugate gradients from the given start, with a diagonal preconditioner.
+    /// Stops when the residual has fallen by 1e-4 or after so many iterations; returns how many it took.
+    pub(super) fn solve(&self, h: &[f32], b: &[f32], x: &mut [f32], iterations: usize) -> usize {
+        let w = self.width;
+        let n = x.len();
+        let inverse = self.inverse_diagonal(h);
+        let dot = |a: &[f32], b: &[f32]| -> f64 {
+            a.par_chunks(w)
+                .zip(b.par_chunks(w))
+                .map(|(a, b)| a.iter().zip(b).map(|(x, y)| f64::from(*x) * f64::from(*y)).sum::<f64>())
+                .collect::<Vec<_>>()
+                .iter()
+                .sum()
+        };
+        let mut scratch = vec![[0.0; 3]; n];
+        let mut ap = vec![0.0; n];
+        self.apply(h, x, &mut scratch, &mut ap);
+        let mut r: Vec<f32> =
+            b.iter().zip(&ap).zip(&self.active).map(|((b, a), on)| if *on { b - a } else { 0.0 }).collect();
+        let mut z: Vec<f32> = r.iter().zip(&inverse).map(|(r, d)| r * d).collect();
+        let mut p = z.clone();
+        let mut rz = dot(&r, &z);
+        let first = rz;
+        for iteration in 0..iterations {
+            if rz <= 1e-8 * first || rz <= 0.0 {
+                return iteration;
             }
+            self.apply(h, &p, &mut scratch, &mut ap);
+            let pap = dot(&p, &ap);
+            if pap <= 0.0 {
+                return iteration;
+            }
+            let step = (rz / pap) as f32;
+            for i in 0..n {
+                x[i] += step * p[i];
+                r[i] -= step * ap[i];
+                z[i] = r[i] * inverse[i];
+            }
+            let next = dot(&r, &z);
+            let beta = (next / rz) as f32;
+            for i in 0..n {
+                p[i] = z[i] + beta * p[i];
+            }
+            rz = next;
         }
-    }
-
-    /// z = M⁻¹ r: to the hierarchical basis (transposed), divide by the diagonal, and back.
-    fn apply(&self, r: &[f32], z: &mut [f32]) {
-        z.copy_from_slice(r);
-        for level in 0..self.levels {
-            self.for_each(level, |i, parents| {
-                let share = z[i] / parents.len() as f32;
-                parents.iter().for_each(|p| z[*p] += share);
-            });
-        }
-        z.iter_mut().zip(&self.inverse).for_each(|(z, d)| *z *= d);
-        for level in (0..self.levels).rev() {
-            self.for_each(level, |i, parents| {
-                let sum: f32 = parents.iter().map(|p| z[*p]).sum();
-                z[i] += sum / parents.len() as f32;
-            });
-        }
-        z.iter_mut().zip(&self.plate.active).for_each(|(z, on)| *z *= *on as u8 as f32);
+        iterations
     }
 }
 
@@ -368,8 +289,8 @@ mod tests {
         let h: Vec<f32> = (0..x.len()).map(|i| if i % 7 == 0 && p.active[i] { 1.0 } else { 0.0 }).collect();
         let b: Vec<f32> = h.iter().zip(&x).map(|(h, x)| h * x).collect();
         let mut y = vec![0.0; x.len()];
-        let n = p.solve(&h, &b, &mut y, 400);
-        assert!(n < 200, "{n} iterations");
+        let n = p.solve(&h, &b, &mut y, 3000);
+        assert!(n < 3000, "{n} iterations");
         for i in 0..x.len() {
             if p.active[i] {
                 assert!((y[i] - x[i]).abs() < 0.02, "{i}: {} {}", y[i], x[i]);
