@@ -118,18 +118,28 @@ pub enum Error {
     #[error(transparent)]
     Rig(#[from] RigError),
     /// The board's description.
-    #[error(transparent)]
-    Board(#[from] BoardError),
+    #[error("{path}: {source}")]
+    Board {
+        /// The rig.toml.
+        path: PathBuf,
+        /// What is wrong.
+        source: BoardError,
+    },
     /// The poses.
-    #[error(transparent)]
-    Pose(#[from] PoseError),
+    #[error("{path}: {source}")]
+    Pose {
+        /// The calibration folder.
+        path: PathBuf,
+        /// What is wrong.
+        source: PoseError,
+    },
     /// There is no board.
     #[error(
         "{0}: [board] is missing; describe the target of the sweep, or use --from-projector with a calibrated projector"
     )]
     NoBoard(PathBuf),
     /// There are too few positions.
-    #[error("{path}: {found} usable board positions, and at least 3 are needed{reasons}")]
+    #[error("{path}: {found} usable board positions, and at least 3 are needed; capture more{reasons}")]
     TooFew {
         /// The calibration folder.
         path: PathBuf,
@@ -192,7 +202,9 @@ pub fn run(rig: &Rig, set: &PatternSet, opts: &Options, progress: &Progress) -> 
     }
     let mut clock = StageClock::new(progress);
     let board = rig.board.as_ref().ok_or_else(|| Error::NoBoard(rig.root.join("rig.toml")))?;
-    let detector = Detector::new(board)?.with_camera(&rig.camera);
+    let detector = Detector::new(board)
+        .map_err(|source| Error::Board { path: rig.root.join("rig.toml"), source })?
+        .with_camera(&rig.camera);
     let shots = rig.positions()?;
     let folder = rig.root.join("calibration");
     if shots.len() < 3 {
@@ -209,10 +221,11 @@ pub fn run(rig: &Rig, set: &PatternSet, opts: &Options, progress: &Progress) -> 
             TrajectoryKind::Free => TrajectoryModel::Free,
             TrajectoryKind::Stage => TrajectoryModel::Stage,
         };
-        Trajectory::fit(&found, &rig.camera, model)?
+        Trajectory::fit(&found, &rig.camera, model)
     } else {
-        Trajectory::from_known(&rig.poses)?
+        Trajectory::from_known(&rig.poses)
     };
+    let trajectory = trajectory.map_err(|source| Error::Pose { path: folder.clone(), source })?;
     for r in &trajectory.rejected {
         progress.warn(format!("board position {} is not used: {}", r.position, r.reason));
     }
@@ -263,15 +276,16 @@ fn read_sweep(
         if progress.cancelled() {
             return Err(Error::Cancelled);
         }
-        let white = rig.read_image(&shot.dir.join(&rig.white))?;
-        let black = rig.read_image(&shot.dir.join(&rig.black))?;
+        let mut reader = rig.reader(shot);
+        let white = reader.read(&rig.white)?;
+        let black = reader.read(&rig.black)?;
         let corners = detector.detect(&white.to_gray(), white.width, white.height).map_err(|e| e.to_string());
         let (mut noise, mut dark) = (NoiseEstimator::default(), DarkEstimator::default());
         noise.add(&white);
         dark.add(&white, &black, opts.min_contrast);
         let mut builder = PositionBuilder::new(white, black, k, opts.min_contrast);
         for name in &set.images {
-            let pattern = rig.read_image(&shot.dir.join(name))?;
+            let pattern = reader.read(name)?;
             noise.add(&pattern);
             builder.add(&pattern);
         }
