@@ -400,7 +400,7 @@ fn start_pieces(
     shares: SharesPrior,
     opts: &Options,
 ) -> (Vec<f32>, f32) {
-    let settings = DecodeSettings { max_labels: opts.max_labels, p_jump: 0.01, p_step: 0.2, shares };
+    let settings = DecodeSettings { max_labels: opts.max_labels.max(16), p_jump: 0.01, p_step: 0.2, shares };
     let kept = m.left.iter().filter(|l| **l == Left::Kept).count();
     let f = (1..).find(|f| kept / (f * f) <= MAX_DECODED).expect("some reduction is enough");
     let f = std::env::var("F").ok().and_then(|s| s.parse().ok()).unwrap_or(f);
