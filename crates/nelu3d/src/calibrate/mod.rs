@@ -422,7 +422,7 @@ pub fn from_sweep(
     let mut tries = Vec::new();
     if let Some(c) = &center {
         let frame = Frame::new(c.origin, c.along, c.kappa, Vector3::x());
-        tries.push(Fit::new(placed, frame, Center::Light, &held, opts));
+        tries.push(Fit::new(placed, frame, Center::Light, &held, opts, progress));
         let q = &tries[0].quality;
         tracing::debug!(psnr = q.psnr_db, ceiling = q.ceiling_db, "field in the light's frame");
     }
@@ -430,7 +430,7 @@ pub fn from_sweep(
     if tries.is_empty() || (opts.frame == FrameKind::Auto && !light_is_good) {
         let middle = Point3::from(placed.mean_point());
         let frame = Frame::around(Point3::origin(), middle, Vector3::x());
-        tries.push(Fit::new(placed, frame, Center::Camera, &held, opts));
+        tries.push(Fit::new(placed, frame, Center::Camera, &held, opts, progress));
     }
     if progress.cancelled() {
         return Err(Error::Cancelled);
@@ -446,8 +446,11 @@ pub fn from_sweep(
         add_position(placed, &frame, *p, &mut bins);
     }
     match &mut form {
-        Form::Grid(grid) => fit(grid, &bins, smoothness(kind), 12),
-        Form::Hash(hash) => hash.train(&bins, opts.seed + 1),
+        Form::Grid(grid) => fit(grid, &bins, smoothness(kind), 12, progress),
+        Form::Hash(hash) => hash.train(&bins, opts.seed.wrapping_add(1), progress),
+    }
+    if progress.cancelled() {
+        return Err(Error::Cancelled);
     }
     clock.begin("mark the calibrated volume");
     let validity = validity(placed, &frame, cells);
@@ -542,7 +545,14 @@ fn smoothness(center: Center) -> Smoothness {
 }
 
 impl Fit {
-    fn new(placed: &Placed, mut frame: Frame, center: Center, held: &[usize], opts: &Options) -> Self {
+    fn new(
+        placed: &Placed,
+        mut frame: Frame,
+        center: Center,
+        held: &[usize],
+        opts: &Options,
+        progress: &Progress,
+    ) -> Self {
         let sweep = &placed.sweep;
         for p in 0..placed.poses.len() {
             for i in (0..sweep.n()).step_by(7) {
@@ -571,14 +581,14 @@ impl Fit {
             FormKind::Grid => {
                 // Coarse to fine: the coarse fit fills what the fine one cannot see.
                 let mut grid = Grid::new([cells[0] / 4 + 1, cells[1] / 4 + 1, cells[2]], k);
-                fit(&mut grid, &bins, smoothness(center), 30);
+                fit(&mut grid, &bins, smoothness(center), 30, progress);
                 let mut grid = grid.resampled(cells);
-                fit(&mut grid, &bins, smoothness(center), 20);
+                fit(&mut grid, &bins, smoothness(center), 20, progress);
                 Form::Grid(grid)
             }
             FormKind::Hash => {
                 let mut hash = HashForm::new(HashSettings::for_cells(cells), k, opts.seed);
-                hash.train(&bins, opts.seed);
+                hash.train(&bins, opts.seed, progress);
                 Form::Hash(Box::new(hash))
             }
         };

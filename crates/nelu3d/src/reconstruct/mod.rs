@@ -224,7 +224,7 @@ pub fn reconstruct(
         seed: opts.seed,
     };
     let refined =
-        refine(&m, &rays, &grid, &start, unit, channels, &settings, &|done, total| progress.tick(done, total));
+        refine(&m, &rays, &grid, &start, unit, channels, &settings, progress);
     stop()?;
 
     // Leave out what has no consistent code.
