@@ -17,7 +17,7 @@ use nelu3d_scan::image::{write_png8, write_png16, write_rgb8};
 const SPEC: &str = r#"
 name = "small"
 seed = 3
-supersampling = 1
+supersampling = 2
 ambient = 0.015
 
 [camera]
@@ -27,6 +27,7 @@ fx = 450.0
 fy = 449.0
 cx = 80.3
 cy = 59.2
+distortion = [-0.05, 0.03, 0.0, 0.0, 0.0]
 channels = "mono"
 bits = 12
 black_level = 64.0
