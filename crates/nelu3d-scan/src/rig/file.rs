@@ -157,10 +157,8 @@ pub(super) fn read_toml(path: &Path) -> Result<(PathBuf, RigToml), RigError> {
         return Err(RigError::NotARig { path: path.to_path_buf() });
     }
     let bytes = std::fs::read(&file).map_err(|source| RigError::Io { path: file.clone(), source })?;
-    let text = String::from_utf8(bytes).map_err(|e| RigError::Syntax {
-        path: file.clone(),
-        reason: format!("it is no text ({})", e.utf8_error()),
-    })?;
+    let text = String::from_utf8(bytes)
+        .map_err(|e| RigError::Syntax { path: file.clone(), reason: format!("it is no text ({})", e.utf8_error()) })?;
     let syntax = |e: toml::de::Error| RigError::Syntax { path: file.clone(), reason: toml_reason(&e, &text) };
     // The version comes first: a newer layout may well have keys that are unknown here.
     let table: toml::Table = toml::from_str(&text).map_err(syntax)?;

@@ -220,3 +220,13 @@ fn damaged_files_never_panic() {
     }
     assert!(refused > 300, "only {refused} of 600 were refused");
 }
+
+#[test]
+fn deep_nesting_is_refused_at_once() {
+    let start = std::time::Instant::now();
+    for open in ["[", "{\"a\":", "- ", "? ", "{"] {
+        let message = complaint("cam.yaml", &open.repeat(100_000));
+        assert!(message.contains("nested too deeply"), "{message}");
+    }
+    assert!(start.elapsed().as_secs() < 5);
+}
