@@ -5,12 +5,16 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
+/// What scripts can rely on.
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed or stopped by Ctrl-C, 2 wrong usage. What fails says so in one \
+                          sentence on standard error, and leaves no half-written output behind.";
+
 /// 3D scanning with a camera and any light source that throws a pattern.
 ///
 /// No projector model: a board is moved through the scene once, and what each point of space looks like under the
 /// patterns is learned (a color field). Scenes are then explained by it. Start with `nelu3d demo`.
 #[derive(Debug, Parser)]
-#[command(name = "nelu3d", version, max_term_width = 100)]
+#[command(name = "nelu3d", version, max_term_width = 100, after_help = EXIT_CODES)]
 pub(crate) struct Args {
     /// Options of every command.
     #[command(flatten)]

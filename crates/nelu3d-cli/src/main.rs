@@ -4,7 +4,7 @@
 //! runs the library, [`console`] is everything a person sees meanwhile. What a machine wants to read is one JSON value
 //! on standard output (`--json`); everything else goes to standard error, except the answer a person asked for.
 //!
-//! Exit codes: 0 done, 1 failed, 2 wrong usage.
+//! Exit codes: 0 done, 1 failed or stopped by Ctrl-C, 2 wrong usage.
 
 mod args;
 mod commands;
@@ -65,16 +65,17 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
 fn stop_on_ctrl_c(cancel: Arc<AtomicBool>) -> Result<(), ctrlc::Error> {
     ctrlc::set_handler(move || {
         if cancel.swap(true, Ordering::Relaxed) {
+            nelu3d_scan::output::remove_partial();
             std::process::exit(1);
         }
         eprintln!("\nstopping (Ctrl-C again to stop at once)");
     })
 }
 
-/// An error and its causes as one sentence. A cause that the sentence already says is not repeated.
+/// An error and its causes as one sentence, in one line. A cause that the sentence already says is not repeated.
 fn sentence(error: &anyhow::Error) -> String {
     let mut text = String::new();
-    for cause in error.chain().map(ToString::to_string) {
+    for cause in error.chain().map(|e| one_line(&e.to_string())) {
         if !text.contains(&cause) {
             if !text.is_empty() {
                 text.push_str(": ");
@@ -85,6 +86,11 @@ fn sentence(error: &anyhow::Error) -> String {
     text
 }
 
+/// The text without line breaks and other control characters, which file names and parsers' messages may bring in.
+fn one_line(text: &str) -> String {
+    text.split(char::is_control).map(str::trim).filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -93,5 +99,11 @@ mod tests {
     fn causes_are_said_once() {
         let e = anyhow::anyhow!("no such file").context("a.png: no such file").context("cannot read the scene");
         assert_eq!(sentence(&e), "cannot read the scene: a.png: no such file");
+    }
+
+    #[test]
+    fn a_sentence_is_one_line() {
+        let e = anyhow::anyhow!("line 3:\n  | x = \r\n  |   ^ odd\n").context("\x1b[31mrig.toml");
+        assert_eq!(sentence(&e), "[31mrig.toml: line 3: | x = |   ^ odd");
     }
 }

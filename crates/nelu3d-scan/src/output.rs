@@ -3,6 +3,91 @@
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// What is under construction in this process: files and folders under their temporary names.
+static PARTIAL: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Notes a temporary name until it is dropped, for [`remove_partial`].
+#[derive(Debug)]
+struct Partial(PathBuf);
+
+impl Partial {
+    fn new(path: &Path) -> Self {
+        PARTIAL.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_path_buf());
+        Self(path.to_path_buf())
+    }
+}
+
+impl Drop for Partial {
+    fn drop(&mut self) {
+        PARTIAL.lock().unwrap_or_else(PoisonError::into_inner).retain(|p| *p != self.0);
+    }
+}
+
+/// Removes everything that this process has under construction: for a program that ends on the spot, without unwinding.
+/// Work that goes on in other threads will fail to write.
+pub fn remove_partial() {
+    for path in PARTIAL.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+        let _ = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+    }
+}
+
+/// The place of a file that will be written later, after long work: known to be writable before the work begins.
+///
+/// Its missing folders are created; dropped, it removes those of them that are still empty.
+#[derive(Debug)]
+pub struct Place {
+    _folders: Folders,
+}
+
+impl Place {
+    /// Creates the missing folders of `path` and tries to write there, leaving no trace but those.
+    ///
+    /// # Errors
+    ///
+    /// The file could not be written; the message names it and, where one is known, a remedy.
+    pub fn new(path: &Path) -> io::Result<Self> {
+        let place = || {
+            let (path, dir, prefix) = target_of(path)?;
+            if path.is_dir() {
+                return Err(io::ErrorKind::IsADirectory.into());
+            }
+            let folders = Folders::create(&dir)?;
+            tempfile::Builder::new().prefix(&prefix).suffix(".partial").tempfile_in(&dir)?;
+            Ok(Self { _folders: folders })
+        };
+        place().map_err(|e| explain(path, &e))
+    }
+}
+
+/// Folders created on the way to an output, outermost first. Those that are still empty when it is dropped are removed.
+#[derive(Debug)]
+struct Folders(Vec<PathBuf>);
+
+impl Folders {
+    fn create(dir: &Path) -> io::Result<Self> {
+        let missing = |d: &&Path| !d.as_os_str().is_empty() && !d.exists();
+        let mut folders = Self(dir.ancestors().take_while(missing).map(Path::to_path_buf).collect());
+        folders.0.reverse();
+        // The system would only say that something exists.
+        let above = dir.ancestors().find(|d| d.exists());
+        if above.is_some_and(|d| !d.is_dir()) {
+            return Err(io::ErrorKind::NotADirectory.into());
+        }
+        fs::create_dir_all(dir)?;
+        Ok(folders)
+    }
+}
+
+impl Drop for Folders {
+    fn drop(&mut self) {
+        for dir in self.0.iter().rev() {
+            // Fails, as it should, for a folder that holds something.
+            let _ = fs::remove_dir(dir);
+        }
+    }
+}
 
 /// Writes a file through `f` so that `path` holds either the whole new content or what it held before.
 ///
@@ -26,23 +111,36 @@ pub fn create_dir(path: &Path) -> io::Result<()> {
 }
 
 fn write_whole(path: &Path, f: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let name = path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
-    let dir = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
-    let prefix = format!(".{}.", name.to_string_lossy());
+    let (path, dir, prefix) = target_of(path)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(&prefix).suffix(".partial");
     // A temporary file is private by default; a result should be as readable as any other file (less the umask).
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let temp = builder.tempfile_in(dir)?;
+    let _partial = Partial::new(temp.path());
     let mut w = BufWriter::with_capacity(1 << 16, temp);
     f(&mut w)?;
     let temp = w.into_inner().map_err(io::IntoInnerError::into_error)?;
     temp.persist(path).map_err(|e| e.error)?;
     Ok(())
+}
+
+/// Where a file really goes, its folder, and how its temporary name begins. Links are followed, so that what they point to
+/// is replaced and not the link; devices and pipes are refused, for renaming would replace them.
+fn target_of(path: &Path) -> io::Result<(PathBuf, PathBuf, String)> {
+    let path = if path.exists() { path.canonicalize()? } else { path.to_path_buf() };
+    let invalid = |problem| io::Error::new(io::ErrorKind::InvalidInput, problem);
+    if path.exists() && !path.is_file() && !path.is_dir() {
+        return Err(invalid("it is a device or pipe, not a file; choose another name"));
+    }
+    let name = path.file_name().ok_or_else(|| invalid("not a file name; choose another"))?;
+    let prefix = format!(".{}.", name.to_string_lossy());
+    let dir = match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p.to_path_buf(),
+        _ => PathBuf::from("."),
+    };
+    Ok((path, dir, prefix))
 }
 
 /// The same error with the path and a remedy in its message.
@@ -67,6 +165,9 @@ pub struct OutputDir {
     target: PathBuf,
     temp: PathBuf,
     committed: bool,
+    // Dropped after the temporary folder has been removed, in this order.
+    _partial: Partial,
+    _folders: Folders,
 }
 
 impl OutputDir {
@@ -104,9 +205,10 @@ impl OutputDir {
             Some(p) if !p.as_os_str().is_empty() => p.to_path_buf(),
             _ => PathBuf::from("."),
         };
-        fs::create_dir_all(&parent)?;
+        let folders = Folders::create(&parent)?;
         let temp = create_sibling(&parent, &name.to_string_lossy(), "partial")?;
-        Ok(Self { target, temp, committed: false })
+        let partial = Partial::new(&temp);
+        Ok(Self { target, temp, committed: false, _partial: partial, _folders: folders })
     }
 
     /// Where to write the files of the folder until it is committed.
@@ -237,7 +339,7 @@ mod tests {
         fs::write(out.path().join("result.json"), "1").unwrap();
         assert!(!target.exists());
         drop(out);
-        assert!(names(&dir.path().join("results")).is_empty());
+        assert!(names(dir.path()).is_empty());
 
         for content in ["2", "3"] {
             let out = OutputDir::create(&target, "result.json").unwrap();
@@ -248,6 +350,54 @@ mod tests {
             assert_eq!(names(&target), [content, "result.json"]);
             assert_eq!(names(&dir.path().join("results")), ["pawn"]);
         }
+    }
+
+    #[test]
+    fn a_place_is_tried_and_leaves_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("fields/new/a.txt");
+        let place = Place::new(&path).unwrap();
+        assert!(names(path.parent().unwrap()).is_empty());
+        drop(place);
+        assert!(names(dir.path()).is_empty());
+        let place = Place::new(&path).unwrap();
+        write_atomic(&path, |w| w.write_all(b"x")).unwrap();
+        drop(place);
+        assert_eq!(fs::read(&path).unwrap(), b"x");
+
+        let e = Place::new(&path.join("b.txt")).unwrap_err().to_string();
+        assert!(e.contains("a.txt/b.txt") && e.contains("choose another"), "{e}");
+        let e = Place::new(dir.path()).unwrap_err().to_string();
+        assert!(e.contains("choose another name"), "{e}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed_and_devices_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        let (file, link) = (dir.path().join("file"), dir.path().join("link"));
+        fs::write(&file, b"old").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write_atomic(&link, |w| w.write_all(b"new")).unwrap();
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        assert!(link.is_symlink());
+        // A socket stands for the device: replacing it would harm nobody should this test fail.
+        let socket = dir.path().join("socket");
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        let e = write_atomic(&socket, |w| w.write_all(b"x")).unwrap_err().to_string();
+        assert!(e.contains("socket") && e.contains("choose another name"), "{e}");
+        assert!(Place::new(&socket).is_err() && socket.exists() && !socket.is_file());
+    }
+
+    #[test]
+    fn what_is_under_construction_is_removed_at_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = OutputDir::create(&dir.path().join("result"), "result.json").unwrap();
+        fs::write(out.path().join("depth.npy"), "half").unwrap();
+        let noted = PARTIAL.lock().unwrap().clone();
+        assert!(noted.iter().any(|p| p == out.path()));
+        drop(out);
+        assert!(!PARTIAL.lock().unwrap().iter().any(|p| p.starts_with(dir.path())));
     }
 
     #[test]

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use nelu3d::calibrate::{self, Options, Report};
 use nelu3d_scan::Rig;
+use nelu3d_scan::output::Place;
 use nelu3d_scan::rig::PatternSet;
 
 use super::{Context, default_field, shown};
@@ -31,10 +32,10 @@ pub(crate) fn calibrate_to(
     output: &Path,
     context: &Context,
 ) -> Result<Report> {
-    if let Some(parent) = output.parent().filter(|p| !p.as_os_str().is_empty()) {
-        std::fs::create_dir_all(parent).with_context(|| format!("{}: cannot be created", shown(parent)))?;
-    }
+    // Before the work: it must not end at a file that cannot be written.
+    let _place = Place::new(output)?;
     let (field, report) = calibrate::run(rig, set, options, &context.progress)?;
+    context.stop_if_asked()?;
     field.save(output)?;
     Ok(report)
 }

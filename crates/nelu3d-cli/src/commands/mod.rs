@@ -31,6 +31,11 @@ impl Context {
         Self { progress: Progress::new(console.clone(), cancel), console, json }
     }
 
+    /// Fails if Ctrl-C was pressed: the last chance before an output is put into place.
+    pub(crate) fn stop_if_asked(&self) -> Result<()> {
+        if self.progress.cancelled() { Err(anyhow::anyhow!("stopped")) } else { Ok(()) }
+    }
+
     /// Ends the last stage and prints the answer of a command on standard output: `text` for people, or `json`.
     pub(crate) fn answer(&self, json: &impl serde::Serialize, text: impl FnOnce() -> String) -> Result<()> {
         use std::io::Write;

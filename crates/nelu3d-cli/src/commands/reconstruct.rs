@@ -9,7 +9,7 @@ use nelu3d::evaluate::{Judged, Truth, evaluate};
 use nelu3d::reconstruct::{self, Options};
 use nelu3d::result::{self, About, Input, MeshFiles, Summary};
 use nelu3d_scan::Rig;
-use nelu3d_scan::output::OutputDir;
+use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::rig::{Need, PatternSet, Shot};
 
 use super::{Context, default_field, default_result, shown};
@@ -74,7 +74,13 @@ impl Job<'_> {
         // The same for a truth that cannot be read; the reconstruction never sees it.
         let truth = self.truth.as_deref().map(|dir| Truth::read(dir, &self.rig.camera)).transpose()?;
         let field = self.load_field()?;
-        let result = reconstruct::run(self.rig, self.set, &self.shot, &field, &self.options, &context.progress)?;
+        let result = reconstruct::run(self.rig, self.set, &self.shot, &field, &self.options, &context.progress)
+            .map_err(|e| match e {
+                // The library has a field, not a file.
+                reconstruct::Error::Mismatch { .. } => anyhow::anyhow!("{}: {e}", shown(&self.field)),
+                other => other.into(),
+            })?;
+        context.stop_if_asked()?;
 
         context.progress.stage("write the result");
         let metrics = truth.as_ref().map(|truth| {
@@ -95,7 +101,8 @@ impl Job<'_> {
         let captures = self.captures()?;
         let page = Page { result: &result, summary: &summary, captures: &captures, truth: truth.as_ref() };
         let report = folder.path().join("report.html");
-        std::fs::write(&report, page.html()).with_context(|| format!("{}: cannot be written", shown(&report)))?;
+        write_atomic(&report, |w| w.write_all(page.html().as_bytes()))?;
+        context.stop_if_asked()?;
         folder.commit()?;
         Ok(summary)
     }

@@ -26,7 +26,11 @@ pub enum PoseError {
         index: usize,
     },
     /// The sweep has too few usable positions.
-    #[error("only {usable} of {total} board positions are usable, at least 3 are needed{}", list(reasons))]
+    #[error(
+        "only {usable} of {total} board positions are usable, and at least 3 are needed ({}); show the whole board at more \
+         positions, and check that it is the one described in rig.toml",
+        list(reasons)
+    )]
     TooFewPositions {
         /// Positions with a pose.
         usable: usize,
@@ -37,6 +41,47 @@ pub enum PoseError {
     },
 }
 
+/// Most different reasons that are told.
+const MOST_REASONS: usize = 3;
+
+/// Every reason once, with the positions it holds for, the most frequent first.
 fn list(reasons: &[(String, String)]) -> String {
-    reasons.iter().map(|(p, r)| format!("; {p}: {r}")).collect()
+    let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
+    for (position, reason) in reasons {
+        match groups.iter_mut().find(|(r, _)| r == reason) {
+            Some((_, positions)) => positions.push(position),
+            None => groups.push((reason, vec![position])),
+        }
+    }
+    groups.sort_by_key(|(_, positions)| std::cmp::Reverse(positions.len()));
+    let of = |(reason, positions): &(&str, Vec<&str>)| match positions.as_slice() {
+        [one] => format!("{one}: {reason}"),
+        [first, .., last] if positions.len() > 3 => format!("{first} to {last}, {} in all: {reason}", positions.len()),
+        some => format!("{}: {reason}", some.join(", ")),
+    };
+    let mut told: Vec<String> = groups.iter().take(MOST_REASONS).map(of).collect();
+    let more: usize = groups.iter().skip(MOST_REASONS).map(|(_, positions)| positions.len()).sum();
+    if more > 0 {
+        told.push(format!("{more} more for other reasons"));
+    }
+    if told.is_empty() {
+        told.push("rig.toml gives no more poses".into());
+    }
+    told.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_are_told_once() {
+        let reasons =
+            |all: &[(&str, &str)]| all.iter().map(|(p, r)| (p.to_string(), r.to_string())).collect::<Vec<_>>();
+        assert_eq!(list(&reasons(&[("0", "dark")])), "0: dark");
+        assert_eq!(list(&reasons(&[("0", "far"), ("1", "dark"), ("2", "dark")])), "1, 2: dark, 0: far");
+        let many: Vec<_> =
+            (0..9).map(|i| (i.to_string(), if i < 5 { "dark".into() } else { format!("odd {i}") })).collect();
+        assert_eq!(list(&many), "0 to 4, 5 in all: dark, 5: odd 5, 6: odd 6, 2 more for other reasons");
+    }
 }

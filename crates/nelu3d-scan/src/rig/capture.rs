@@ -25,6 +25,24 @@ pub struct Capture {
     pub patterns: Vec<Image>,
 }
 
+/// Reads the images of one shot one at a time, for callers that do not want all of them in memory.
+pub struct ShotReader<'a> {
+    rig: &'a Rig,
+    shot: &'a Shot,
+    depth: Option<(Depth, PathBuf)>,
+}
+
+impl ShotReader<'_> {
+    /// Reads the image of this file name.
+    ///
+    /// # Errors
+    ///
+    /// As [`Rig::read_image`], or it has another bit depth than the image read first.
+    pub fn read(&mut self, name: &str) -> Result<Image, RigError> {
+        self.rig.read_agreeing(&self.shot.dir.join(name), &mut self.depth)
+    }
+}
+
 impl Rig {
     /// Reads one image of this rig's camera.
     ///
@@ -59,6 +77,11 @@ impl Rig {
         let read = |name: &String| self.read_agreeing(&shot.dir.join(name), &mut depth);
         let patterns = set.images.iter().map(read).collect::<Result<_, _>>()?;
         Ok(Capture { white, black, patterns })
+    }
+
+    /// Reads a shot's images one at a time.
+    pub fn reader<'a>(&'a self, shot: &'a Shot) -> ShotReader<'a> {
+        ShotReader { rig: self, shot, depth: None }
     }
 
     /// Reads a shot's inverse images of one set, in its order; none if the set has none.

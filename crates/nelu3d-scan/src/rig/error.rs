@@ -16,7 +16,7 @@ pub enum RigError {
         path: PathBuf,
     },
     /// A file or folder could not be read.
-    #[error("{}: cannot be read: {source}", path.display())]
+    #[error("{}: cannot be read: {source}; check its permissions and the disk", path.display())]
     Io {
         /// The path.
         path: PathBuf,
@@ -27,7 +27,7 @@ pub enum RigError {
     #[error(transparent)]
     Write(#[from] io::Error),
     /// rig.toml is not valid TOML, has an unknown key or a value of another type.
-    #[error("{}: {reason}", path.display())]
+    #[error("{}: cannot be understood: {reason}; correct the file", path.display())]
     Syntax {
         /// The rig.toml.
         path: PathBuf,

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{Channels, KnownPose, PROJECTOR_FILE, PatternSet, RIG_FILE, Rig, RigError};
-use crate::board::{Board, BoardKind, Marker};
+use crate::board::{Artwork, Board, BoardError, BoardKind, Dictionary, Marker};
 use crate::camera::{Camera, Projector, read_camera, read_projector, write_camera, write_projector};
 use crate::output::{create_dir, write_atomic};
 
@@ -156,14 +156,25 @@ pub(super) fn read_toml(path: &Path) -> Result<(PathBuf, RigToml), RigError> {
     if !file.is_file() {
         return Err(RigError::NotARig { path: path.to_path_buf() });
     }
-    let text = std::fs::read_to_string(&file).map_err(|source| RigError::Io { path: file.clone(), source })?;
-    let syntax = |e: toml::de::Error| RigError::Syntax { path: file.clone(), reason: e.to_string().trim_end().into() };
+    let bytes = std::fs::read(&file).map_err(|source| RigError::Io { path: file.clone(), source })?;
+    let text = String::from_utf8(bytes)
+        .map_err(|e| RigError::Syntax { path: file.clone(), reason: format!("it is no text ({})", e.utf8_error()) })?;
+    let syntax = |e: toml::de::Error| RigError::Syntax { path: file.clone(), reason: toml_reason(&e, &text) };
     // The version comes first: a newer layout may well have keys that are unknown here.
     let table: toml::Table = toml::from_str(&text).map_err(syntax)?;
     if let Some(found) = table.get("format").and_then(toml::Value::as_integer).filter(|&f| f > FORMAT) {
         return Err(RigError::NewerFormat { path: file, found, known: FORMAT });
     }
     Ok((root, toml::from_str(&text).map_err(syntax)?))
+}
+
+/// What the TOML parser says, in one line: its own message draws the place over several.
+fn toml_reason(e: &toml::de::Error, text: &str) -> String {
+    let message = e.message().trim().replace('\n', ", ");
+    match e.span().and_then(|span| text.get(..span.start)) {
+        Some(before) => format!("line {}: {message}", before.matches('\n').count() + 1),
+        None => message,
+    }
 }
 
 /// The rig that rig.toml describes, and everything that is wrong with its values. With problems the rig is only good for
@@ -315,7 +326,9 @@ fn board(b: BoardToml, judge: &mut Judge) -> Option<Board> {
     let (square_mm, marker_mm) = (b.square_mm.unwrap_or_default(), b.marker_mm.unwrap_or_default());
     let dictionary = b.dictionary.unwrap_or_default();
     if allowed.contains(&"dictionary") {
-        judge.expect(!dictionary.is_empty(), "board.dictionary", "is empty", "give OpenCV's name, as DICT_4X4_50");
+        let known = Dictionary::by_name(&dictionary).is_ok();
+        let remedy = format!("it must be one of: {}", Dictionary::names().join(", "));
+        judge.expect(known, "board.dictionary", format!("is \"{dictionary}\""), &remedy);
     }
     if allowed.contains(&"columns") {
         // A chessboard's corners lie between squares, and a plane needs more than one row of them.
@@ -352,9 +365,20 @@ fn board(b: BoardToml, judge: &mut Judge) -> Option<Board> {
     let [x0, y0, x1, y1] = extent_mm;
     let good = extent_mm.iter().all(|v| v.is_finite()) && x0 < x1 && y0 < y1;
     let problem = format!("is {extent_mm:?}");
-    judge
-        .expect(good, "board.extent_mm", problem, "it must be [x_min, y_min, x_max, y_max]")
-        .then_some(Board { kind, extent_mm })
+    if !judge.expect(good, "board.extent_mm", problem, "it must be [x_min, y_min, x_max, y_max]") {
+        return None;
+    }
+    let board = Board { kind, extent_mm };
+    match Artwork::new(&board) {
+        Ok(_) => Some(board),
+        Err(e) => {
+            let problem = match e {
+                BoardError::Invalid { reason } => format!("cannot be printed as described: {reason}"),
+                other => other.to_string(),
+            };
+            judge.expect(false, "board", problem, "measure the board again, and correct its numbers").then_some(board)
+        }
+    }
 }
 
 fn judge_markers(markers: &[Marker], judge: &mut Judge) {

@@ -8,7 +8,7 @@ mod shots;
 
 use std::path::PathBuf;
 
-pub use capture::{Capture, Need};
+pub use capture::{Capture, Need, ShotReader};
 pub use check::{Finding, Severity, check};
 pub use error::RigError;
 

@@ -118,18 +118,28 @@ pub enum Error {
     #[error(transparent)]
     Rig(#[from] RigError),
     /// The board's description.
-    #[error(transparent)]
-    Board(#[from] BoardError),
+    #[error("{path}: {source}")]
+    Board {
+        /// The rig.toml.
+        path: PathBuf,
+        /// What is wrong.
+        source: BoardError,
+    },
     /// The poses.
-    #[error(transparent)]
-    Pose(#[from] PoseError),
+    #[error("{path}: {source}")]
+    Pose {
+        /// The calibration folder.
+        path: PathBuf,
+        /// What is wrong.
+        source: PoseError,
+    },
     /// There is no board.
     #[error(
         "{0}: [board] is missing; describe the target of the sweep, or use --from-projector with a calibrated projector"
     )]
     NoBoard(PathBuf),
     /// There are too few positions.
-    #[error("{path}: {found} usable board positions, and at least 3 are needed{reasons}")]
+    #[error("{path}: {found} usable board positions, and at least 3 are needed; capture more{reasons}")]
     TooFew {
         /// The calibration folder.
         path: PathBuf,
@@ -192,7 +202,9 @@ pub fn run(rig: &Rig, set: &PatternSet, opts: &Options, progress: &Progress) -> 
     }
     let mut clock = StageClock::new(progress);
     let board = rig.board.as_ref().ok_or_else(|| Error::NoBoard(rig.root.join("rig.toml")))?;
-    let detector = Detector::new(board)?.with_camera(&rig.camera);
+    let detector = Detector::new(board)
+        .map_err(|source| Error::Board { path: rig.root.join("rig.toml"), source })?
+        .with_camera(&rig.camera);
     let shots = rig.positions()?;
     let folder = rig.root.join("calibration");
     if shots.len() < 3 {
@@ -209,10 +221,11 @@ pub fn run(rig: &Rig, set: &PatternSet, opts: &Options, progress: &Progress) -> 
             TrajectoryKind::Free => TrajectoryModel::Free,
             TrajectoryKind::Stage => TrajectoryModel::Stage,
         };
-        Trajectory::fit(&found, &rig.camera, model)?
+        Trajectory::fit(&found, &rig.camera, model)
     } else {
-        Trajectory::from_known(&rig.poses)?
+        Trajectory::from_known(&rig.poses)
     };
+    let trajectory = trajectory.map_err(|source| Error::Pose { path: folder.clone(), source })?;
     for r in &trajectory.rejected {
         progress.warn(format!("board position {} is not used: {}", r.position, r.reason));
     }
@@ -263,15 +276,16 @@ fn read_sweep(
         if progress.cancelled() {
             return Err(Error::Cancelled);
         }
-        let white = rig.read_image(&shot.dir.join(&rig.white))?;
-        let black = rig.read_image(&shot.dir.join(&rig.black))?;
+        let mut reader = rig.reader(shot);
+        let white = reader.read(&rig.white)?;
+        let black = reader.read(&rig.black)?;
         let corners = detector.detect(&white.to_gray(), white.width, white.height).map_err(|e| e.to_string());
         let (mut noise, mut dark) = (NoiseEstimator::default(), DarkEstimator::default());
         noise.add(&white);
         dark.add(&white, &black, opts.min_contrast);
         let mut builder = PositionBuilder::new(white, black, k, opts.min_contrast);
         for name in &set.images {
-            let pattern = rig.read_image(&shot.dir.join(name))?;
+            let pattern = reader.read(name)?;
             noise.add(&pattern);
             builder.add(&pattern);
         }
@@ -408,7 +422,7 @@ pub fn from_sweep(
     let mut tries = Vec::new();
     if let Some(c) = &center {
         let frame = Frame::new(c.origin, c.along, c.kappa, Vector3::x());
-        tries.push(Fit::new(placed, frame, Center::Light, &held, opts));
+        tries.push(Fit::new(placed, frame, Center::Light, &held, opts, progress));
         let q = &tries[0].quality;
         tracing::debug!(psnr = q.psnr_db, ceiling = q.ceiling_db, "field in the light's frame");
     }
@@ -416,7 +430,7 @@ pub fn from_sweep(
     if tries.is_empty() || (opts.frame == FrameKind::Auto && !light_is_good) {
         let middle = Point3::from(placed.mean_point());
         let frame = Frame::around(Point3::origin(), middle, Vector3::x());
-        tries.push(Fit::new(placed, frame, Center::Camera, &held, opts));
+        tries.push(Fit::new(placed, frame, Center::Camera, &held, opts, progress));
     }
     if progress.cancelled() {
         return Err(Error::Cancelled);
@@ -432,8 +446,11 @@ pub fn from_sweep(
         add_position(placed, &frame, *p, &mut bins);
     }
     match &mut form {
-        Form::Grid(grid) => fit(grid, &bins, smoothness(kind), 12),
-        Form::Hash(hash) => hash.train(&bins, opts.seed + 1),
+        Form::Grid(grid) => fit(grid, &bins, smoothness(kind), 12, progress),
+        Form::Hash(hash) => hash.train(&bins, opts.seed.wrapping_add(1), progress),
+    }
+    if progress.cancelled() {
+        return Err(Error::Cancelled);
     }
     clock.begin("mark the calibrated volume");
     let validity = validity(placed, &frame, cells);
@@ -528,7 +545,14 @@ fn smoothness(center: Center) -> Smoothness {
 }
 
 impl Fit {
-    fn new(placed: &Placed, mut frame: Frame, center: Center, held: &[usize], opts: &Options) -> Self {
+    fn new(
+        placed: &Placed,
+        mut frame: Frame,
+        center: Center,
+        held: &[usize],
+        opts: &Options,
+        progress: &Progress,
+    ) -> Self {
         let sweep = &placed.sweep;
         for p in 0..placed.poses.len() {
             for i in (0..sweep.n()).step_by(7) {
@@ -557,14 +581,14 @@ impl Fit {
             FormKind::Grid => {
                 // Coarse to fine: the coarse fit fills what the fine one cannot see.
                 let mut grid = Grid::new([cells[0] / 4 + 1, cells[1] / 4 + 1, cells[2]], k);
-                fit(&mut grid, &bins, smoothness(center), 30);
+                fit(&mut grid, &bins, smoothness(center), 30, progress);
                 let mut grid = grid.resampled(cells);
-                fit(&mut grid, &bins, smoothness(center), 20);
+                fit(&mut grid, &bins, smoothness(center), 20, progress);
                 Form::Grid(grid)
             }
             FormKind::Hash => {
                 let mut hash = HashForm::new(HashSettings::for_cells(cells), k, opts.seed);
-                hash.train(&bins, opts.seed);
+                hash.train(&bins, opts.seed, progress);
                 Form::Hash(Box::new(hash))
             }
         };

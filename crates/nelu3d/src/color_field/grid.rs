@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use crate::progress::Progress;
+
 /// Rows of cells that one task of the adjoint owns; neighbors of the same parity never touch the same nodes.
 const STRIPE: usize = 16;
 
@@ -278,7 +280,7 @@ pub struct Smoothness {
 /// Fits the spline to the binned samples by weighted least squares with a small second-difference penalty: conjugate
 /// gradients with a diagonal preconditioner, started from `grid`'s present coefficients. Deterministic for any number of
 /// threads.
-pub fn fit(grid: &mut Grid, bins: &Bins, smooth: Smoothness, iterations: usize) {
+pub fn fit(grid: &mut Grid, bins: &Bins, smooth: Smoothness, iterations: usize, progress: &Progress) {
     let k = grid.k;
     assert_eq!(k, bins.k);
     // Rows of bins are handed out by the row of cells that they lie in.
@@ -343,7 +345,7 @@ pub fn fit(grid: &mut Grid, bins: &Bins, smooth: Smoothness, iterations: usize) 
     let mut rz: f64 = dot(&r, &p.coeffs);
     let first = rz;
     for _ in 0..iterations {
-        if rz <= 1e-9 * first || rz <= 0.0 {
+        if rz <= 1e-9 * first || rz <= 0.0 || progress.cancelled() {
             break;
         }
         apply(&p, &mut ax);
@@ -515,7 +517,7 @@ mod tests {
                 bins.add(q, &v, &vec![1.0; k]);
             }
             let mut grid = Grid::new([40, 30, 4], k);
-            fit(&mut grid, &bins, Smoothness { across: 1e-4, along: 1e-4 }, 60);
+            fit(&mut grid, &bins, Smoothness { across: 1e-4, along: 1e-4 }, 60, &Progress::none());
             let (mut v, mut d) = (vec![0.0; k], vec![0.0; k]);
             for _ in 0..500 {
                 let q = [0.05 + 0.9 * unit(), 0.05 + 0.9 * unit(), 0.05 + 0.9 * unit()];

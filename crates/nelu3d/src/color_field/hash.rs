@@ -11,6 +11,7 @@ use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 
 use super::grid::{Bins, Grid};
+use crate::progress::Progress;
 
 /// Settings of a [`HashForm`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -114,7 +115,7 @@ impl HashForm {
 
     /// Trains on the samples that the bins stand for, each drawn with equal probability and weighed by its precision
     /// relative to the others. A second call starts the learning-rate schedule anew from the present parameters.
-    pub fn train(&mut self, bins: &Bins, seed: u64) {
+    pub fn train(&mut self, bins: &Bins, seed: u64, progress: &Progress) {
         let k = self.shape.k;
         let (mut points, mut targets, mut weights) = (Vec::new(), Vec::new(), Vec::new());
         bins.for_each_sample(|q, values, omegas| {
@@ -137,7 +138,11 @@ impl HashForm {
         let s = self.shape.settings.clone();
         let (mut p, mut t, mut w) =
             (Vec::with_capacity(s.batch), Vec::with_capacity(s.batch * k), Vec::with_capacity(s.batch));
-        for _ in 0..s.steps {
+        for step in 0..s.steps {
+            if progress.cancelled() {
+                break;
+            }
+            progress.tick(step, s.steps);
             (p.clear(), t.clear(), w.clear());
             for _ in 0..s.batch {
                 let i = rng.random_range(0..points.len());

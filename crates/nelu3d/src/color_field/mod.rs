@@ -81,13 +81,22 @@ pub struct Quality {
     /// Samples compared.
     pub n: usize,
     /// PSNR over well-lit samples (white − black of at least 10 % of full scale), peak 1, dB.
+    #[serde(deserialize_with = "or_nan")]
     pub psnr_db: f64,
     /// PSNR over every usable sample (dim ones, on black ink, are mostly noise), dB.
+    #[serde(deserialize_with = "or_nan")]
     pub psnr_all_db: f64,
     /// PSNR of a perfect field over the same well-lit samples: what the noise of the held-out images allows, dB.
+    #[serde(deserialize_with = "or_nan")]
     pub ceiling_db: f64,
     /// Median depth error that the field's error implies: |error| / |∂c/∂t|, mm.
+    #[serde(deserialize_with = "or_nan")]
     pub depth_mm: f64,
+}
+
+/// JSON has no NaN or infinity: both are written as null, and what was never measured must not make a field unreadable.
+fn or_nan<'de, D: serde::Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(d)?.unwrap_or(f64::NAN))
 }
 
 impl ColorField {

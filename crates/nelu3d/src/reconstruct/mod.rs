@@ -234,7 +234,7 @@ pub fn reconstruct(
         seed: opts.seed,
     };
     let refined =
-        refine(&m, &rays, &grid, &start, unit, channels, &settings, &|done, total| progress.tick(done, total));
+        refine(&m, &rays, &grid, &start, unit, channels, &settings, progress);
     stop()?;
 
     // Leave out what has no consistent code.
@@ -409,7 +409,7 @@ fn start_pieces(
     shares: SharesPrior,
     opts: &Options,
 ) -> (Vec<f32>, f32) {
-    let settings = DecodeSettings { max_labels: opts.max_labels, p_jump: 0.01, p_step: 0.2, shares };
+    let settings = DecodeSettings { max_labels: opts.max_labels.max(16), p_jump: 0.01, p_step: 0.2, shares };
     let kept = m.left.iter().filter(|l| **l == Left::Kept).count();
     let most = if opts.quick { MAX_DECODED / 8 } else { MAX_DECODED };
     let too_large = (1..).find(|f| kept / (f * f) <= most).expect("some reduction is enough");

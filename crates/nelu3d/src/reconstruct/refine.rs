@@ -17,6 +17,7 @@ use super::decode::Rays;
 use super::measure::{Measurements, SharesPrior, SharesSum};
 use super::thin_plate::Plate;
 use crate::color_field::grid::Grid;
+use crate::progress::Progress;
 
 /// Settings of the refinement.
 #[derive(Clone, Copy, Debug)]
@@ -98,7 +99,7 @@ pub fn refine(
     unit: f32,
     channels: usize,
     s: &RefineSettings,
-    tick: &(dyn Fn(usize, usize) + Sync),
+    progress: &Progress,
 ) -> Refined {
     let n = m.n();
     let k = m.k;
@@ -129,9 +130,12 @@ pub fn refine(
     let mut rng = rand::rngs::StdRng::seed_from_u64(s.seed);
 
     for step in 0..s.steps {
-        tick(step, s.steps);
-        let progress = step as f32 / (s.steps - 1).max(1) as f32;
-        let width = s.first_width_mm * (s.last_width_mm / s.first_width_mm).powf((progress * 1.5).min(1.0));
+        if progress.cancelled() {
+            break;
+        }
+        progress.tick(step, s.steps);
+        let done = step as f32 / (s.steps - 1).max(1) as f32;
+        let width = s.first_width_mm * (s.last_width_mm / s.first_width_mm).powf((done * 1.5).min(1.0));
         // Narrow-band rendering of every pixel.
         let cosines = cosines(&plate, &x, rays, &win, mid, unit);
         let render = |i: usize, c: &mut [f32], d: &mut [f32], out: &mut [f32], dout: &mut [f32]| {

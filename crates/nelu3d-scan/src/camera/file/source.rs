@@ -17,6 +17,10 @@ impl Source {
         let bytes = std::fs::read(path).map_err(|source| CameraFileError::Io { path: path.to_path_buf(), source })?;
         let syntax = |format, reason| CameraFileError::Syntax { path: path.to_path_buf(), format, reason };
         let text = std::str::from_utf8(&bytes).map_err(|e| syntax("text", e.to_string()))?;
+        // The YAML parser takes time that grows with the square of the depth: minutes for a file of brackets.
+        if text.len() > MOST_BYTES || depth(text) > MOST_DEPTH {
+            return Err(syntax("JSON or YAML", "it is too large or nested too deeply for a camera file".into()));
+        }
         let root: Value = if text.trim_start().starts_with('{') {
             // Python and OpenCV write `NaN`, `.Nan` and `1.` into what they call JSON: YAML allows that, so that the error
             // can name the key instead of a line.
@@ -90,6 +94,29 @@ impl Source {
             other => Err(self.invalid(key, format!("holds {other:?}"), "give numbers only")),
         }
     }
+}
+
+/// A camera file takes a few kilobytes; tools that add the corners of every image may write much more.
+const MOST_BYTES: usize = 4 << 20;
+
+/// As deep as a JSON parser goes.
+const MOST_DEPTH: usize = 100;
+
+/// How deep brackets, or the dashes of a list within a line, are nested, at most.
+fn depth(text: &str) -> usize {
+    let (mut open, mut most) = (0usize, 0);
+    for line in text.lines() {
+        most = most.max(line.split_whitespace().take_while(|word| matches!(*word, "-" | "?")).count());
+        for byte in line.bytes() {
+            match byte {
+                b'[' | b'{' => open += 1,
+                b']' | b'}' => open = open.saturating_sub(1),
+                _ => {}
+            }
+            most = most.max(open);
+        }
+    }
+    most
 }
 
 /// OpenCV's YAML without what makes it no YAML: its `%YAML:1.0` header and its type tags.

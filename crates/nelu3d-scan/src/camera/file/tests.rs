@@ -188,3 +188,45 @@ fn other_formats_complain_in_their_own_words() {
     let e = read_camera(Path::new("/no/such/camera.json")).unwrap_err().to_string();
     assert!(e.contains("/no/such/camera.json"), "{e}");
 }
+
+/// Whatever is in the file, reading it ends with a camera or with an error that names the file.
+#[test]
+fn damaged_files_never_panic() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("cam.json");
+    let mut state = 5u64;
+    let mut below = |n: usize| {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 33) as usize % n
+    };
+    let mut refused = 0;
+    for good in [LOOKUP3D, OPENCV_YAML] {
+        for round in 0..300 {
+            let mut bad = good.as_bytes().to_vec();
+            match round % 3 {
+                0 => (0..=below(6)).for_each(|_| bad[below(good.len())] = below(256) as u8),
+                1 => (0..=below(6)).for_each(|_| bad[below(good.len())] = b"0123456789-.,:[]{}\"e \\&*!|>"[below(27)]),
+                _ => bad.truncate(below(good.len())),
+            }
+            fs::write(&path, &bad).unwrap();
+            match read_camera(&path) {
+                Ok(camera) => assert!(camera.fx > 0.0 && camera.n_pixels() > 0),
+                Err(e) => {
+                    refused += 1;
+                    assert!(e.to_string().contains("cam.json"), "{e}");
+                }
+            }
+        }
+    }
+    assert!(refused > 300, "only {refused} of 600 were refused");
+}
+
+#[test]
+fn deep_nesting_is_refused_at_once() {
+    let start = std::time::Instant::now();
+    for open in ["[", "{\"a\":", "- ", "? ", "{"] {
+        let message = complaint("cam.yaml", &open.repeat(100_000));
+        assert!(message.contains("nested too deeply"), "{message}");
+    }
+    assert!(start.elapsed().as_secs() < 5);
+}

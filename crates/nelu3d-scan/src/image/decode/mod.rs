@@ -21,7 +21,7 @@ pub enum ImageFileError {
         path: PathBuf,
     },
     /// The operating system would not let it be read.
-    #[error("{}: cannot be read: {source}", path.display())]
+    #[error("{}: cannot be read: {source}; check its permissions and the disk", path.display())]
     Io {
         /// The file.
         path: PathBuf,
