@@ -85,11 +85,11 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// [`write`] as a method.
+    /// [`write()`] as a method.
     ///
     /// # Errors
     ///
-    /// As [`write`].
+    /// As [`write()`].
     pub fn write(&self, path: &Path) -> io::Result<()> {
         write(path, self)
     }

@@ -205,7 +205,7 @@ impl Transport<'_> {
     /// The position `arm` steps away, on the side where there is one.
     fn partner(&self, seed: &Seed, arm: usize) -> usize {
         let n = self.sweep.positions.len();
-        let up = seed.index % 2 == 0;
+        let up = seed.index.is_multiple_of(2);
         if (up && seed.position + arm < n) || seed.position < arm {
             (seed.position + arm).min(n - 1)
         } else {

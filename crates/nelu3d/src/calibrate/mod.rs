@@ -677,7 +677,7 @@ fn measure(placed: &Placed, frame: &Frame, grid: &Grid, held: &[usize]) -> Quali
                     g += w[j] * d[j] * e;
                 }
                 n += 1;
-                if n % 16 == 0 && h > 0.0 {
+                if n.is_multiple_of(16) && h > 0.0 {
                     s.depth.push((g / h).abs());
                 }
             });

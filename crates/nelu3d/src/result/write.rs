@@ -129,7 +129,7 @@ mod tests {
             ..Camera::pinhole(width, height, 10.0, 11.0, 3.5, 2.5)
         };
         let n = width * height;
-        let dark = |i: usize| i % width == 0;
+        let dark = |i: usize| i.is_multiple_of(width);
         let map = |f: fn(usize) -> f32| (0..n).map(|i| if dark(i) { f32::NAN } else { f(i) }).collect::<Vec<f32>>();
         let normals = (0..n).map(|i| if dark(i) { [f32::NAN; 3] } else { [0.6, 0.0, -0.8] }).collect();
         let result = Reconstruction {
