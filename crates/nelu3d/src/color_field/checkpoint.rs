@@ -66,7 +66,7 @@ struct Header {
 #[serde(tag = "kind", rename_all = "lowercase")]
 enum FormHeader {
     Grid { cells: [usize; 3], k: usize },
-    Hash(HashShape),
+    Hash(Box<HashShape>),
 }
 
 /// Most values per node of a grid or point of a field: far beyond any pattern set.
@@ -126,7 +126,7 @@ impl ColorField {
             Form::Hash(h) => {
                 let params = h.params();
                 let bytes = bytemuck::cast_slice(params).to_vec();
-                (FormHeader::Hash(h.shape().clone()), "params", Dtype::F32, vec![params.len()], bytes)
+                (FormHeader::Hash(Box::new(h.shape().clone())), "params", Dtype::F32, vec![params.len()], bytes)
             }
         };
         let header = Header {
@@ -208,7 +208,7 @@ impl ColorField {
             }
             FormHeader::Hash(shape) => {
                 let params = floats(tensor("params", Dtype::F32, &[shape.n_params()])?);
-                let hash = HashForm::from_params(shape, params);
+                let hash = HashForm::from_params(*shape, params);
                 Form::Hash(Box::new(hash.ok_or_else(|| bad("its network and its parameters do not fit".into()))?))
             }
         };
@@ -256,6 +256,7 @@ mod tests {
             source: "sweep".into(),
             camera: camera_key(&Camera::pinhole(20, 12, 30.0, 30.0, 9.5, 5.5)),
             noise: NoiseModel { read: 1e-6, gain: 1e-4 },
+            dark: Vec::new(),
             step_mm: 5.0,
             // What was never measured is NaN, and JSON has none.
             quality: Some(Quality {

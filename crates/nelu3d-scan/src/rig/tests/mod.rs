@@ -21,7 +21,7 @@ fn markers() -> Vec<Marker> {
 }
 
 fn boards() -> [Board; 3] {
-    let dictionary = "DICT_4X4_50".to_owned();
+    let dictionary = "DICT_4X4_250".to_owned();
     let (columns, rows, square_mm) = (12, 9, 20.0);
     let charuco =
         BoardKind::Charuco { columns, rows, square_mm, marker_mm: 15.0, dictionary: dictionary.clone(), legacy: true };
@@ -218,7 +218,13 @@ fn mistakes_in_rig_toml_are_named() {
         ("square_mm = 20.0", "square_mm = nan", "`board.square_mm` is NaN"),
         ("columns = 12", "columns = 1", "`board.columns` is 1"),
         ("columns = 12", "columns = -1", "line"),
-        ("dictionary = \"DICT_4X4_50\"", "dictionary = \"\"", "`board.dictionary` is empty"),
+        (
+            "dictionary = \"DICT_4X4_250\"",
+            "dictionary = \"\"",
+            "`board.dictionary` is \"\"; it must be one of: DICT_4X4",
+        ),
+        ("dictionary = \"DICT_4X4_250\"", "dictionary = \"DICT_9X9_50\"", "`board.dictionary` is \"DICT_9X9_50\""),
+        ("dictionary = \"DICT_4X4_250\"", "dictionary = \"DICT_4X4_50\"", "54 white squares"),
         ("[board]", "[board]\nextent_mm = [5, 0, 5, 10]", "`board.extent_mm` is [5.0, 0.0, 5.0, 10.0]"),
         ("camera.json", "lens.json", "lens.json: cannot be read"),
     ] {
@@ -240,8 +246,10 @@ fn markers_and_poses_are_judged() {
     let with = |change: &dyn Fn(&mut Vec<Marker>)| {
         let mut markers = markers();
         change(&mut markers);
-        let board =
-            Board { kind: BoardKind::Markers { dictionary: "D".into(), markers }, extent_mm: [0.0, 0.0, 1.0, 1.0] };
+        let board = Board {
+            kind: BoardKind::Markers { dictionary: "DICT_4X4_50".into(), markers },
+            extent_mm: [0.0, 0.0, 1.0, 1.0],
+        };
         Rig { board: Some(board), ..rig_at(dir.path()) }.save()
     };
     with(&|_| ()).unwrap();
