@@ -279,8 +279,15 @@ mod tests {
     }
 
     fn hash() -> ColorField {
-        let settings =
-            HashSettings { cells: [4, 4, 2], n_levels: 2, log2_hashmap_size: 4, width: 8, steps: 1, batch: 1 };
+        let settings = HashSettings {
+            cells: [4, 4, 2],
+            n_levels: 2,
+            log2_hashmap_size: 4,
+            width: 8,
+            coarsening: 1,
+            epochs: 1.0,
+            batch: 1,
+        };
         field(Form::Hash(Box::new(HashForm::new(settings, 2, 1))))
     }
 

@@ -170,7 +170,9 @@ impl HashForm {
                 break;
             }
             progress.tick(step, steps);
-            (p.clear(), t.clear(), w.clear());
+            p.clear();
+            t.clear();
+            w.clear();
             while p.len() < batch {
                 if next == order.len() {
                     order.shuffle(&mut rng);
@@ -269,12 +271,12 @@ mod tests {
     #[test]
     fn it_interpolates_a_left_out_slab_and_learns_it_faster_the_second_time() {
         let mut form = HashForm::new(HashSettings::for_cells(CELLS), 2, 3);
-        form.train(&bins(0.4..0.6), 3);
+        form.train(&bins(0.4..0.6), 3, &Progress::none());
         let slab = rmse(&form, 0.4..0.6);
         // 40 dB and better, where the signal's own RMS around its mean is about 0.2.
         assert!(slab < 0.01, "{slab}");
         let before = form.params().to_vec();
-        form.train(&bins(0.0..0.0), 4);
+        form.train(&bins(0.0..0.0), 4, &Progress::none());
         assert_ne!(before, form.params());
         let again = rmse(&form, 0.4..0.6);
         assert!(again < 0.01 && again < slab, "{again} {slab}");
@@ -283,7 +285,7 @@ mod tests {
     #[test]
     fn the_spline_passes_through_the_network_at_its_nodes() {
         let mut form = HashForm::new(HashSettings { epochs: 1.0, ..HashSettings::for_cells(CELLS) }, 2, 5);
-        form.train(&bins(0.0..0.0), 5);
+        form.train(&bins(0.0..0.0), 5, &Progress::none());
         let grid = form.to_grid();
         let (mut v, mut expected) = ([0.0; 2], [0.0; 2]);
         for (a, b, w) in (0..=48).flat_map(|a| (0..=40).step_by(5).flat_map(move |b| (0..=4).map(move |w| (a, b, w)))) {
@@ -310,7 +312,7 @@ mod tests {
     fn no_samples_leave_it_as_it_is() {
         let mut form = HashForm::new(HashSettings::for_cells(CELLS), 2, 1);
         let before = form.params().to_vec();
-        form.train(&Bins::new([4, 4, 4], 2), 1);
+        form.train(&Bins::new([4, 4, 4], 2), 1, &Progress::none());
         assert_eq!(before, form.params());
     }
 }

@@ -68,7 +68,15 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { recipe: Recipe::Fast, seed: 0, steps: 14, max_labels: 512, roughness: 0.14, min_component: 40, quick: false }
+        Self {
+            recipe: Recipe::Fast,
+            seed: 0,
+            steps: 14,
+            max_labels: 512,
+            roughness: 0.14,
+            min_component: 40,
+            quick: false,
+        }
     }
 }
 
@@ -233,8 +241,7 @@ pub fn reconstruct(
         draws: 12,
         seed: opts.seed,
     };
-    let refined =
-        refine(&m, &rays, &grid, &start, unit, channels, &settings, progress);
+    let refined = refine(&m, &rays, &grid, &start, unit, channels, &settings, progress);
     stop()?;
 
     // Leave out what has no consistent code.
@@ -303,7 +310,7 @@ pub fn reconstruct(
         .collect();
     let residual: Vec<f32> = (0..n).map(|i| if kept(i) { refined.residual[i] } else { f32::NAN }).collect();
     let median_residual = {
-        let mut v: Vec<f32> = residual.iter().copied().filter(|v| v.is_finite()).collect();
+        let mut v: Vec<f32> = (0..n).filter(|i| kept(*i)).map(|i| refined.abs_residual[i]).collect();
         let mid = v.len() / 2;
         *v.select_nth_unstable_by(mid, f32::total_cmp).1
     };
@@ -411,7 +418,7 @@ fn start_pieces(
 ) -> (Vec<f32>, f32) {
     let settings = DecodeSettings { max_labels: opts.max_labels.max(16), p_jump: 0.01, p_step: 0.2, shares };
     let kept = m.left.iter().filter(|l| **l == Left::Kept).count();
-    let most = if opts.quick { MAX_DECODED / 8 } else { MAX_DECODED };
+    let most = if opts.quick { MAX_DECODED / 4 } else { MAX_DECODED };
     let too_large = (1..).find(|f| kept / (f * f) <= most).expect("some reduction is enough");
     // A noisy picture is decoded reduced as well: one pixel's codeword should tell its depth to about a label.
     let noisy = decode::depth_noise(m, full, grid).round().clamp(1.0, 4.0) as usize;
@@ -445,13 +452,30 @@ fn start_pieces(
         None => small_pixels(&mut inv_z, m, full),
     }
     let mut out = vec![f32::NAN; m.n()];
+    let half = (f as f32 - 1.0) / 2.0;
     for (i, v) in out.iter_mut().enumerate() {
-        let (x, y) = ((i % m.width) / f, (i / m.width) / f);
-        if x < small_camera.width && y < small_camera.height && m.left[i] == Left::Kept {
-            *v = inv_z[y * small_camera.width + x];
+        if m.left[i] != Left::Kept {
+            continue;
         }
+        let at = |p: usize, n: usize| ((p as f32 - half) / f as f32).clamp(0.0, n as f32 - 1.0);
+        let (sw, sh) = (small_camera.width, small_camera.height);
+        *v = between(&inv_z, sw, sh, at(i % m.width, sw), at(i / m.width, sh), 3.0 * unit);
     }
     (out, unit)
+}
+
+/// A map's value between pixels: interpolated where the four around belong together (differ by no more than `most`), else
+/// the nearest.
+fn between(map: &[f32], width: usize, height: usize, x: f32, y: f32, most: f32) -> f32 {
+    let (x0, y0) = (x as usize, y as usize);
+    let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
+    let four = [map[y0 * width + x0], map[y0 * width + x1], map[y1 * width + x0], map[y1 * width + x1]];
+    let (lo, hi) = four.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+    let (fx, fy) = (x - x0 as f32, y - y0 as f32);
+    if four.iter().all(|v| v.is_finite()) && hi - lo <= most {
+        return (four[0] * (1.0 - fx) + four[1] * fx) * (1.0 - fy) + (four[2] * (1.0 - fx) + four[3] * fx) * fy;
+    }
+    four[usize::from(fx > 0.5) + 2 * usize::from(fy > 0.5)]
 }
 
 /// Decides on small pieces of the decoded surface. A wrong period of the code looks like a small piece far in front of or

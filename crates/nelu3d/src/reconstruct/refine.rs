@@ -55,6 +55,8 @@ pub struct Refined {
     pub chi2: Vec<f32>,
     /// Root mean square residual of the normalized intensities.
     pub residual: Vec<f32>,
+    /// Median absolute residual of the normalized intensities.
+    pub abs_residual: Vec<f32>,
     /// The loss after every step: mean robust χ² per measurement.
     pub losses: Vec<f32>,
 }
@@ -81,6 +83,7 @@ struct Data {
     loss: f32,
     chi2: f32,
     sum_sq: f32,
+    abs: f32,
 }
 
 struct Window {
@@ -110,6 +113,7 @@ pub fn refine(
             ambient: vec![0.0; n * channels],
             chi2: vec![f32::NAN; n],
             residual: vec![f32::NAN; n],
+            abs_residual: vec![f32::NAN; n],
             losses: Vec::new(),
         };
     };
@@ -177,6 +181,7 @@ pub fn refine(
             }
             let px = at(i);
             let (c, d) = rendered[i * 2 * k..(i + 1) * 2 * k].split_at(k);
+            let mut abs = Vec::with_capacity(k);
             for j in 0..k {
                 let [a, b] = shares[i * channels + j % channels];
                 let iv = m.inv_var[px * k + j];
@@ -184,9 +189,11 @@ pub fn refine(
                 let jac = d[j] * (1.0 - a - b);
                 out.chi2 += iv * r * r;
                 out.sum_sq += r * r;
+                abs.push(r.abs());
                 out.h += iv * jac * jac;
                 out.g += iv * jac * r;
             }
+            out.abs = *abs.select_nth_unstable_by(k / 2, f32::total_cmp).1;
             // Geman-McClure on the pixel's χ²: a wrong codeword (highlight, mixed pixel, interreflection) loses its say.
             let robust = 1.0 / (1.0 + out.chi2 / cut);
             out.loss = out.chi2 * robust;
@@ -218,6 +225,7 @@ pub fn refine(
         ambient: vec![0.0; n * channels],
         chi2: vec![f32::NAN; n],
         residual: vec![f32::NAN; n],
+        abs_residual: vec![f32::NAN; n],
         losses,
     };
     for i in 0..nw {
@@ -231,6 +239,7 @@ pub fn refine(
             }
             out.chi2[px] = data[i].chi2 / k as f32;
             out.residual[px] = (data[i].sum_sq / k as f32).sqrt();
+            out.abs_residual[px] = data[i].abs;
         }
     }
     out
