@@ -50,7 +50,7 @@ fn text(report: &Report) -> String {
     text += &format!("cells     {a} × {b} × {w}\n");
     if let Some(q) = &report.quality {
         text += &format!(
-            "held out  {} positions: {:.1} dB of at most {:.1} dB, median depth error {:.3} mm\n",
+            "held out  {} positions: {:.1} dB (their own noise alone: about {:.1} dB), median depth error {:.3} mm\n",
             q.held_out.len(),
             q.psnr_db,
             q.ceiling_db,

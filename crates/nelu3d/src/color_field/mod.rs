@@ -86,7 +86,7 @@ pub struct Quality {
     /// PSNR over every usable sample (dim ones, on black ink, are mostly noise), dB.
     #[serde(deserialize_with = "or_nan")]
     pub psnr_all_db: f64,
-    /// PSNR of a perfect field over the same well-lit samples: what the noise of the held-out images allows, dB.
+    /// PSNR of a perfect field over the same well-lit samples, by the estimated noise of the held-out images, dB. An estimate: a good field can exceed it by a few tenths.
     #[serde(deserialize_with = "or_nan")]
     pub ceiling_db: f64,
     /// Median depth error that the field's error implies: |error| / |∂c/∂t|, mm.
