@@ -279,7 +279,9 @@ pub fn reconstruct(
             depth[i] = f32::NAN;
         }
         if depth[i].is_nan() && m.left[i] == Left::Kept {
-            m.left[i] = Left::Ambiguous;
+            // A reduced decoding does not know which of its pixels' rays miss the volume.
+            let [near, far] = rays.range[i];
+            m.left[i] = if near > far { Left::Outside } else { Left::Ambiguous };
         }
     }
     if depth.iter().all(|z| z.is_nan()) {
