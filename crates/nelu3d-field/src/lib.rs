@@ -12,7 +12,8 @@
 //! | losses | [`loss`] | NeLU3D, Eq. 2, 3, 5, 6 |
 //! | optimizer | [`adam`] | Kingma & Ba 2015, Alg. 1 |
 //!
-//! [`field::HashField`] puts them together: one flat parameter buffer, one training step, one query.
+//! Two things are made of them: [`field::HashField`], a regression (one flat parameter buffer, one training step, one
+//! query), and [`surface::NeuralSurface`], a signed distance field trained by volume rendering.
 //!
 //! Results depend on the seed and the inputs only, never on the number of threads: work is cut into fixed blocks, and
 //! sums are reduced in a fixed order.
@@ -25,10 +26,12 @@ pub mod mlp;
 mod prefetch;
 mod real;
 mod reduce;
+pub mod surface;
 pub mod volrend;
 
 pub use field::{HashField, HashFieldConfig};
 pub use real::Real;
+pub use surface::NeuralSurface;
 
 #[cfg(test)]
 mod check;

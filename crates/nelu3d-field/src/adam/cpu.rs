@@ -1,15 +1,15 @@
-//! Fast form: touched entries are gathered into short runs that the compiler vectorizes.
+//! Fast form: whole cache lines at a time, in loops the compiler vectorizes.
 
 use super::{AdamConfig, Moments, Update};
 use crate::prefetch::prefetch;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Parameters updated together.
-const RUN: usize = 64;
-/// Words of the bit mask between the entries worked on and those asked for.
-const AHEAD: usize = 2;
-/// Bytes of a cache line.
-const LINE: usize = 64;
+/// Parameters of a cache line.
+const LINE: usize = 16;
+/// Lines whose marks are looked at together.
+const WORD: usize = 8;
+/// Lines between the one worked on and the one asked for.
+const AHEAD: usize = 8;
 
 /// Factors of one update in single precision.
 #[derive(Clone, Copy)]
@@ -71,109 +71,83 @@ pub fn step(
     Arch::new().dispatch(Dense { k: Factors::new(config, learning_rate, step), params, moments, gradient });
 }
 
-/// One step of the entries of `F` parameters whose bit in `touched` is set; clears their gradients and the bits.
-#[inline(always)]
-fn step_lazy_features<const F: usize>(
-    k: Factors,
-    params: &mut [f32],
-    moments: &mut [Moments],
-    gradient: &mut [f32],
-    touched: &mut [u64],
-) {
-    let (params, _) = params.as_chunks_mut::<F>();
-    let (moments, _) = moments.as_chunks_mut::<F>();
-    let (gradient, _) = gradient.as_chunks_mut::<F>();
-    let mut entries = [0u32; RUN];
-    let (mut p, mut m, mut v, mut g) = ([0f32; RUN], [0f32; RUN], [0f32; RUN], [0f32; RUN]);
-    let mut n = 0;
-    let last = touched.len().wrapping_sub(1);
-    for word in 0..touched.len() {
-        let mut bits = std::mem::take(&mut touched[word]);
-        if touched.get(word + AHEAD).is_some_and(|&bits| bits != 0) {
-            let start = (word + AHEAD) * 64;
-            for e in (start..start + 64).step_by((LINE / (4 * F)).max(1)) {
-                prefetch(params, e);
-                prefetch(gradient, e);
-            }
-            for e in (start..start + 64).step_by((LINE / (8 * F)).max(1)) {
-                prefetch(moments, e);
-            }
-        }
-        loop {
-            if bits != 0 {
-                let e = word * 64 + bits.trailing_zeros() as usize;
-                bits &= bits - 1;
-                entries[n / F] = e as u32;
-                let gradient = std::mem::replace(&mut gradient[e], [0.0; F]);
-                for f in 0..F {
-                    p[n + f] = params[e][f];
-                    [m[n + f], v[n + f]] = moments[e][f];
-                    g[n + f] = gradient[f];
-                }
-                n += F;
-            }
-            let done = bits == 0;
-            if n == RUN || (done && word == last) {
-                for i in 0..RUN {
-                    update(k, &mut p[i], &mut m[i], &mut v[i], g[i]);
-                }
-                for (r, &e) in entries[..n / F].iter().enumerate() {
-                    for f in 0..F {
-                        params[e as usize][f] = p[r * F + f];
-                        moments[e as usize][f] = [m[r * F + f], v[r * F + f]];
-                    }
-                }
-                n = 0;
-            }
-            if done {
-                break;
-            }
-        }
-    }
-}
-
 struct Lazy<'a> {
     k: Factors,
-    n_features: usize,
     params: &'a mut [f32],
     moments: &'a mut [Moments],
     gradient: &'a mut [f32],
-    touched: &'a mut [u64],
+    touched: &'a mut [u8],
+}
+
+impl Lazy<'_> {
+    /// One line. Whole lines are updated and the parameters without a gradient put back: memory comes by lines anyway, and
+    /// a loop without branches is vectorized.
+    #[inline(always)]
+    fn line(k: Factors, params: &mut [f32; LINE], moments: &mut [Moments; LINE], gradient: &mut [f32; LINE]) {
+        for i in 0..LINE {
+            let g = gradient[i];
+            let (mut p, [mut m, mut v]) = (params[i], moments[i]);
+            update(k, &mut p, &mut m, &mut v, g);
+            let some = g != 0.0;
+            params[i] = if some { p } else { params[i] };
+            moments[i] = [if some { m } else { moments[i][0] }, if some { v } else { moments[i][1] }];
+        }
+        *gradient = [0.0; LINE];
+    }
 }
 
 impl WithSimd for Lazy<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { k, n_features, params, moments, gradient, touched } = self;
-        match n_features {
-            1 => step_lazy_features::<1>(k, params, moments, gradient, touched),
-            2 => step_lazy_features::<2>(k, params, moments, gradient, touched),
-            4 => step_lazy_features::<4>(k, params, moments, gradient, touched),
-            8 => step_lazy_features::<8>(k, params, moments, gradient, touched),
-            _ => panic!("no kernel for {n_features} features"),
+        let Self { k, params, moments, gradient, touched } = self;
+        let (params, rest_of_params) = params.as_chunks_mut::<LINE>();
+        let (moments, rest_of_moments) = moments.as_chunks_mut::<LINE>();
+        let (gradient, rest_of_gradient) = gradient.as_chunks_mut::<LINE>();
+        for start in (0..params.len()).step_by(WORD) {
+            let marks = touched[start..].first_chunk_mut::<WORD>();
+            if marks.as_ref().is_some_and(|marks| **marks == [0; WORD]) {
+                continue;
+            }
+            for l in start..(start + WORD).min(params.len()) {
+                if touched.get(l + AHEAD).is_some_and(|&mark| mark != 0) {
+                    prefetch(params, l + AHEAD);
+                    prefetch(gradient, l + AHEAD);
+                    prefetch(moments.as_flattened(), (l + AHEAD) * LINE);
+                    prefetch(moments.as_flattened(), (l + AHEAD) * LINE + LINE / 2);
+                }
+                if std::mem::take(&mut touched[l]) != 0 {
+                    Self::line(k, &mut params[l], &mut moments[l], &mut gradient[l]);
+                }
+            }
+        }
+        // At most one line that is not whole.
+        if let Some(mark) = touched.get_mut(params.len())
+            && std::mem::take(mark) != 0
+        {
+            for ((p, [m, v]), g) in rest_of_params.iter_mut().zip(rest_of_moments).zip(rest_of_gradient) {
+                if *g != 0.0 {
+                    update(k, p, m, v, *g);
+                }
+                *g = 0.0;
+            }
         }
     }
 }
 
-/// One step of the entries whose bit is set: bit `e % 64` of `touched[e / 64]` stands for the parameters
-/// `e · n_features ..` of entry e. The gradients used and the bits are cleared on the way, ready for the next step.
-///
-/// # Panics
-/// If `n_features` is not 1, 2, 4 or 8.
-#[expect(clippy::too_many_arguments)]
+/// One step of the parameters whose gradient is not exactly zero, among the cache lines (16 values) whose byte in
+/// `touched` is set. The gradients used and the marks are cleared on the way, ready for the next step.
 pub fn step_lazy(
     config: &AdamConfig,
     learning_rate: f64,
     step: u64,
-    n_features: usize,
     params: &mut [f32],
     moments: &mut [Moments],
     gradient: &mut [f32],
-    touched: &mut [u64],
+    touched: &mut [u8],
 ) {
     let n = params.len();
-    assert!(moments.len() == n && gradient.len() == n && touched.len() == n.div_ceil(64 * n_features));
+    assert!(moments.len() == n && gradient.len() == n && touched.len() == n.div_ceil(LINE));
     let k = Factors::new(config, learning_rate, step);
-    Arch::new().dispatch(Lazy { k, n_features, params, moments, gradient, touched });
+    Arch::new().dispatch(Lazy { k, params, moments, gradient, touched });
 }

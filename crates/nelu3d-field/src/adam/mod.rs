@@ -1,9 +1,9 @@
 //! Adam (Kingma & Ba 2015, Alg. 1) over flat buffers, dense or lazy, and its learning-rate schedule.
 //!
 //! State is one `[m, v]` pair per parameter, so that a touched parameter touches one place of it. The caller owns the
-//! buffers and calls once per parameter group, with that group's learning rate. The lazy form updates the marked entries
-//! alone and leaves the others' moments as they are (they do not decay), with the bias correction of the global step:
-//! hash tables see a fraction of their entries per step (Müller et al. 2022, Sec. 4).
+//! buffers and calls once per parameter group, with that group's learning rate. The lazy form updates the parameters with a
+//! gradient alone and leaves the others and their moments as they are (they do not decay), with the bias correction of the
+//! global step: hash tables see a fraction of their entries per step (Müller et al. 2022, Sec. 4).
 
 pub mod cpu;
 pub mod reference;

@@ -24,21 +24,16 @@ pub fn step<T: Real>(
     }
 }
 
-/// One step of the entries whose bit is set: bit `e % 64` of `touched[e / 64]` stands for the parameters
-/// `e · n_features ..` of entry e.
-#[expect(clippy::too_many_arguments)]
+/// One step of the parameters whose gradient is not exactly zero.
 pub fn step_lazy<T: Real>(
     config: &AdamConfig,
     learning_rate: f64,
     at: u64,
-    n_features: usize,
     params: &mut [T],
     moments: &mut [[T; 2]],
     gradient: &[T],
-    touched: &[u64],
 ) {
-    for entry in (0..params.len() / n_features).filter(|e| touched[e / 64] >> (e % 64) & 1 == 1) {
-        let range = entry * n_features..(entry + 1) * n_features;
-        step(config, learning_rate, at, &mut params[range.clone()], &mut moments[range.clone()], &gradient[range]);
+    for i in (0..params.len()).filter(|&i| gradient[i] != T::of(0.0)) {
+        step(config, learning_rate, at, &mut params[i..][..1], &mut moments[i..][..1], &gradient[i..][..1]);
     }
 }

@@ -106,6 +106,9 @@ pub struct HashFieldConfig<const D: usize = 3> {
     /// Activation of the output.
     #[serde(default)]
     pub output_activation: Activation,
+    /// Whether the network also sees the point itself, after its features.
+    #[serde(default)]
+    pub append_position: bool,
     /// Training.
     #[serde(default)]
     pub training: TrainConfig,
@@ -127,14 +130,15 @@ impl<const D: usize> HashFieldConfig<D> {
             width: 32,
             n_hidden_layers: 2,
             output_activation: Activation::Linear,
+            append_position: false,
             training: TrainConfig::default(),
         }
     }
 
-    pub(super) fn build(&self) -> Result<(HashGrid<D>, MlpConfig), FieldError> {
+    pub(crate) fn build(&self) -> Result<(HashGrid<D>, MlpConfig), FieldError> {
         let grid = HashGrid::new(&self.encoding)?;
         let mlp = MlpConfig {
-            n_inputs: grid.n_features(),
+            n_inputs: grid.n_features() + if self.append_position { D } else { 0 },
             n_outputs: self.n_outputs,
             width: self.width,
             n_hidden_layers: self.n_hidden_layers,

@@ -3,7 +3,8 @@
 
 mod config;
 mod query;
-mod train;
+pub(crate) mod table;
+pub(crate) mod train;
 
 pub use config::{FieldError, HashFieldConfig, RegressionLoss, TrainConfig};
 
@@ -29,13 +30,13 @@ use train::Training;
 /// ```
 #[derive(Clone, Debug)]
 pub struct HashField<const D: usize = 3> {
-    config: HashFieldConfig<D>,
-    grid: HashGrid<D>,
-    mlp: MlpConfig,
+    pub(crate) config: HashFieldConfig<D>,
+    pub(crate) grid: HashGrid<D>,
+    pub(crate) mlp: MlpConfig,
     /// The table, then the network.
-    params: Vec<f32>,
-    packed: PackedMlp,
-    training: Option<Box<Training>>,
+    pub(crate) params: Vec<f32>,
+    pub(crate) packed: PackedMlp,
+    pub(crate) training: Option<Box<Training>>,
 }
 
 impl<const D: usize> HashField<D> {

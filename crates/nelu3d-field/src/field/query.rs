@@ -1,6 +1,7 @@
 //! Evaluation of many points.
 
 use super::HashField;
+use super::train::append_positions;
 use crate::encoding::hash_grid::cpu as hash_grid;
 use crate::mlp::cpu::{self as mlp, BLOCK, MlpScratch, padded};
 use pulp::{Arch, Simd, WithSimd};
@@ -48,15 +49,18 @@ impl<const D: usize> WithSimd for Query<'_, D> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let HashField { grid, params, packed, .. } = self.field;
+        let HashField { config, grid, mlp, params, packed, .. } = self.field;
         let table = &params[..grid.n_params()];
         let k = self.field.n_outputs();
-        let stride = padded(grid.n_features());
+        let stride = padded(mlp.n_inputs);
         let mut scratch = MlpScratch::new(packed);
-        let mut features = vec![0.0; BLOCK * stride];
+        let mut x = vec![0.0; BLOCK * stride];
         for (points, out) in self.points.chunks(BLOCK).zip(self.out.chunks_mut(BLOCK * k)) {
-            hash_grid::forward_inlined(grid, table, points, &mut features, stride);
-            mlp::forward_block(simd, packed, &features, points.len(), &mut scratch);
+            hash_grid::encode_inlined(grid, table, points, 0, &mut x, &mut [], stride);
+            if config.append_position {
+                append_positions(points, &mut x, stride, grid.n_features());
+            }
+            mlp::forward_block(simd, packed, &x, points.len(), &mut scratch);
             for (y, out) in scratch.output().chunks_exact(padded(k)).zip(out.chunks_exact_mut(k)) {
                 out.copy_from_slice(&y[..k]);
             }
@@ -75,19 +79,21 @@ impl<const D: usize> WithSimd for QueryWithJacobian<'_, D> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let HashField { grid, params, packed, .. } = self.field;
+        let HashField { config, grid, mlp, params, packed, .. } = self.field;
         let table = &params[..grid.n_params()];
         let k = self.field.n_outputs();
-        let (n_features, stride) = (grid.n_features(), padded(grid.n_features()));
+        let (n_features, stride) = (grid.n_features(), padded(mlp.n_inputs));
         let mut scratch = MlpScratch::new(packed);
-        let mut features = vec![0.0; BLOCK * stride];
-        let mut d_features = features.clone();
-        let mut slopes = vec![[0.0; D]; BLOCK * n_features];
+        let mut x = vec![0.0; BLOCK * stride];
+        let mut d_x = x.clone();
+        let mut slopes = vec![0.0; BLOCK * D * stride];
         let blocks = self.points.chunks(BLOCK).zip(self.out.chunks_mut(BLOCK * k));
         for ((points, out), jacobian) in blocks.zip(self.jacobian.chunks_mut(BLOCK * k)) {
-            hash_grid::forward_inlined(grid, table, points, &mut features, stride);
-            hash_grid::jacobian_inlined(grid, table, points, &mut slopes, n_features);
-            mlp::forward_block(simd, packed, &features, points.len(), &mut scratch);
+            hash_grid::encode_inlined(grid, table, points, 1, &mut x, &mut slopes, stride);
+            if config.append_position {
+                append_positions(points, &mut x, stride, n_features);
+            }
+            mlp::forward_block(simd, packed, &x, points.len(), &mut scratch);
             for (y, out) in scratch.output().chunks_exact(padded(k)).zip(out.chunks_exact_mut(k)) {
                 out.copy_from_slice(&y[..k]);
             }
@@ -97,18 +103,22 @@ impl<const D: usize> WithSimd for QueryWithJacobian<'_, D> {
                 for d in seed.chunks_exact_mut(padded(k)) {
                     d[o] = 1.0;
                 }
-                mlp::backward_block(simd, packed, &features, points.len(), &mut scratch, None, &mut d_features);
-                let rows = d_features.chunks_exact(stride).zip(slopes.chunks_exact(n_features));
+                mlp::backward_block(simd, packed, &x, points.len(), &mut scratch, None, &mut d_x);
+                let rows = d_x.chunks_exact(stride).zip(slopes.chunks_exact(D * stride));
                 for ((d, slopes), jacobian) in rows.zip(jacobian.chunks_exact_mut(k)) {
-                    let mut sum = [0.0; D];
-                    for (d, slope) in d.iter().zip(slopes) {
-                        for a in 0..D {
-                            sum[a] += d * slope[a];
+                    for a in 0..D {
+                        jacobian[o][a] = dot(&d[..n_features], &slopes[a * stride..][..n_features]);
+                        if config.append_position {
+                            jacobian[o][a] += d[n_features + a];
                         }
                     }
-                    jacobian[o] = sum;
                 }
             }
         }
     }
+}
+
+#[inline(always)]
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -1,61 +1,58 @@
 //! One training step: weighted regression of the outputs on targets.
 //!
 //! Points are cut into chunks of fixed size; a chunk sums its own network gradient, and the chunks' sums are added in
-//! order. Then every level of the table is owned by one task, which scatters all points' gradients into it and updates
-//! the entries it touched. Neither depends on the number of threads.
+//! order. Then every part of the table is owned by one task, which scatters all points' gradients into it and updates
+//! the lines it touched ([`super::table`]). Neither depends on the number of threads.
 
+use super::table::{Part, Scratch, TableStep};
 use super::{HashField, RegressionLoss};
 use crate::adam::{self, Moments};
 use crate::encoding::hash_grid::{HashGrid, cpu as hash_grid};
 use crate::mlp::cpu::{self as mlp, BLOCK, MlpGradient, MlpScratch, PackedMlp, padded};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
-use std::sync::Mutex;
 
 /// Points whose network gradients are summed before anything else: fixed, so that sums do not depend on threads.
 const CHUNK: usize = 8 * BLOCK;
 
 /// What training needs beside the parameters.
 #[derive(Debug, Default)]
-pub(super) struct Training {
+pub(crate) struct Training {
     /// Steps done.
-    n_steps: u64,
-    moments: Vec<Moments>,
-    network_gradient: Vec<f32>,
+    pub(crate) n_steps: u64,
+    pub(crate) moments: Vec<Moments>,
+    pub(crate) network_gradient: Vec<f32>,
     chunks: Vec<Chunk>,
-    /// Features of every point, then their gradients in the same place: `[point][padded n_features]`.
-    features: Vec<f32>,
-    /// As many as levels were ever updated at once.
-    scatter: Mutex<Vec<Scatter>>,
+    pub(crate) table: Scratch,
+}
+
+impl Training {
+    /// For this many parameters, the last `n_network` of them the network's.
+    pub(crate) fn resize(&mut self, n_params: usize, n_network: usize) {
+        self.moments.resize(n_params, [0.0; 2]);
+        self.network_gradient.resize(n_network, 0.0);
+    }
 }
 
 impl Clone for Training {
     fn clone(&self) -> Self {
-        Self {
-            n_steps: self.n_steps,
-            moments: self.moments.clone(),
-            network_gradient: self.network_gradient.clone(),
-            // Scratch memory: made again where needed.
-            ..Self::default()
-        }
+        // Scratch memory is made again where needed.
+        Self { n_steps: self.n_steps, moments: self.moments.clone(), ..Self::default() }
     }
 }
 
 /// Scratch and sums of one chunk of points.
 #[derive(Debug)]
 struct Chunk {
-    /// Features of one block, `[BLOCK][padded n_features]`; padding stays zero.
-    features: Vec<f32>,
+    /// Network inputs of one block, `[BLOCK][padded n_inputs]`; padding stays zero.
+    x: Vec<f32>,
+    /// Their gradients.
+    d_x: Vec<f32>,
+    /// Gradients of the features, `[level][point][feature]`.
+    d_features: Vec<f32>,
     scratch: MlpScratch,
     gradient: MlpGradient,
     loss: f64,
-}
-
-/// Gradient of one level, zero between uses.
-#[derive(Debug, Default)]
-struct Scatter {
-    gradient: Vec<f32>,
-    touched: Vec<u64>,
 }
 
 impl<const D: usize> HashField<D> {
@@ -75,42 +72,36 @@ impl<const D: usize> HashField<D> {
             return 0.0;
         }
         let Self { config, grid, mlp, params, packed, training } = self;
+        let training = &mut **training.get_or_insert_default();
+        training.resize(params.len(), mlp.n_params());
         let (table, network) = params.split_at_mut(grid.n_params());
-        let stride = padded(grid.n_features());
-        let training = training.get_or_insert_default();
-        let Training { n_steps, moments, network_gradient, chunks, features, scatter } = &mut **training;
-        moments.resize(table.len() + network.len(), [0.0; 2]);
-        network_gradient.resize(network.len(), 0.0);
+        let Training { n_steps, moments, network_gradient, chunks, table: table_scratch } = training;
+        let stride = padded(mlp.n_inputs);
         let n_chunks = points.len().div_ceil(CHUNK);
         if chunks.len() < n_chunks {
             chunks.resize_with(n_chunks, || Chunk {
-                features: vec![0.0; BLOCK * stride],
+                x: vec![0.0; BLOCK * stride],
+                d_x: vec![0.0; BLOCK * stride],
+                d_features: vec![0.0; CHUNK * grid.n_features()],
                 scratch: MlpScratch::new(packed),
                 gradient: MlpGradient::new(packed),
                 loss: 0.0,
             });
         }
-        // Whole blocks, so that the last one's padding rows have a place.
-        let n_rows = points.len().next_multiple_of(BLOCK);
-        if features.len() < n_rows * stride {
-            features.resize(n_rows * stride, 0.0);
-        }
-        let features = &mut features[..n_rows * stride];
+        let chunks = &mut chunks[..n_chunks];
 
         let scale = 1.0 / (points.len() * k) as f32;
         let tasks = chunks.par_iter_mut().zip(points.par_chunks(CHUNK)).zip(targets.par_chunks(CHUNK * k));
-        tasks.zip(features.par_chunks_mut(CHUNK * stride)).enumerate().for_each(
-            |(c, (((chunk, points), targets), features))| {
-                let weights = if weights.is_empty() { weights } else { &weights[c * CHUNK..][..points.len()] };
-                let loss = config.training.loss;
-                let table = &*table;
-                let step = ChunkStep { grid, table, packed, loss, scale, points, targets, weights, features, chunk };
-                Arch::new().dispatch(step);
-            },
-        );
+        tasks.enumerate().for_each(|(c, ((chunk, points), targets))| {
+            let weights = if weights.is_empty() { weights } else { &weights[c * CHUNK..][..points.len()] };
+            let loss = config.training.loss;
+            let append = config.append_position;
+            let table = &*table;
+            Arch::new().dispatch(ChunkStep { grid, append, table, packed, loss, scale, points, targets, weights, chunk });
+        });
         let mut loss = 0.0;
         network_gradient.fill(0.0);
-        for chunk in &chunks[..n_chunks] {
+        for chunk in &*chunks {
             chunk.gradient.add_to(packed, network_gradient);
             loss += chunk.loss;
         }
@@ -118,21 +109,24 @@ impl<const D: usize> HashField<D> {
         let settings = &config.training;
         let factor = settings.schedule.factor(*n_steps);
         let (table_moments, network_moments) = moments.split_at_mut(table.len());
-        let update = LevelUpdate {
+        let part = |i: usize| {
+            let points = &points[i * CHUNK..points.len().min((i + 1) * CHUNK)];
+            let d = &chunks[i].d_features[..points.len() * grid.n_features()];
+            Part { points, d, s: &[], u: [&[]; 3] }
+        };
+        let update = TableStep {
             grid,
-            points,
-            d_features: features,
-            stride,
+            part: &part,
+            n_parts: n_chunks,
             adam: &settings.adam,
             learning_rate: settings.encoding_learning_rate * factor,
             step: *n_steps,
-            scatter,
+            scratch: table_scratch,
         };
-        update.levels(0..grid.levels().len(), table, table_moments);
+        update.run(table, table_moments);
         let rate = settings.network_learning_rate * factor;
         adam::cpu::step(&settings.adam, rate, *n_steps, network, network_moments, network_gradient);
         packed.pack(network);
-        debug_assert_eq!(mlp.n_params(), network.len());
         *n_steps += 1;
         loss * scale as f64
     }
@@ -151,6 +145,7 @@ impl<const D: usize> HashField<D> {
 /// Forward, loss and backward of one chunk.
 struct ChunkStep<'a, const D: usize> {
     grid: &'a HashGrid<D>,
+    append: bool,
     table: &'a [f32],
     packed: &'a PackedMlp,
     loss: RegressionLoss,
@@ -159,7 +154,6 @@ struct ChunkStep<'a, const D: usize> {
     points: &'a [[f32; D]],
     targets: &'a [f32],
     weights: &'a [f32],
-    features: &'a mut [f32],
     chunk: &'a mut Chunk,
 }
 
@@ -167,17 +161,21 @@ impl<const D: usize> WithSimd for ChunkStep<'_, D> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { grid, table, packed, loss, scale, points, targets, weights, features, chunk } = self;
+        let Self { grid, append, table, packed, loss, scale, points, targets, weights, chunk } = self;
         let k = targets.len() / points.len();
-        let stride = padded(grid.n_features());
-        chunk.gradient.clear();
-        chunk.loss = 0.0;
-        let x = &mut chunk.features[..];
-        let blocks = points.chunks(BLOCK).zip(targets.chunks(BLOCK * k)).zip(features.chunks_mut(BLOCK * stride));
-        for (b, ((points, targets), d_features)) in blocks.enumerate() {
-            hash_grid::forward_inlined(grid, table, points, x, stride);
-            mlp::forward_block(simd, packed, x, points.len(), &mut chunk.scratch);
-            let (outputs, d_outputs) = chunk.scratch.output_and_gradient();
+        let Chunk { x, d_x, d_features, scratch, gradient, loss: chunk_loss } = chunk;
+        let n_inputs = grid.n_features() + if append { D } else { 0 };
+        let stride = padded(n_inputs);
+        gradient.clear();
+        *chunk_loss = 0.0;
+        let mut features = Columns::new(grid, d_features, points.len());
+        for (b, (block, targets)) in points.chunks(BLOCK).zip(targets.chunks(BLOCK * k)).enumerate() {
+            hash_grid::encode_inlined(grid, table, block, 0, x, &mut [], stride);
+            if append {
+                append_positions(block, x, stride, grid.n_features());
+            }
+            mlp::forward_block(simd, packed, x, block.len(), scratch);
+            let (outputs, d_outputs) = scratch.output_and_gradient();
             d_outputs.fill(0.0);
             let rows = outputs.chunks_exact(padded(k)).zip(d_outputs.chunks_exact_mut(padded(k)));
             for (p, ((y, d), target)) in rows.zip(targets.chunks_exact(k)).enumerate() {
@@ -188,65 +186,55 @@ impl<const D: usize> WithSimd for ChunkStep<'_, D> {
                     sum += value;
                     d[o] = scale * weight * slope;
                 }
-                chunk.loss += (weight * sum) as f64;
+                *chunk_loss += (weight * sum) as f64;
             }
-            mlp::backward_block(
-                simd,
-                packed,
-                x,
-                points.len(),
-                &mut chunk.scratch,
-                Some(&mut chunk.gradient),
-                d_features,
-            );
+            mlp::backward_block(simd, packed, x, block.len(), scratch, Some(gradient), d_x);
+            features.write(b * BLOCK, &d_x[..block.len() * stride], stride);
         }
     }
 }
 
-/// Scatter and lazy update of the table.
-struct LevelUpdate<'a, const D: usize> {
-    grid: &'a HashGrid<D>,
-    points: &'a [[f32; D]],
-    d_features: &'a [f32],
-    stride: usize,
-    adam: &'a adam::AdamConfig,
-    learning_rate: f64,
-    step: u64,
-    scatter: &'a Mutex<Vec<Scatter>>,
+/// Writes points into the network's inputs after their features.
+#[inline(always)]
+pub(crate) fn append_positions<const D: usize>(points: &[[f32; D]], x: &mut [f32], stride: usize, column: usize) {
+    for (point, x) in points.iter().zip(x.chunks_exact_mut(stride)) {
+        x[column..column + D].copy_from_slice(point);
+    }
 }
 
-impl<const D: usize> LevelUpdate<'_, D> {
-    /// Splits the levels, and their parameters with them, until each has its own task.
-    fn levels(&self, levels: std::ops::Range<usize>, table: &mut [f32], moments: &mut [Moments]) {
-        if levels.len() == 1 {
-            return self.level(levels.start, table, moments);
-        }
-        let middle = levels.start + levels.len() / 2;
-        let all = self.grid.levels();
-        let n_entries = all[middle].offset - all[levels.start].offset;
-        let at = n_entries * self.grid.config().n_features_per_level;
-        let (left, right) = table.split_at_mut(at);
-        let (left_moments, right_moments) = moments.split_at_mut(at);
-        rayon::join(
-            || self.levels(levels.start..middle, left, left_moments),
-            || self.levels(middle..levels.end, right, right_moments),
-        );
+/// Rows of features by point, turned into `[level][point][feature]`: each level's owner then reads only its own.
+pub(crate) struct Columns<'a> {
+    out: &'a mut [f32],
+    n_points: usize,
+    n_levels: usize,
+    n_features: usize,
+}
+
+impl<'a> Columns<'a> {
+    pub(crate) fn new<const D: usize>(grid: &HashGrid<D>, out: &'a mut [f32], n_points: usize) -> Self {
+        Self { out, n_points, n_levels: grid.levels().len(), n_features: grid.config().n_features_per_level }
     }
 
-    fn level(&self, level: usize, table: &mut [f32], moments: &mut [Moments]) {
-        let lock = || self.scatter.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let mut buffers = lock().pop().unwrap_or_default();
-        let n_entries = self.grid.levels()[level].n_entries;
-        if buffers.gradient.len() < table.len() {
-            buffers.gradient.resize(table.len(), 0.0);
-            buffers.touched.resize(n_entries.div_ceil(64), 0);
+    /// Rows of points from `first` on.
+    #[inline(always)]
+    pub(crate) fn write(&mut self, first: usize, rows: &[f32], stride: usize) {
+        match self.n_features {
+            1 => self.write_features::<1>(first, rows, stride),
+            2 => self.write_features::<2>(first, rows, stride),
+            4 => self.write_features::<4>(first, rows, stride),
+            _ => self.write_features::<8>(first, rows, stride),
         }
-        let gradient = &mut buffers.gradient[..table.len()];
-        let touched = &mut buffers.touched[..n_entries.div_ceil(64)];
-        hash_grid::scatter(self.grid, level, self.points, self.d_features, self.stride, gradient, touched);
-        let n_features = self.grid.config().n_features_per_level;
-        let (adam, rate) = (self.adam, self.learning_rate);
-        adam::cpu::step_lazy(adam, rate, self.step, n_features, table, moments, gradient, touched);
-        lock().push(buffers);
+    }
+
+    #[inline(always)]
+    fn write_features<const F: usize>(&mut self, first: usize, rows: &[f32], stride: usize) {
+        let n = rows.len() / stride;
+        let (out, _) = self.out.as_chunks_mut::<F>();
+        for l in 0..self.n_levels {
+            let out = &mut out[l * self.n_points + first..][..n];
+            for (out, row) in out.iter_mut().zip(rows.chunks_exact(stride)) {
+                out.copy_from_slice(&row[l * F..][..F]);
+            }
+        }
     }
 }

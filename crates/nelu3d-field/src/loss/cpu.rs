@@ -25,35 +25,56 @@ fn mean(n: usize, d: &mut [f32], f: impl Fn(usize) -> (f32, f32) + Sync) -> f64 
     sum * scale
 }
 
+/// l1 |r| + l2 r² and its derivative.
+#[inline(always)]
+pub(crate) fn robust_at(norms: Norms, r: f32) -> (f32, f32) {
+    let (l1, l2) = (norms.l1 as f32, norms.l2 as f32);
+    (l1 * r.abs() + l2 * r * r, l1 * sign(r) + 2.0 * l2 * r)
+}
+
+/// Binary cross-entropy of a clamped opacity and its derivative, 0 where the clamp acts.
+#[inline(always)]
+pub(crate) fn mask_at(opacity: f32, mask: f32) -> (f32, f32) {
+    let (low, high) = (MASK_CLAMP as f32, 1.0 - MASK_CLAMP as f32);
+    let o = opacity.max(low).min(high);
+    let slope = if (low..=high).contains(&opacity) { (o - mask) / (o * (1.0 - o)) } else { 0.0 };
+    (-(mask * o.ln() + (1.0 - mask) * (1.0 - o).ln()), slope)
+}
+
+/// (|g| − 1)² and its gradient, 0 at g = 0.
+#[inline(always)]
+pub(crate) fn eikonal_at(g: [f32; 3]) -> (f32, [f32; 3]) {
+    let norm = (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt();
+    let excess = norm - 1.0;
+    let factor = if norm > 0.0 { 2.0 * excess / norm } else { 0.0 };
+    (excess * excess, g.map(|x| factor * x))
+}
+
+/// exp(−|f|) and its derivative.
+#[inline(always)]
+pub(crate) fn sparsity_at(f: f32) -> (f32, f32) {
+    let e = (-f.abs()).exp();
+    (e, -sign(f) * e)
+}
+
 /// Eq. 3: l1 |r| + l2 r².
 pub fn lookup(norms: Norms, residuals: &[f32], d: &mut [f32]) -> f64 {
-    let (l1, l2) = (norms.l1 as f32, norms.l2 as f32);
-    mean(residuals.len(), d, |i| {
-        let r = residuals[i];
-        (l1 * r.abs() + l2 * r * r, l1 * sign(r) + 2.0 * l2 * r)
-    })
+    mean(residuals.len(), d, |i| robust_at(norms, residuals[i]))
 }
 
 /// Eq. 2: l1 |I_white r| + l2 (I_white r)².
 pub fn pattern(norms: Norms, residuals: &[f32], white: &[f32], d: &mut [f32]) -> f64 {
     assert_eq!(residuals.len(), white.len());
-    let (l1, l2) = (norms.l1 as f32, norms.l2 as f32);
     mean(residuals.len(), d, |i| {
-        let r = white[i] * residuals[i];
-        (l1 * r.abs() + l2 * r * r, white[i] * (l1 * sign(r) + 2.0 * l2 * r))
+        let (value, slope) = robust_at(norms, white[i] * residuals[i]);
+        (value, white[i] * slope)
     })
 }
 
 /// Eq. 5: binary cross-entropy of the opacity, clamped to [1e-3, 1 − 1e-3]; no gradient where the clamp acts.
 pub fn mask(opacity: &[f32], mask: &[f32], d: &mut [f32]) -> f64 {
     assert_eq!(opacity.len(), mask.len());
-    let (low, high) = (MASK_CLAMP as f32, 1.0 - MASK_CLAMP as f32);
-    mean(opacity.len(), d, |i| {
-        let m = mask[i];
-        let o = opacity[i].max(low).min(high);
-        let slope = if (low..=high).contains(&opacity[i]) { (o - m) / (o * (1.0 - o)) } else { 0.0 };
-        (-(m * o.ln() + (1.0 - m) * (1.0 - o).ln()), slope)
-    })
+    mean(opacity.len(), d, |i| mask_at(opacity[i], mask[i]))
 }
 
 /// Eq. 5 for opacities given as logits, O = sigmoid(x): never saturates, needs no clamp.
@@ -71,12 +92,10 @@ pub fn eikonal(gradients: &[[f32; 3]], d: &mut [[f32; 3]]) -> f64 {
     let scale = 1.0 / gradients.len().max(1) as f64;
     let sum = fill_and_sum(d, &|offset, d| {
         let mut sum = 0.0;
-        for (d, g) in d.iter_mut().zip(&gradients[offset..]) {
-            let norm = (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt();
-            let excess = norm - 1.0;
-            sum += (excess * excess) as f64;
-            let factor = if norm > 0.0 { 2.0 * excess / norm * scale as f32 } else { 0.0 };
-            *d = g.map(|x| factor * x);
+        for (d, &g) in d.iter_mut().zip(&gradients[offset..]) {
+            let (value, slope) = eikonal_at(g);
+            sum += value as f64;
+            *d = slope.map(|x| x * scale as f32);
         }
         sum
     });
@@ -85,8 +104,5 @@ pub fn eikonal(gradients: &[[f32; 3]], d: &mut [[f32; 3]]) -> f64 {
 
 /// Eq. 6: exp(−|f|).
 pub fn sparsity(sdf: &[f32], d: &mut [f32]) -> f64 {
-    mean(sdf.len(), d, |i| {
-        let e = (-sdf[i].abs()).exp();
-        (e, -sign(sdf[i]) * e)
-    })
+    mean(sdf.len(), d, |i| sparsity_at(sdf[i]))
 }

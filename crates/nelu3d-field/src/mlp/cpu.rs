@@ -14,21 +14,21 @@ pub(crate) fn padded(n: usize) -> usize {
 
 /// One layer, zero-padded, in the two layouts its two products want.
 #[derive(Clone, Debug)]
-struct Layer {
-    n_in: usize,
-    n_out: usize,
+pub(super) struct Layer {
+    pub(super) n_in: usize,
+    pub(super) n_out: usize,
     /// `[n_out][padded n_in]`, for the gradient of the input.
-    weights: Vec<f32>,
+    pub(super) weights: Vec<f32>,
     /// `[n_in][padded n_out]`, for the forward pass.
-    transposed: Vec<f32>,
+    pub(super) transposed: Vec<f32>,
     /// `[padded n_out]`
-    biases: Vec<f32>,
+    pub(super) biases: Vec<f32>,
 }
 
 /// A network's parameters laid out for the kernels.
 #[derive(Clone, Debug)]
 pub struct PackedMlp {
-    layers: Vec<Layer>,
+    pub(super) layers: Vec<Layer>,
     output_activation: Activation,
 }
 
@@ -82,9 +82,9 @@ impl PackedMlp {
 #[derive(Clone, Debug)]
 pub struct MlpGradient {
     /// Per layer `[n_out][padded n_in]`.
-    weights: Vec<Vec<f32>>,
+    pub(super) weights: Vec<Vec<f32>>,
     /// Per layer `[padded n_out]`.
-    biases: Vec<Vec<f32>>,
+    pub(super) biases: Vec<Vec<f32>>,
 }
 
 impl MlpGradient {

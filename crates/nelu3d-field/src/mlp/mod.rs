@@ -4,6 +4,7 @@
 
 pub mod cpu;
 mod gemm;
+pub(crate) mod gradient;
 pub mod reference;
 
 use rand::rngs::StdRng;

@@ -27,6 +27,23 @@ fn reference_gradients_match_central_differences() {
 }
 
 #[test]
+fn reference_double_backward_matches_central_differences() {
+    let c = config(5, 12, 2, Activation::Linear);
+    let params = uniform(1, c.n_params(), -0.7, 0.7);
+    let x = uniform(2, 5, -1.0, 1.0);
+    let (d_out, v) = (uniform(3, 2, -1.0, 1.0), uniform(4, 5, -1.0, 1.0));
+    // The derivative along v, from the first backward pass.
+    let loss = |params: &[f64]| {
+        let mut d_x = vec![0.0; 5];
+        reference::backward(&c, params, &x, &d_out, &mut vec![0.0; params.len()], &mut d_x);
+        d_x.iter().zip(&v).map(|(d, v)| d * v).sum::<f64>()
+    };
+    let mut d_params = vec![0.0; params.len()];
+    reference::backward_gradient(&c, &params, &x, &d_out, &v, &mut d_params);
+    assert_gradient(&params, &d_params, 1e-5, loss);
+}
+
+#[test]
 fn cpu_matches_reference() {
     for (n_inputs, width, n_outputs) in [(16, 64, 3), (32, 64, 1), (5, 16, 11), (9, 33, 8), (1, 1, 1), (16, 48, 17)] {
         for activation in [Activation::Linear, Activation::Sigmoid] {

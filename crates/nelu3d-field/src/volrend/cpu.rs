@@ -2,7 +2,92 @@
 //!
 //! Buffers are split along a fixed binary tree over rays, so that sums over rays do not depend on threads.
 
-use crate::Real;
+/// Φ(f) = sigmoid(x) of one sample, x = inv_s f, in the pieces that ratios and slopes are made of: one exponential, and
+/// finite for every finite x.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Phi {
+    /// min(x, 0): log Φ = base − log(factor).
+    base: f64,
+    /// 1 + e^−|x|
+    factor: f64,
+    /// 1 − Φ
+    complement: f64,
+}
+
+impl Phi {
+    #[inline(always)]
+    fn new(x: f64) -> Self {
+        let e = (-x.abs()).exp();
+        let factor = 1.0 + e;
+        Self { base: x.min(0.0), factor, complement: if x < 0.0 { 1.0 } else { e } / factor }
+    }
+
+    /// 1 − alpha = min(1, Φ(next) / Φ(self)).
+    #[inline(always)]
+    fn passed(self, next: Self) -> f64 {
+        let power = next.base - self.base;
+        let ratio = self.factor / next.factor;
+        (if power == 0.0 { ratio } else { power.exp() * ratio }).min(1.0)
+    }
+}
+
+/// A sample, and the interval it opens.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Step {
+    phi: Phi,
+    /// 1 − alpha
+    passed: f64,
+    /// Transmittance after the interval.
+    transmittance: f64,
+}
+
+/// Weights of one ray's samples; `steps` is what [`backward_ray`] needs of them.
+#[inline(always)]
+pub(crate) fn forward_ray(sdf: &[f32], inv_s: f64, weights: &mut [f32], steps: &mut Vec<Step>) {
+    weights.fill(0.0);
+    steps.clear();
+    let mut transmittance = 1.0;
+    for (j, &f) in sdf.iter().enumerate() {
+        let phi = Phi::new(inv_s * f as f64);
+        if let Some(step) = steps.last_mut() {
+            step.passed = step.phi.passed(phi);
+            weights[j - 1] = (transmittance * (1.0 - step.passed)) as f32;
+            transmittance *= step.passed;
+            step.transmittance = transmittance;
+        }
+        steps.push(Step { phi, passed: 1.0, transmittance });
+    }
+}
+
+/// Writes the gradient of one ray's signed distances and returns that of `inv_s`, given that of the weights.
+#[inline(always)]
+pub(crate) fn backward_ray(
+    sdf: &[f32],
+    inv_s: f64,
+    weights: &[f32],
+    steps: &[Step],
+    d_weights: &[f32],
+    d_sdf: &mut [f32],
+) -> f64 {
+    // Σ_{l>j} w_l g_l, back to front, and ∂L/∂Δ of the interval that a sample opens and of the one it closes.
+    let (mut after, mut opened) = (0.0, 0.0);
+    let mut d_inv_s = 0.0;
+    for j in (0..sdf.len()).rev() {
+        let mut closed = 0.0;
+        if j > 0 {
+            after += weights[j] as f64 * d_weights[j] as f64;
+            // No gradient where the clamp to alpha >= 0 acts.
+            if steps[j - 1].passed < 1.0 {
+                closed = after - steps[j - 1].transmittance * d_weights[j - 1] as f64;
+            }
+        }
+        let slope = (closed - opened) * steps[j].phi.complement;
+        d_sdf[j] = (slope * inv_s) as f32;
+        d_inv_s += slope * sdf[j] as f64;
+        opened = closed;
+    }
+    d_inv_s
+}
 
 /// Samples below which a part of the rays is not split further.
 const GRAIN: usize = 4096;
@@ -31,20 +116,10 @@ pub fn render_weights(offsets: &[usize], sdf: &[f32], inv_s: f32, weights: &mut 
             rayon::join(|| part(&offsets[..=middle], sdf, inv_s, left), || part(&offsets[middle..], sdf, inv_s, right));
             return;
         }
+        let mut steps = Vec::new();
         for ray in offsets.windows(2) {
-            let sdf = &sdf[ray[0]..ray[1]];
             let weights = &mut weights[ray[0] - start..ray[1] - start];
-            weights.fill(0.0);
-            let Some(&first) = sdf.first() else { continue };
-            let mut log_phi = (inv_s * first as f64).log_sigmoid();
-            let mut transmittance = 1.0;
-            for (w, &next) in weights.iter_mut().zip(&sdf[1..]) {
-                let next = (inv_s * next as f64).log_sigmoid();
-                let alpha = -(next - log_phi).min(0.0).exp_m1();
-                *w = (transmittance * alpha) as f32;
-                transmittance *= 1.0 - alpha;
-                log_phi = next;
-            }
+            forward_ray(&sdf[ray[0]..ray[1]], inv_s, weights, &mut steps);
         }
     }
     assert_eq!(sdf.len(), weights.len());
@@ -78,41 +153,15 @@ pub fn render_weights_backward(
             let (a, b) = rayon::join(|| part(&offsets[..=middle], s, left), || part(&offsets[middle..], s, right));
             return a + b;
         }
-        let inv_s = s.inv_s;
         let mut d_inv_s = 0.0;
+        let (mut again, mut steps) = (Vec::new(), Vec::new());
         for ray in offsets.windows(2) {
             let range = ray[0]..ray[1];
-            let (sdf, weights, d_weights) = (&s.sdf[range.clone()], &s.weights[range.clone()], &s.d_weights[range]);
             let d_sdf = &mut d_sdf[ray[0] - start..ray[1] - start];
-            d_sdf.fill(0.0);
-            let Some(&first) = sdf.first() else { continue };
-            // Front to back, with Σ_{l>j} w_l g_l as the total less what was passed: in double precision what cancels
-            // is far below the single precision of the result.
-            let mut after: f64 = weights.iter().zip(d_weights).map(|(&w, &g)| w as f64 * g as f64).sum();
-            let mut transmittance = 1.0;
-            let mut x = inv_s * first as f64;
-            let mut pending = 0.0;
-            for j in 0..sdf.len() - 1 {
-                let next = inv_s * sdf[j + 1] as f64;
-                let delta = next.log_sigmoid() - x.log_sigmoid();
-                let g = d_weights[j] as f64;
-                after -= weights[j] as f64 * g;
-                let mut d_delta = 0.0;
-                if delta < 0.0 {
-                    transmittance *= delta.exp();
-                    d_delta = after - transmittance * g;
-                }
-                // Sample j closes interval j − 1 (pending) and opens interval j.
-                let slope = (pending - d_delta) * (-x).sigmoid();
-                d_sdf[j] = (slope * inv_s) as f32;
-                d_inv_s += slope * sdf[j] as f64;
-                pending = d_delta;
-                x = next;
-            }
-            let last = sdf.len() - 1;
-            let slope = pending * (-x).sigmoid();
-            d_sdf[last] = (slope * inv_s) as f32;
-            d_inv_s += slope * sdf[last] as f64;
+            let (sdf, d_weights) = (&s.sdf[range.clone()], &s.d_weights[range.clone()]);
+            again.resize(sdf.len(), 0.0);
+            forward_ray(sdf, s.inv_s, &mut again, &mut steps);
+            d_inv_s += backward_ray(sdf, s.inv_s, &s.weights[range], &steps, d_weights, d_sdf);
         }
         d_inv_s
     }

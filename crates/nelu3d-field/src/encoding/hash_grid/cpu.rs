@@ -1,20 +1,26 @@
-//! Fast form. Cells, weights and indices are computed for `GROUP` points at a time in loops the compiler vectorizes
-//! (every function here is inlined into a caller that `pulp` dispatched); the gathers themselves are scalar.
+//! Fast form. Cells and indices are computed for `GROUP` points at a time in loops the compiler vectorizes (every
+//! function here is inlined into a caller that `pulp` dispatched). The gathers are scalar; a point's eight entries are
+//! then interpolated axis by axis as one or two vectors, which yields the value and, for a few operations more, its
+//! derivatives.
 
-// Loops over several arrays with one index are what the vectorizer wants to see.
-#![expect(clippy::needless_range_loop)]
-
-use super::{HashGrid, Level, PRIMES};
+use super::{HashGrid, Level};
 use crate::prefetch::prefetch;
 use pulp::{Arch, Simd, WithSimd};
+use std::ops::Range;
 
 /// Points whose addresses are computed together: one AVX2 register of indices.
 pub(crate) const GROUP: usize = 8;
+/// Values of a cache line.
+pub(crate) const LINE: usize = 16;
+/// Bytes of a level's values below which the second-level cache holds them and asking ahead only costs.
+const CACHED: usize = 1 << 18;
 
-/// Corner indices and weights of `GROUP` points, `[corner][point]`. 2-D uses the first four corners.
-struct Corners {
+/// Where a group of points lies in a level. 2-D uses the first four corners.
+struct Cells<const D: usize> {
+    /// Entry of every corner, `[corner][point]`.
     index: [[u32; GROUP]; 8],
-    weight: [[f32; GROUP]; 8],
+    /// Position within the cell, `[axis][point]`.
+    fraction: [[f32; GROUP]; D],
 }
 
 /// Position in cells of one axis: (lower vertex, fraction).
@@ -29,40 +35,28 @@ fn split(x: f32, resolution: u32) -> (u32, f32) {
 }
 
 #[inline(always)]
-fn cells<const D: usize>(level: &Level<D>, xs: &[[f32; GROUP]; D]) -> ([[u32; GROUP]; D], [[f32; GROUP]; D]) {
-    let mut cell = [[0u32; GROUP]; D];
-    let mut fraction = [[0f32; GROUP]; D];
+fn cells<const D: usize>(level: &Level<D>, xs: &[[f32; GROUP]; D]) -> Cells<D> {
+    let mut cells = Cells { index: [[0; GROUP]; 8], fraction: [[0.0; GROUP]; D] };
+    let factors = level.factors();
+    // Axis by axis: every corner so far splits into a lower and an upper one. A word holds the brick above the corner's
+    // bits, so both are combined at once.
     for a in 0..D {
+        let (mut lower, mut upper) = ([0u32; GROUP], [0u32; GROUP]);
         for p in 0..GROUP {
-            (cell[a][p], fraction[a][p]) = split(xs[a][p], level.resolution[a]);
+            let vertex;
+            (vertex, cells.fraction[a][p]) = split(xs[a][p], level.resolution[a]);
+            let word = |v: u32| (v / 2).wrapping_mul(factors[a]) << D | v % 2 << a;
+            (lower[p], upper[p]) = (word(vertex), word(vertex + 1));
         }
-    }
-    (cell, fraction)
-}
-
-#[inline(always)]
-fn indices<const D: usize>(level: &Level<D>, cell: &[[u32; GROUP]; D], index: &mut [[u32; GROUP]; 8]) {
-    let mut factors = PRIMES;
-    if level.dense {
-        factors = [1; 3];
-        for a in 1..D {
-            factors[a] = factors[a - 1] * (level.resolution[a - 1] + 1);
-        }
-    }
-    // Axis by axis: every corner so far splits into a lower and an upper one.
-    index[0] = [0; GROUP];
-    for a in 0..D {
         for corner in 0..1 << a {
             for p in 0..GROUP {
-                let lower = cell[a][p].wrapping_mul(factors[a]);
-                let upper = lower.wrapping_add(factors[a]);
-                let before = index[corner][p];
+                let before = cells.index[corner][p];
                 if level.dense {
-                    index[corner][p] = before.wrapping_add(lower);
-                    index[corner | 1 << a][p] = before.wrapping_add(upper);
+                    cells.index[corner][p] = before.wrapping_add(lower[p]);
+                    cells.index[corner | 1 << a][p] = before.wrapping_add(upper[p]);
                 } else {
-                    index[corner][p] = before ^ lower;
-                    index[corner | 1 << a][p] = before ^ upper;
+                    cells.index[corner][p] = before ^ lower[p];
+                    cells.index[corner | 1 << a][p] = before ^ upper[p];
                 }
             }
         }
@@ -71,40 +65,26 @@ fn indices<const D: usize>(level: &Level<D>, cell: &[[u32; GROUP]; D], index: &m
         let mask = level.n_entries as u32 - 1;
         for corner in 0..1 << D {
             for p in 0..GROUP {
-                index[corner][p] &= mask;
+                cells.index[corner][p] &= mask;
             }
         }
     }
-}
-
-#[inline(always)]
-fn weights<const D: usize>(fraction: &[[f32; GROUP]; D], weight: &mut [[f32; GROUP]; 8]) {
-    weight[0] = [1.0; GROUP];
-    for a in 0..D {
-        for corner in 0..1 << a {
-            for p in 0..GROUP {
-                let before = weight[corner][p];
-                weight[corner][p] = before * (1.0 - fraction[a][p]);
-                weight[corner | 1 << a][p] = before * fraction[a][p];
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn corners<const D: usize>(level: &Level<D>, xs: &[[f32; GROUP]; D]) -> Corners {
-    let mut c = Corners { index: [[0; GROUP]; 8], weight: [[0.0; GROUP]; 8] };
-    let (cell, fraction) = cells(level, xs);
-    indices(level, &cell, &mut c.index);
-    weights(&fraction, &mut c.weight);
-    c
+    cells
 }
 
 /// Up to `GROUP` points, transposed; missing ones are at the origin.
 #[inline(always)]
 fn transpose<const D: usize>(points: &[[f32; D]]) -> [[f32; GROUP]; D] {
     let mut xs = [[0.0; GROUP]; D];
-    for (p, x) in points.iter().enumerate().take(GROUP) {
+    if let Some(points) = points.first_chunk::<GROUP>() {
+        for p in 0..GROUP {
+            for a in 0..D {
+                xs[a][p] = points[p][a];
+            }
+        }
+        return xs;
+    }
+    for (p, x) in points.iter().enumerate() {
         for a in 0..D {
             xs[a][p] = x[a];
         }
@@ -112,116 +92,212 @@ fn transpose<const D: usize>(points: &[[f32; D]]) -> [[f32; GROUP]; D] {
     xs
 }
 
-/// Asks for the entries of a group, while the group before it is being worked on. The upper neighbor along x is most
-/// often in the same cache line, dense or hashed.
+/// Asks for the entries of a group, while the group before it is being worked on.
 #[inline(always)]
-fn fetch<T>(entries: &[T], c: &Corners, n_axes: usize) {
-    for corner in (0..1 << n_axes).step_by(2) {
+fn fetch<T, const D: usize>(entries: &[T], cells: &Cells<D>) {
+    if size_of_val(entries) <= CACHED {
+        return;
+    }
+    for corner in 0..1 << D {
         for p in 0..GROUP {
-            prefetch(entries, c.index[corner][p] as usize);
+            prefetch(entries, cells.index[corner][p] as usize);
         }
     }
 }
 
+/// Groups of points in order, with the cells of the next one at hand.
+struct Groups<'a, const D: usize> {
+    level: &'a Level<D>,
+    points: &'a [[f32; D]],
+    first: usize,
+    next: Cells<D>,
+}
+
+impl<'a, const D: usize> Groups<'a, D> {
+    #[inline(always)]
+    fn new(level: &'a Level<D>, points: &'a [[f32; D]]) -> Self {
+        Self { level, points, first: 0, next: cells(level, &transpose(points)) }
+    }
+
+    /// First point, cells and points of the group; from then on `next` is the one after.
+    #[inline(always)]
+    fn advance(&mut self) -> Option<(usize, Cells<D>, &'a [[f32; D]])> {
+        let rest = self.points.get(self.first..).filter(|rest| !rest.is_empty())?;
+        let (here, after) = rest.split_at(GROUP.min(rest.len()));
+        let now = std::mem::replace(&mut self.next, cells(self.level, &transpose(after)));
+        let first = self.first;
+        self.first += GROUP;
+        Some((first, now, here))
+    }
+}
+
+#[inline(always)]
+fn subtract<const F: usize>(a: [f32; F], b: [f32; F]) -> [f32; F] {
+    std::array::from_fn(|f| a[f] - b[f])
+}
+
+#[inline(always)]
+fn lerp<const F: usize>(a: [f32; F], b: [f32; F], t: f32) -> [f32; F] {
+    std::array::from_fn(|f| a[f] + t * (b[f] - a[f]))
+}
+
+/// Value, and slopes by the fraction along each axis, of the multilinear function with these corners.
+#[inline(always)]
+fn interpolate<const D: usize, const F: usize, const SLOPES: bool>(
+    mut v: [[f32; F]; 8],
+    t: [f32; D],
+) -> ([f32; F], [[f32; F]; D]) {
+    let mut slopes = [[[0.0; F]; 4]; D];
+    for a in (0..D).rev() {
+        let half = 1 << a;
+        for corner in 0..half {
+            if SLOPES {
+                for b in a + 1..D {
+                    slopes[b][corner] = lerp(slopes[b][corner], slopes[b][corner + half], t[a]);
+                }
+                slopes[a][corner] = subtract(v[corner + half], v[corner]);
+            }
+            v[corner] = lerp(v[corner], v[corner + half], t[a]);
+        }
+    }
+    (v[0], slopes.map(|s| s[0]))
+}
+
+/// `jacobian`: of every `every`-th point, `[point / every][axis][stride]`; of none if `every` is 0.
 #[inline(always)]
 fn encode_level<const D: usize, const F: usize>(
     level: &Level<D>,
     table: &[f32],
     points: &[[f32; D]],
+    every: usize,
     out: &mut [f32],
+    jacobian: &mut [f32],
     stride: usize,
     column: usize,
 ) {
     let (entries, _) = table.as_chunks::<F>();
     let entries = &entries[level.offset..][..level.n_entries];
-    let mut next = corners(level, &transpose(&points[..GROUP.min(points.len())]));
-    for (group, here) in points.chunks(GROUP).enumerate() {
-        let c = next;
-        let after = &points[((group + 1) * GROUP).min(points.len())..];
-        next = corners(level, &transpose(&after[..GROUP.min(after.len())]));
-        fetch(entries, &next, D);
-        for (p, out) in out[group * GROUP * stride..].chunks_exact_mut(stride).enumerate().take(here.len()) {
-            let mut sum = [0.0; F];
+    let mut groups = Groups::new(level, points);
+    fetch(entries, &groups.next);
+    while let Some((first, cells, here)) = groups.advance() {
+        fetch(entries, &groups.next);
+        for (p, out) in out[first * stride..].chunks_exact_mut(stride).enumerate().take(here.len()) {
+            let mut corners = [[0.0; F]; 8];
             for corner in 0..1 << D {
-                let entry = &entries[c.index[corner][p] as usize];
-                for f in 0..F {
-                    sum[f] += c.weight[corner][p] * entry[f];
-                }
+                corners[corner] = entries[cells.index[corner][p] as usize];
             }
-            out[column..column + F].copy_from_slice(&sum);
+            let t = std::array::from_fn(|a| cells.fraction[a][p]);
+            let point = first + p;
+            if every > 0 && point.is_multiple_of(every) {
+                let (value, slopes) = interpolate::<D, F, true>(corners, t);
+                out[column..column + F].copy_from_slice(&value);
+                let rows = &mut jacobian[point / every * D * stride..][..D * stride];
+                for a in 0..D {
+                    let inside = (0.0..=1.0).contains(&here[p][a]);
+                    let scale = if inside { level.resolution[a] as f32 } else { 0.0 };
+                    rows[a * stride + column..][..F].copy_from_slice(&slopes[a].map(|s| s * scale));
+                }
+            } else {
+                let (value, _) = interpolate::<D, F, false>(corners, t);
+                out[column..column + F].copy_from_slice(&value);
+            }
         }
     }
 }
 
+/// What a level's table receives from each point: d\[f\] · (s · w + u · ∇w) at every corner, w the corner's weight.
+#[derive(Clone, Copy)]
+pub(crate) struct Incoming<'a> {
+    /// d, `[point][feature]` of this level.
+    pub(crate) d: &'a [f32],
+    /// s, per point; 1 if empty.
+    pub(crate) s: &'a [f32],
+    /// u, `[axis][point]`, per unit of x; 0 if empty.
+    pub(crate) u: [&'a [f32]; 3],
+}
+
+/// Factors s · w + u · ∇w of a group, `[corner][point]`.
 #[inline(always)]
-fn jacobian_level<const D: usize, const F: usize>(
+fn corner_factors<const D: usize>(
     level: &Level<D>,
-    table: &[f32],
-    points: &[[f32; D]],
-    out: &mut [[f32; D]],
-    stride: usize,
-    column: usize,
-) {
-    let (entries, _) = table.as_chunks::<F>();
-    let entries = &entries[level.offset..][..level.n_entries];
-    let mut index = [[0; GROUP]; 8];
-    for (points, out) in points.chunks(GROUP).zip(out.chunks_mut(GROUP * stride)) {
-        let xs = transpose(points);
-        let (cell, fraction) = cells(level, &xs);
-        indices(level, &cell, &mut index);
-        for (p, out) in out.chunks_exact_mut(stride).enumerate().take(points.len()) {
-            let mut sum = [[0.0; D]; F];
-            for corner in 0..1 << D {
-                let entry = &entries[index[corner][p] as usize];
-                for a in 0..D {
-                    let mut slope = if corner >> a & 1 == 1 { 1.0 } else { -1.0 };
-                    for b in (0..D).filter(|&b| b != a) {
-                        slope *= if corner >> b & 1 == 1 { fraction[b][p] } else { 1.0 - fraction[b][p] };
-                    }
-                    for f in 0..F {
-                        sum[f][a] += slope * entry[f];
-                    }
-                }
-            }
-            for a in 0..D {
-                let inside = (0.0..=1.0).contains(&xs[a][p]);
-                let scale = if inside { level.resolution[a] as f32 } else { 0.0 };
-                for f in 0..F {
-                    out[column + f][a] = sum[f][a] * scale;
+    cells: &Cells<D>,
+    here: &[[f32; D]],
+    first: usize,
+    incoming: &Incoming,
+) -> [[f32; GROUP]; 8] {
+    let mut q = [[0.0; GROUP]; 8];
+    q[0] = [1.0; GROUP];
+    let n = here.len();
+    if !incoming.s.is_empty() {
+        q[0][..n].copy_from_slice(&incoming.s[first..first + n]);
+    }
+    if incoming.u[0].is_empty() {
+        for a in 0..D {
+            for corner in 0..1 << a {
+                for p in 0..GROUP {
+                    let (before, t) = (q[corner][p], cells.fraction[a][p]);
+                    q[corner][p] = before * (1.0 - t);
+                    q[corner | 1 << a][p] = before * t;
                 }
             }
         }
+        return q;
     }
+    let xs = transpose(here);
+    let mut weight = [[1.0; GROUP]; 8];
+    for a in 0..D {
+        let mut u = [0.0; GROUP];
+        u[..n].copy_from_slice(&incoming.u[a][first..first + n]);
+        for p in 0..GROUP {
+            let inside = xs[a][p] >= 0.0 && xs[a][p] <= 1.0;
+            u[p] = if inside { u[p] * level.resolution[a] as f32 } else { 0.0 };
+        }
+        for corner in 0..1 << a {
+            for p in 0..GROUP {
+                let (before, w, t) = (q[corner][p], weight[corner][p], cells.fraction[a][p]);
+                q[corner][p] = before * (1.0 - t) - w * u[p];
+                q[corner | 1 << a][p] = before * t + w * u[p];
+                weight[corner][p] = w * (1.0 - t);
+                weight[corner | 1 << a][p] = w * t;
+            }
+        }
+    }
+    q
 }
 
 #[inline(always)]
 fn scatter_level<const D: usize, const F: usize>(
     level: &Level<D>,
     points: &[[f32; D]],
-    d_out: &[f32],
-    stride: usize,
-    column: usize,
+    incoming: &Incoming,
+    range: Range<usize>,
     gradient: &mut [f32],
-    touched: &mut [u64],
+    touched: &mut [u8],
 ) {
     let (gradient, _) = gradient.as_chunks_mut::<F>();
-    let gradient = &mut gradient[..level.n_entries];
-    let touched = &mut touched[..level.n_entries.div_ceil(64)];
-    let mut next = corners(level, &transpose(&points[..GROUP.min(points.len())]));
-    for (group, here) in points.chunks(GROUP).enumerate() {
-        let c = next;
-        let after = &points[((group + 1) * GROUP).min(points.len())..];
-        next = corners(level, &transpose(&after[..GROUP.min(after.len())]));
-        fetch(gradient, &next, D);
-        for (p, d_out) in d_out[group * GROUP * stride..].chunks_exact(stride).enumerate().take(here.len()) {
-            let mut d = [0.0; F];
-            d.copy_from_slice(&d_out[column..column + F]);
+    let gradient = &mut gradient[..range.len()];
+    let touched = &mut touched[..(range.len() * F).div_ceil(LINE)];
+    let (d, _) = incoming.d.as_chunks::<F>();
+    let d = &d[..points.len()];
+    let whole = range.len() == level.n_entries;
+    let start = range.start as u32;
+    let mut groups = Groups::new(level, points);
+    loop {
+        if whole {
+            fetch(gradient, &groups.next);
+        }
+        let Some((first, cells, here)) = groups.advance() else { break };
+        let q = corner_factors(level, &cells, here, first, incoming);
+        for (p, d) in d[first..first + here.len()].iter().enumerate() {
             for corner in 0..1 << D {
-                let i = c.index[corner][p] as usize;
-                for f in 0..F {
-                    gradient[i][f] += c.weight[corner][p] * d[f];
+                let i = cells.index[corner][p].wrapping_sub(start) as usize;
+                // Entries of other owners are theirs to add to.
+                if let Some(entry) = gradient.get_mut(i) {
+                    for f in 0..F {
+                        entry[f] += q[corner][p] * d[f];
+                    }
+                    touched[i * F / LINE] = 1;
                 }
-                touched[i / 64] |= 1 << (i % 64);
             }
         }
     }
@@ -239,106 +315,120 @@ macro_rules! by_features {
     };
 }
 
-/// [`forward`] for callers that are already dispatched; rows of `out` are `stride` values apart and only the first
-/// `n_features` of each are written.
+/// [`forward`] and [`jacobian`] in one gather, for callers that are already dispatched. Rows of `out` are `stride` values
+/// apart, and only the first `n_features` of each are written. `jacobian` is that of every `every`-th point,
+/// `[point / every][axis][stride]`; with `every` = 0 it is not written.
 #[inline(always)]
-pub(crate) fn forward_inlined<const D: usize>(
+pub(crate) fn encode_inlined<const D: usize>(
     grid: &HashGrid<D>,
     table: &[f32],
     points: &[[f32; D]],
+    every: usize,
     out: &mut [f32],
+    jacobian: &mut [f32],
     stride: usize,
 ) {
     for (l, level) in grid.levels().iter().enumerate() {
         let column = l * grid.config().n_features_per_level;
-        by_features!(grid, encode_level(level, table, points, out, stride, column));
-    }
-}
-
-/// [`jacobian`] for callers that are already dispatched.
-#[inline(always)]
-pub(crate) fn jacobian_inlined<const D: usize>(
-    grid: &HashGrid<D>,
-    table: &[f32],
-    points: &[[f32; D]],
-    out: &mut [[f32; D]],
-    stride: usize,
-) {
-    for (l, level) in grid.levels().iter().enumerate() {
-        let column = l * grid.config().n_features_per_level;
-        by_features!(grid, jacobian_level(level, table, points, out, stride, column));
+        by_features!(grid, encode_level(level, table, points, every, out, jacobian, stride, column));
     }
 }
 
 /// Features of many points: `out[point][l·F + f]`. Runs on the calling thread.
 pub fn forward<const D: usize>(grid: &HashGrid<D>, table: &[f32], points: &[[f32; D]], out: &mut [f32]) {
-    struct Forward<'a, const D: usize>(&'a HashGrid<D>, &'a [f32], &'a [[f32; D]], &'a mut [f32]);
+    forward_with_jacobian(grid, table, points, 0, out, &mut []);
+}
+
+/// Features of many points, `out[point][l·F + f]`, and their derivatives at every `every`-th point (none if 0):
+/// `jacobian[point / every][axis][l·F + f]`, per unit of x. Runs on the calling thread.
+pub fn forward_with_jacobian<const D: usize>(
+    grid: &HashGrid<D>,
+    table: &[f32],
+    points: &[[f32; D]],
+    every: usize,
+    out: &mut [f32],
+    jacobian: &mut [f32],
+) {
+    struct Forward<'a, const D: usize>(
+        &'a HashGrid<D>,
+        &'a [f32],
+        &'a [[f32; D]],
+        usize,
+        &'a mut [f32],
+        &'a mut [f32],
+    );
     impl<const D: usize> WithSimd for Forward<'_, D> {
         type Output = ();
         #[inline(always)]
         fn with_simd<S: Simd>(self, _: S) {
-            forward_inlined(self.0, self.1, self.2, self.3, self.0.n_features());
+            let Self(grid, table, points, every, out, jacobian) = self;
+            encode_inlined(grid, table, points, every, out, jacobian, grid.n_features());
         }
     }
     assert_eq!(table.len(), grid.n_params());
     assert_eq!(out.len(), points.len() * grid.n_features());
-    Arch::new().dispatch(Forward(grid, table, points, out));
+    let n_slopes = if every == 0 { 0 } else { points.len().div_ceil(every) };
+    assert_eq!(jacobian.len(), n_slopes * D * grid.n_features());
+    Arch::new().dispatch(Forward(grid, table, points, every, out, jacobian));
 }
 
-/// Derivatives of many points' features: `out[point][l·F + f][axis]`, per unit of x. Runs on the calling thread.
-pub fn jacobian<const D: usize>(grid: &HashGrid<D>, table: &[f32], points: &[[f32; D]], out: &mut [[f32; D]]) {
-    struct Jacobian<'a, const D: usize>(&'a HashGrid<D>, &'a [f32], &'a [[f32; D]], &'a mut [[f32; D]]);
-    impl<const D: usize> WithSimd for Jacobian<'_, D> {
-        type Output = ();
-        #[inline(always)]
-        fn with_simd<S: Simd>(self, _: S) {
-            jacobian_inlined(self.0, self.1, self.2, self.3, self.0.n_features());
-        }
-    }
-    assert_eq!(table.len(), grid.n_params());
-    assert_eq!(out.len(), points.len() * grid.n_features());
-    Arch::new().dispatch(Jacobian(grid, table, points, out));
-}
-
-/// Adds to one level's `gradient[entry][feature]` and sets the bit of every entry it adds to.
+/// Adds to the gradient of the entries `range` of one level, `gradient[entry − range.start][feature]`, and sets the mark
+/// of every cache line (16 values) it adds to.
 ///
-/// `d_out[point]` rows are `stride` values apart, all levels in each. One caller owns a level, so nothing is atomic and
-/// the order of summation is that of the points, whatever the number of threads.
-pub fn scatter<const D: usize>(
+/// One caller owns an entry, so nothing is atomic, and the order of summation is that of the points, however the table is
+/// cut and whatever the number of threads.
+pub(crate) fn scatter<const D: usize>(
     grid: &HashGrid<D>,
     level: usize,
     points: &[[f32; D]],
-    d_out: &[f32],
-    stride: usize,
+    incoming: Incoming,
+    range: Range<usize>,
     gradient: &mut [f32],
-    touched: &mut [u64],
+    touched: &mut [u8],
 ) {
     struct Scatter<'a, const D: usize> {
         grid: &'a HashGrid<D>,
-        level: usize,
+        level: &'a Level<D>,
         points: &'a [[f32; D]],
-        d_out: &'a [f32],
-        stride: usize,
+        incoming: Incoming<'a>,
+        range: Range<usize>,
         gradient: &'a mut [f32],
-        touched: &'a mut [u64],
+        touched: &'a mut [u8],
     }
     impl<const D: usize> WithSimd for Scatter<'_, D> {
         type Output = ();
         #[inline(always)]
         fn with_simd<S: Simd>(self, _: S) {
-            let Self { grid, level, points, d_out, stride, gradient, touched } = self;
-            let column = level * grid.config().n_features_per_level;
-            let level = &grid.levels()[level];
-            by_features!(grid, scatter_level(level, points, d_out, stride, column, gradient, touched));
+            let Self { grid, level, points, incoming, range, gradient, touched } = self;
+            by_features!(grid, scatter_level(level, points, &incoming, range, gradient, touched));
         }
     }
-    assert!(stride >= grid.n_features());
-    assert!(d_out.len() >= points.len() * stride);
-    Arch::new().dispatch(Scatter { grid, level, points, d_out, stride, gradient, touched });
+    let level = &grid.levels()[level];
+    assert!(range.start <= range.end && range.end <= level.n_entries);
+    assert_eq!(incoming.d.len(), points.len() * grid.config().n_features_per_level);
+    for x in [incoming.s, incoming.u[0], incoming.u[1], incoming.u[2]] {
+        assert!(x.is_empty() || x.len() == points.len());
+    }
+    Arch::new().dispatch(Scatter { grid, level, points, incoming, range, gradient, touched });
 }
 
-/// Adds the gradient of the whole table to `d_table`, levels in parallel, given `d_out[point][l·F + f]`.
+/// Adds the gradient of the whole table to `d_table`, levels in parallel, given `d_out[l][point][f]`.
 pub fn backward<const D: usize>(grid: &HashGrid<D>, points: &[[f32; D]], d_out: &[f32], d_table: &mut [f32]) {
+    backward_with_jacobian(grid, points, d_out, &[], [&[]; 3], d_table);
+}
+
+/// Adds the table's gradient of Σ d_out · (s · features + Σ_a u_a ∂features/∂x_a): what a loss of the value (through s)
+/// and one of the slopes (through u, its gradient by them; Eq. 6 is one) send back together.
+///
+/// `d_out[l][point][f]`; `s` per point, or empty for 1; `u[axis][point]`, or empty for 0. Levels run in parallel.
+pub fn backward_with_jacobian<const D: usize>(
+    grid: &HashGrid<D>,
+    points: &[[f32; D]],
+    d_out: &[f32],
+    s: &[f32],
+    u: [&[f32]; 3],
+    d_table: &mut [f32],
+) {
     assert_eq!(d_table.len(), grid.n_params());
     assert_eq!(d_out.len(), points.len() * grid.n_features());
     let n_features = grid.config().n_features_per_level;
@@ -348,8 +438,9 @@ pub fn backward<const D: usize>(grid: &HashGrid<D>, points: &[[f32; D]], d_out: 
             let (gradient, tail) = rest.split_at_mut(level.n_entries * n_features);
             rest = tail;
             scope.spawn(move |_| {
-                let mut touched = vec![0; level.n_entries.div_ceil(64)];
-                scatter(grid, l, points, d_out, grid.n_features(), gradient, &mut touched);
+                let mut touched = vec![0; gradient.len().div_ceil(LINE)];
+                let d = &d_out[l * points.len() * n_features..][..points.len() * n_features];
+                scatter(grid, l, points, Incoming { d, s, u }, 0..level.n_entries, gradient, &mut touched);
             });
         }
     });

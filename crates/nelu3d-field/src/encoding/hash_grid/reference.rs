@@ -84,3 +84,25 @@ pub fn jacobian<T: Real, const D: usize>(grid: &HashGrid<D>, table: &[T], x: [T;
         });
     }
 }
+
+/// Adds the gradient of the table to `d_table`, given one point's feature gradients along a direction u: that of
+/// Σ_f d_out\[f\] Σ_a u_a ∂feature_f/∂x_a.
+pub fn backward_jacobian<T: Real, const D: usize>(
+    grid: &HashGrid<D>,
+    x: [T; D],
+    d_out: &[T],
+    u: [T; D],
+    d_table: &mut [T],
+) {
+    assert_eq!(d_table.len(), grid.n_params());
+    assert_eq!(d_out.len(), grid.n_features());
+    let n_features = grid.config().n_features_per_level;
+    for (level, d_out) in grid.levels().iter().zip(d_out.chunks_exact(n_features)) {
+        corners(level, x, |entry, _, slope| {
+            let along: T = slope.iter().zip(u).map(|(&slope, u)| slope * u).sum();
+            for (f, &d) in d_out.iter().enumerate() {
+                d_table[(level.offset + entry) * n_features + f] += along * d;
+            }
+        });
+    }
+}

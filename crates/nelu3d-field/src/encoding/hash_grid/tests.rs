@@ -48,12 +48,13 @@ fn resolutions_grow_geometrically_per_axis_and_meet_both_ends() {
         let growth = pair[1].resolution[0] as f64 / pair[0].resolution[0] as f64;
         assert!((growth - 24f64.powf(1.0 / 7.0)).abs() < 0.02, "{growth}");
     }
-    assert!(levels[0].dense && levels[0].n_entries == 33 * 25 * 25);
+    // 17 × 13 × 13 bricks of 8 vertices.
+    assert!(levels[0].dense && levels[0].n_entries == (17usize * 13 * 13 * 8).next_multiple_of(16));
     assert!(!levels[7].dense && levels[7].n_entries == 1 << 19);
 }
 
 #[test]
-fn dense_indices_are_a_bijection() {
+fn dense_indices_are_injective() {
     let grid = grid3(1);
     let level = &grid.levels()[0];
     let mut seen = vec![false; level.n_entries];
@@ -64,7 +65,26 @@ fn dense_indices_are_a_bijection() {
             }
         }
     }
-    assert!(seen.iter().all(|&s| s));
+}
+
+#[test]
+fn bricks_lie_in_lines_and_hashed_ones_spread_evenly() {
+    let grid = HashGrid::<3>::new(&config([64; 3], [64; 3], 2)).unwrap();
+    let level = &grid.levels()[0];
+    assert!(!level.dense);
+    let mut hits = vec![0; level.n_entries / 8];
+    for brick in 0..32u32.pow(3) {
+        let at = [brick % 32, brick / 32 % 32, brick / 1024].map(|b| 2 * b);
+        let first = level.index(at);
+        assert!(first.is_multiple_of(8));
+        for corner in 0..8usize {
+            let vertex = std::array::from_fn(|a| at[a] + (corner >> a & 1) as u32);
+            assert_eq!(level.index(vertex), first + corner);
+        }
+        hits[first / 8] += 1;
+    }
+    // 512 bricks per place on average.
+    assert!(hits.iter().all(|&n| (256..1024).contains(&n)), "{hits:?}");
 }
 
 #[test]
@@ -110,6 +130,18 @@ fn reference_gradients_match_central_differences() {
             let d_x: Vec<f64> = (0..D).map(|a| jacobian.iter().zip(&d_out).map(|(j, d)| j[a] * d).sum()).collect();
             // Steps small enough not to leave the cell.
             assert_gradient(&x, &d_x, 1e-6, |x| loss(&table, x.try_into().unwrap()));
+
+            // A loss of the slopes: Σ d_out · (∂features/∂x · u).
+            let u: [f64; D] = uniform(seed + 10, D, -1.0, 1.0).try_into().unwrap();
+            let along = |table: &[f64]| {
+                let mut jacobian = vec![[0.0; D]; grid.n_features()];
+                reference::jacobian(grid, table, x, &mut jacobian);
+                let rows = jacobian.iter().zip(&d_out);
+                rows.map(|(row, d)| d * row.iter().zip(&u).map(|(j, u)| j * u).sum::<f64>()).sum::<f64>()
+            };
+            let mut d_table = vec![0.0; table.len()];
+            reference::backward_jacobian(grid, x, &d_out, u, &mut d_table);
+            assert_gradient(&table, &d_table, 1e-3, along);
         }
     }
     check(&grid3(2));
@@ -132,20 +164,48 @@ fn cpu_matches_reference() {
             reference::forward(grid, &table, x, out);
         }
         assert_close(&fast, &slow, eps);
+        let fast_values = fast;
 
-        let (mut fast, mut slow) = (vec![[0.0; D]; n * k], vec![[0.0; D]; n * k]);
-        cpu::jacobian(grid, &table, &points, &mut fast);
-        for (&x, out) in points.iter().zip(slow.chunks_exact_mut(k)) {
-            reference::jacobian(grid, &table, x, out);
+        for every in [1, 2, 3] {
+            let n_slopes = n.div_ceil(every);
+            let (mut again, mut fast) = (vec![0.0; n * k], vec![0.0; n_slopes * D * k]);
+            cpu::forward_with_jacobian(grid, &table, &points, every, &mut again, &mut fast);
+            assert_eq!(again, fast_values);
+            for (&x, fast) in points.iter().step_by(every).zip(fast.chunks_exact(D * k)) {
+                let mut slow = vec![[0.0; D]; k];
+                reference::jacobian(grid, &table, x, &mut slow);
+                for a in 0..D {
+                    let slow: Vec<f32> = slow.iter().map(|row| row[a]).collect();
+                    // Both round position · resolution, which a slope along another axis then carries, times its own
+                    // resolution: up to 64 cells along either.
+                    assert_close(&fast[a * k..][..k], &slow, eps);
+                }
+            }
         }
-        assert_close(fast.as_flattened(), slow.as_flattened(), eps);
 
+        // Sums of the same terms in the same order; an entry collects at most a few dozen of them.
+        let by_level = |d: &[f32]| -> Vec<f32> {
+            let features = k / grid.levels().len();
+            let level = |l: usize| d.chunks_exact(k).flat_map(move |row| &row[l * features..][..features]);
+            (0..grid.levels().len()).flat_map(level).copied().collect()
+        };
         let (mut fast, mut slow) = (vec![0.0; grid.n_params()], vec![0.0; grid.n_params()]);
-        cpu::backward(grid, &points, &d_out, &mut fast);
+        cpu::backward(grid, &points, &by_level(&d_out), &mut fast);
         for (&x, d) in points.iter().zip(d_out.chunks_exact(k)) {
             reference::backward(grid, x, d, &mut slow);
         }
-        // The same sums in the same order; an entry collects at most a few dozen terms.
+        assert_close(&fast, &slow, eps * 4.0);
+
+        let s = uniform_f32(4, n, -1.0, 1.0);
+        let u: Vec<Vec<f32>> = (0..3).map(|a| uniform_f32(5 + a, n, -1.0, 1.0)).collect();
+        fast.fill(0.0);
+        slow.fill(0.0);
+        cpu::backward_with_jacobian(grid, &points, &by_level(&d_out), &s, [&u[0], &u[1], &u[2]], &mut fast);
+        for (p, (&x, d)) in points.iter().zip(d_out.chunks_exact(k)).enumerate() {
+            let scaled: Vec<f32> = d.iter().map(|d| d * s[p]).collect();
+            reference::backward(grid, x, &scaled, &mut slow);
+            reference::backward_jacobian(grid, x, d, std::array::from_fn(|a| u[a][p]), &mut slow);
+        }
         assert_close(&fast, &slow, eps * 4.0);
     }
     for n in [0, 1, 7, 8, 9, 200] {
@@ -157,28 +217,28 @@ fn cpu_matches_reference() {
 }
 
 #[test]
-fn scatter_marks_exactly_the_touched_entries() {
+fn scatter_in_parts_adds_and_marks_as_in_one_piece() {
     let grid = grid3(2);
     let points: Vec<[f32; 3]> = points(5, 20);
-    let d_out = vec![0.0; points.len() * grid.n_features()];
+    let d = uniform_f32(6, points.len() * 2, -1.0, 1.0);
+    let incoming = cpu::Incoming { d: &d, s: &[], u: [&[]; 3] };
     for (l, level) in grid.levels().iter().enumerate() {
-        let mut gradient = vec![0.0; level.n_entries * 2];
-        let mut touched = vec![0u64; level.n_entries.div_ceil(64)];
-        cpu::scatter(&grid, l, &points, &d_out, grid.n_features(), &mut gradient, &mut touched);
-        let mut expected = vec![0.0; grid.n_params()];
-        for &x in &points {
-            // One of each level's corner weights may be 0 at a vertex, but not its entry's mark.
-            reference::backward(
-                &grid,
-                x.map(|x| x.clamp(1e-6, 1.0 - 1e-6)),
-                &vec![1.0; grid.n_features()],
-                &mut expected,
-            );
+        let run = |range: std::ops::Range<usize>| {
+            let mut gradient = vec![0.0; range.len() * 2];
+            let mut touched = vec![0u8; gradient.len().div_ceil(16)];
+            cpu::scatter(&grid, l, &points, incoming, range, &mut gradient, &mut touched);
+            (gradient, touched)
+        };
+        let (whole, marks) = run(0..level.n_entries);
+        let middle = level.n_entries / 2 / 8 * 8;
+        let (left, right) = (run(0..middle), run(middle..level.n_entries));
+        assert_eq!(whole, [left.0, right.0].concat());
+        assert_eq!(marks, [left.1, right.1].concat());
+        for (line, &mark) in whole.chunks(16).zip(&marks) {
+            // An entry whose weight is 0 may leave a mark without a gradient, never the other way round.
+            assert!(mark == 1 || line.iter().all(|&g| g == 0.0));
         }
-        for e in 0..level.n_entries {
-            let hit = expected[(level.offset + e) * 2] != 0.0;
-            assert_eq!(touched[e / 64] >> (e % 64) & 1 == 1, hit, "level {l}, entry {e}");
-        }
+        assert!(marks.contains(&1));
     }
 }
 
