@@ -5,7 +5,7 @@ The peer of `nelu3d bench`: the same encoding (spatial hash of Instant NGP), net
 `torch.optim.Adam`. Prints one line of JSON per step size.
 
     pip install torch numpy
-    python benches/peer/surface_step.py [--threads 2] [--steps 10] [narrow full]
+    python benches/peer/surface_step.py [--threads 2] [--steps 10] [full narrow narrow-small]
 
 The CPU time is that of the whole process (`time.process_time`), so a second thread costs what it uses.
 """
@@ -17,10 +17,11 @@ import time
 
 import torch
 
-# Shapes of the two steps; `nelu3d bench` has the same numbers (crates/nelu3d-cli/src/bench/sizes.rs).
+# Shapes of the steps; `nelu3d bench` has the same numbers (crates/nelu3d-field/src/bench/steps.rs).
 STEPS = {
-    "narrow": dict(rays=1024, samples=16, log2=17, levels=12, finest=512, band=0.02, eikonal=2),
-    "full": dict(rays=1024, samples=32, log2=19, levels=16, finest=2048, band=1.0, eikonal=8),
+    "full": dict(rays=1024, samples=32, log2=19, levels=16, finest=2048, band=1.0, eikonal=8, hidden=2),
+    "narrow": dict(rays=1024, samples=16, log2=19, levels=16, finest=2048, band=0.02, eikonal=2, hidden=2),
+    "narrow-small": dict(rays=1024, samples=16, log2=17, levels=12, finest=512, band=0.02, eikonal=2, hidden=1),
 }
 FEATURES, BASE, WIDTH, PATTERNS = 2, 16, 64, 3
 PRIMES = (1, 2654435761, 805459861)
@@ -59,18 +60,16 @@ class HashGrid(torch.nn.Module):
 
 
 class Surface(torch.nn.Module):
-    """Signed distance field: hash grid and position, two hidden layers of ReLU; and the sharpness inv_s."""
+    """Signed distance field: hash grid and position, hidden layers of ReLU; and the sharpness inv_s."""
 
-    def __init__(self, levels, log2, finest):
+    def __init__(self, levels, log2, finest, hidden):
         super().__init__()
         self.grid = HashGrid(levels, log2, finest)
-        self.network = torch.nn.Sequential(
-            torch.nn.Linear(levels * FEATURES + 3, WIDTH),
-            torch.nn.ReLU(),
-            torch.nn.Linear(WIDTH, WIDTH),
-            torch.nn.ReLU(),
-            torch.nn.Linear(WIDTH, 1),
-        )
+        layers, width = [], levels * FEATURES + 3
+        for _ in range(hidden):
+            layers += [torch.nn.Linear(width, WIDTH), torch.nn.ReLU()]
+            width = WIDTH
+        self.network = torch.nn.Sequential(*layers, torch.nn.Linear(width, 1))
         self.variance = torch.nn.Parameter(torch.tensor(0.3))
 
     def sdf(self, x):
@@ -121,7 +120,7 @@ def step(model, optimizer, x, colors, measured, eikonal_every):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", default=list(STEPS), help="narrow, full")
+    parser.add_argument("names", nargs="*", default=list(STEPS), help="full, narrow, narrow-small")
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())
     parser.add_argument("--steps", type=int, default=10)
     arguments = parser.parse_args()
@@ -130,7 +129,7 @@ def main():
         shape = STEPS[name]
         torch.manual_seed(0)
         generator = torch.Generator().manual_seed(1)
-        model = Surface(shape["levels"], shape["log2"], shape["finest"])
+        model = Surface(shape["levels"], shape["log2"], shape["finest"], shape["hidden"])
         optimizer = torch.optim.Adam(model.parameters(), lr=1e-3, betas=(0.9, 0.99), eps=1e-15)
         batches = [batch(shape["rays"], shape["samples"], shape["band"], generator) for _ in range(4)]
         for i in range(2):

@@ -19,6 +19,7 @@
 //! sums are reduced in a fixed order.
 
 pub mod adam;
+pub mod bench;
 pub mod encoding;
 pub mod field;
 pub mod loss;

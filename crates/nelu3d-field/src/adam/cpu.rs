@@ -44,7 +44,7 @@ fn update(k: Factors, p: &mut f32, m: &mut f32, v: &mut f32, g: f32) {
 struct Dense<'a> {
     k: Factors,
     params: &'a mut [f32],
-    moments: &'a mut [Moments],
+    moments: Moments<'a>,
     gradient: &'a [f32],
 }
 
@@ -52,19 +52,20 @@ impl WithSimd for Dense<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        for ((p, [m, v]), &g) in self.params.iter_mut().zip(self.moments).zip(self.gradient) {
+        let Moments { first, second } = self.moments;
+        for (((p, m), v), &g) in self.params.iter_mut().zip(first).zip(second).zip(self.gradient) {
             update(self.k, p, m, v, g);
         }
     }
 }
 
-/// One step of every parameter; `step` counts from 0. `moments[i]` is `[m, v]` of `params[i]`.
+/// One step of every parameter; `step` counts from 0.
 pub fn step(
     config: &AdamConfig,
     learning_rate: f64,
     step: u64,
     params: &mut [f32],
-    moments: &mut [Moments],
+    moments: Moments,
     gradient: &[f32],
 ) {
     assert!(params.len() == moments.len() && params.len() == gradient.len());
@@ -74,25 +75,35 @@ pub fn step(
 struct Lazy<'a> {
     k: Factors,
     params: &'a mut [f32],
-    moments: &'a mut [Moments],
+    moments: Moments<'a>,
     gradient: &'a mut [f32],
     touched: &'a mut [u8],
 }
 
 impl Lazy<'_> {
-    /// One line. Whole lines are updated and the parameters without a gradient put back: memory comes by lines anyway, and
-    /// a loop without branches is vectorized.
+    /// One line. Whole lines are updated, by a step of length zero where there is no gradient: memory comes by lines
+    /// anyway, a loop without branches is vectorized, and every value is stored (storing some through a mask is slow).
     #[inline(always)]
-    fn line(k: Factors, params: &mut [f32; LINE], moments: &mut [Moments; LINE], gradient: &mut [f32; LINE]) {
+    fn line(
+        k: Factors,
+        params: &mut [f32; LINE],
+        first: &mut [f32; LINE],
+        second: &mut [f32; LINE],
+        gradient: &mut [f32; LINE],
+    ) {
         for i in 0..LINE {
             let g = gradient[i];
-            let (mut p, [mut m, mut v]) = (params[i], moments[i]);
-            update(k, &mut p, &mut m, &mut v, g);
-            let some = g != 0.0;
-            params[i] = if some { p } else { params[i] };
-            moments[i] = [if some { m } else { moments[i][0] }, if some { v } else { moments[i][1] }];
+            let some = if g != 0.0 { 1.0 } else { 0.0 };
+            let (m, v) = (first[i], second[i]);
+            let m = m + some * (1.0 - k.beta1) * (g - m);
+            let v = v + some * (1.0 - k.beta2) * (g * g - v);
+            // Not zero, whatever epsilon is: what is multiplied by zero must be a number.
+            let size = (v.sqrt() * k.root + k.epsilon).max(f32::MIN_POSITIVE);
+            first[i] = m;
+            second[i] = v;
+            params[i] -= some * k.rate * m / size;
+            gradient[i] = 0.0;
         }
-        *gradient = [0.0; LINE];
     }
 }
 
@@ -102,7 +113,8 @@ impl WithSimd for Lazy<'_> {
     fn with_simd<S: Simd>(self, _: S) {
         let Self { k, params, moments, gradient, touched } = self;
         let (params, rest_of_params) = params.as_chunks_mut::<LINE>();
-        let (moments, rest_of_moments) = moments.as_chunks_mut::<LINE>();
+        let (first, rest_of_first) = moments.first.as_chunks_mut::<LINE>();
+        let (second, rest_of_second) = moments.second.as_chunks_mut::<LINE>();
         let (gradient, rest_of_gradient) = gradient.as_chunks_mut::<LINE>();
         for start in (0..params.len()).step_by(WORD) {
             let marks = touched[start..].first_chunk_mut::<WORD>();
@@ -112,12 +124,12 @@ impl WithSimd for Lazy<'_> {
             for l in start..(start + WORD).min(params.len()) {
                 if touched.get(l + AHEAD).is_some_and(|&mark| mark != 0) {
                     prefetch(params, l + AHEAD);
+                    prefetch(first, l + AHEAD);
+                    prefetch(second, l + AHEAD);
                     prefetch(gradient, l + AHEAD);
-                    prefetch(moments.as_flattened(), (l + AHEAD) * LINE);
-                    prefetch(moments.as_flattened(), (l + AHEAD) * LINE + LINE / 2);
                 }
                 if std::mem::take(&mut touched[l]) != 0 {
-                    Self::line(k, &mut params[l], &mut moments[l], &mut gradient[l]);
+                    Self::line(k, &mut params[l], &mut first[l], &mut second[l], &mut gradient[l]);
                 }
             }
         }
@@ -125,7 +137,8 @@ impl WithSimd for Lazy<'_> {
         if let Some(mark) = touched.get_mut(params.len())
             && std::mem::take(mark) != 0
         {
-            for ((p, [m, v]), g) in rest_of_params.iter_mut().zip(rest_of_moments).zip(rest_of_gradient) {
+            let moments = rest_of_first.iter_mut().zip(rest_of_second);
+            for ((p, (m, v)), g) in rest_of_params.iter_mut().zip(moments).zip(rest_of_gradient) {
                 if *g != 0.0 {
                     update(k, p, m, v, *g);
                 }
@@ -142,7 +155,7 @@ pub fn step_lazy(
     learning_rate: f64,
     step: u64,
     params: &mut [f32],
-    moments: &mut [Moments],
+    moments: Moments,
     gradient: &mut [f32],
     touched: &mut [u8],
 ) {

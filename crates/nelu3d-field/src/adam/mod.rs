@@ -1,6 +1,6 @@
 //! Adam (Kingma & Ba 2015, Alg. 1) over flat buffers, dense or lazy, and its learning-rate schedule.
 //!
-//! State is one `[m, v]` pair per parameter, so that a touched parameter touches one place of it. The caller owns the
+//! State is both moments of every parameter, each in a buffer of its own. The caller owns the
 //! buffers and calls once per parameter group, with that group's learning rate. The lazy form updates the parameters with a
 //! gradient alone and leaves the others and their moments as they are (they do not decay), with the bias correction of the
 //! global step: hash tables see a fraction of their entries per step (Müller et al. 2022, Sec. 4).
@@ -10,8 +10,50 @@ pub mod reference;
 
 use serde::{Deserialize, Serialize};
 
-/// First and second moment of one parameter's gradient.
-pub type Moments = [f32; 2];
+/// First and second moments of some parameters' gradients.
+#[derive(Debug)]
+pub struct Moments<'a> {
+    /// m, per parameter.
+    pub first: &'a mut [f32],
+    /// v, per parameter.
+    pub second: &'a mut [f32],
+}
+
+impl<'a> Moments<'a> {
+    /// Number of parameters.
+    fn len(&self) -> usize {
+        assert_eq!(self.first.len(), self.second.len());
+        self.first.len()
+    }
+
+    /// Those of the first `n` parameters, and the rest.
+    pub fn split_at(self, n: usize) -> (Self, Self) {
+        let (first, first_rest) = self.first.split_at_mut(n);
+        let (second, second_rest) = self.second.split_at_mut(n);
+        (Self { first, second }, Self { first: first_rest, second: second_rest })
+    }
+}
+
+/// Moments that own their memory; zero at the start.
+#[derive(Clone, Debug, Default)]
+pub struct MomentBuffers {
+    /// m, per parameter.
+    pub first: Vec<f32>,
+    /// v, per parameter.
+    pub second: Vec<f32>,
+}
+
+impl MomentBuffers {
+    /// For `n` parameters.
+    pub fn new(n: usize) -> Self {
+        Self { first: vec![0.0; n], second: vec![0.0; n] }
+    }
+
+    /// All of them.
+    pub fn all(&mut self) -> Moments<'_> {
+        Moments { first: &mut self.first, second: &mut self.second }
+    }
+}
 
 /// Settings of the optimizer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

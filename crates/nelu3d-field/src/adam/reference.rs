@@ -3,13 +3,14 @@
 use super::AdamConfig;
 use crate::Real;
 
-/// One step of every parameter; `step` counts from 0. `moments[i]` is `[m, v]` of `params[i]`.
+/// One step of every parameter; `step` counts from 0. `first` and `second` are the moments m and v.
 pub fn step<T: Real>(
     config: &AdamConfig,
     learning_rate: f64,
     step: u64,
     params: &mut [T],
-    moments: &mut [[T; 2]],
+    first: &mut [T],
+    second: &mut [T],
     gradient: &[T],
 ) {
     let (beta1, beta2) = (T::of(config.beta1), T::of(config.beta2));
@@ -17,7 +18,7 @@ pub fn step<T: Real>(
     let t = (step + 1) as f64;
     let correction1 = T::of(1.0 - config.beta1.powf(t));
     let correction2 = T::of(1.0 - config.beta2.powf(t));
-    for ((p, [m, v]), &g) in params.iter_mut().zip(moments).zip(gradient) {
+    for (((p, m), v), &g) in params.iter_mut().zip(first).zip(second).zip(gradient) {
         *m = beta1 * *m + (one - beta1) * g;
         *v = beta2 * *v + (one - beta2) * g * g;
         *p -= T::of(learning_rate) * (*m / correction1) / ((*v / correction2).sqrt() + T::of(config.epsilon));
@@ -30,10 +31,12 @@ pub fn step_lazy<T: Real>(
     learning_rate: f64,
     at: u64,
     params: &mut [T],
-    moments: &mut [[T; 2]],
+    first: &mut [T],
+    second: &mut [T],
     gradient: &[T],
 ) {
     for i in (0..params.len()).filter(|&i| gradient[i] != T::of(0.0)) {
-        step(config, learning_rate, at, &mut params[i..][..1], &mut moments[i..][..1], &gradient[i..][..1]);
+        let (p, m, v) = (&mut params[i..=i], &mut first[i..=i], &mut second[i..=i]);
+        step(config, learning_rate, at, p, m, v, &gradient[i..=i]);
     }
 }

@@ -40,7 +40,7 @@ pub(crate) struct TableStep<'a, 'p, const D: usize> {
 
 impl<const D: usize> TableStep<'_, '_, D> {
     /// Does the step. Which parameters end up where depends neither on the number of threads nor on how levels are cut.
-    pub(crate) fn run(&self, table: &mut [f32], moments: &mut [Moments]) {
+    pub(crate) fn run(&self, table: &mut [f32], moments: Moments) {
         let levels = self.grid.levels();
         // Two tasks a thread even out the levels' different costs. A level shared by several owners has its points'
         // addresses computed by each of them, so it is not done without need.
@@ -48,7 +48,7 @@ impl<const D: usize> TableStep<'_, '_, D> {
         self.levels(0..levels.len(), n_owners, table, moments);
     }
 
-    fn levels(&self, levels: Range<usize>, n_owners: usize, table: &mut [f32], moments: &mut [Moments]) {
+    fn levels(&self, levels: Range<usize>, n_owners: usize, table: &mut [f32], moments: Moments) {
         let n_features = self.grid.config().n_features_per_level;
         if levels.len() == 1 {
             let n_entries = self.grid.levels()[levels.start].n_entries;
@@ -59,7 +59,7 @@ impl<const D: usize> TableStep<'_, '_, D> {
         let all = self.grid.levels();
         let at = (all[middle].offset - all[levels.start].offset) * n_features;
         let (left, right) = table.split_at_mut(at);
-        let (left_moments, right_moments) = moments.split_at_mut(at);
+        let (left_moments, right_moments) = moments.split_at(at);
         rayon::join(
             || self.levels(levels.start..middle, n_owners, left, left_moments),
             || self.levels(middle..levels.end, n_owners, right, right_moments),
@@ -72,14 +72,14 @@ impl<const D: usize> TableStep<'_, '_, D> {
         range: Range<usize>,
         n_owners: usize,
         table: &mut [f32],
-        moments: &mut [Moments],
+        moments: Moments,
     ) {
         let n_features = self.grid.config().n_features_per_level;
         if n_owners > 1 {
             let middle = range.start + (range.len() / 2).next_multiple_of(LINE);
             let at = (middle - range.start) * n_features;
             let (left, right) = table.split_at_mut(at);
-            let (left_moments, right_moments) = moments.split_at_mut(at);
+            let (left_moments, right_moments) = moments.split_at(at);
             rayon::join(
                 || self.entries(level, range.start..middle, n_owners / 2, left, left_moments),
                 || self.entries(level, middle..range.end, n_owners - n_owners / 2, right, right_moments),

@@ -6,7 +6,7 @@
 
 use super::table::{Part, Scratch, TableStep};
 use super::{HashField, RegressionLoss};
-use crate::adam::{self, Moments};
+use crate::adam::{self, MomentBuffers};
 use crate::encoding::hash_grid::{HashGrid, cpu as hash_grid};
 use crate::mlp::cpu::{self as mlp, BLOCK, MlpGradient, MlpScratch, PackedMlp, padded};
 use pulp::{Arch, Simd, WithSimd};
@@ -20,7 +20,7 @@ const CHUNK: usize = 8 * BLOCK;
 pub(crate) struct Training {
     /// Steps done.
     pub(crate) n_steps: u64,
-    pub(crate) moments: Vec<Moments>,
+    pub(crate) moments: MomentBuffers,
     pub(crate) network_gradient: Vec<f32>,
     chunks: Vec<Chunk>,
     pub(crate) table: Scratch,
@@ -29,7 +29,8 @@ pub(crate) struct Training {
 impl Training {
     /// For this many parameters, the last `n_network` of them the network's.
     pub(crate) fn resize(&mut self, n_params: usize, n_network: usize) {
-        self.moments.resize(n_params, [0.0; 2]);
+        self.moments.first.resize(n_params, 0.0);
+        self.moments.second.resize(n_params, 0.0);
         self.network_gradient.resize(n_network, 0.0);
     }
 }
@@ -108,7 +109,7 @@ impl<const D: usize> HashField<D> {
 
         let settings = &config.training;
         let factor = settings.schedule.factor(*n_steps);
-        let (table_moments, network_moments) = moments.split_at_mut(table.len());
+        let (table_moments, network_moments) = moments.all().split_at(table.len());
         let part = |i: usize| {
             let points = &points[i * CHUNK..points.len().min((i + 1) * CHUNK)];
             let d = &chunks[i].d_features[..points.len() * grid.n_features()];

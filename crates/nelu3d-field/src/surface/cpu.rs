@@ -160,7 +160,7 @@ impl NeuralSurface {
         let settings = &config.field.training;
         let step = training.n_steps;
         let factor = settings.schedule.factor(step);
-        let (table_moments, network_moments) = training.moments.split_at_mut(table.len());
+        let (table_moments, network_moments) = training.moments.all().split_at(table.len());
         let chunks = &*chunks;
         let part = |i: usize| {
             let chunk = &chunks[i];
@@ -184,9 +184,8 @@ impl NeuralSurface {
         field.packed.pack(network);
         if config.sharpness_learning_rate > 0.0 {
             let rate = config.sharpness_learning_rate * factor;
-            let moments = std::slice::from_mut(sharpness_moments);
             let d_sharpness = (10.0 * inv_s * d_inv_s) as f32;
-            adam::cpu::step(&settings.adam, rate, step, std::slice::from_mut(sharpness), moments, &[d_sharpness]);
+            adam::cpu::step(&settings.adam, rate, step, std::slice::from_mut(sharpness), sharpness_moments.all(), &[d_sharpness]);
         }
         training.n_steps += 1;
         losses

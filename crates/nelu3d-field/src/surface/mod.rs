@@ -16,6 +16,7 @@
 mod cpu;
 pub mod reference;
 
+use crate::adam::MomentBuffers;
 use crate::field::{FieldError, HashField, HashFieldConfig};
 use crate::loss::Norms;
 use crate::mlp::Activation;
@@ -171,7 +172,7 @@ pub struct NeuralSurface {
     config: SurfaceConfig,
     field: HashField<3>,
     sharpness: f32,
-    sharpness_moments: crate::adam::Moments,
+    sharpness_moments: MomentBuffers,
     scratch: cpu::StepScratch,
 }
 
@@ -189,7 +190,7 @@ impl NeuralSurface {
         }
         let field = HashField::new(config.field.clone(), seed)?;
         let sharpness = config.sharpness as f32;
-        Ok(Self { config, field, sharpness, sharpness_moments: [0.0; 2], scratch: cpu::StepScratch::default() })
+        Ok(Self { config, field, sharpness, sharpness_moments: MomentBuffers::new(1), scratch: cpu::StepScratch::default() })
     }
 
     /// The configuration.

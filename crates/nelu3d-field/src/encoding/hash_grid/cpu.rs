@@ -1,7 +1,10 @@
-//! Fast form. Cells and indices are computed for `GROUP` points at a time in loops the compiler vectorizes (every
-//! function here is inlined into a caller that `pulp` dispatched). The gathers are scalar; a point's eight entries are
-//! then interpolated axis by axis as one or two vectors, which yields the value and, for a few operations more, its
-//! derivatives.
+//! Fast form. `GROUP` points at a time pass through a pipeline of three stages: their entries are computed and asked for;
+//! some groups later, when memory has answered, they are copied together in plain loads and stores; and one group later
+//! interpolated as whole vectors. The gradient goes the same way back, neighbors in one cell added up first.
+//!
+//! The stages matter. Used at once, entries are waited for; collected in registers, they cost more in shuffles than
+//! everything else together; and a vector read back right after its parts were written waits for them to reach the cache.
+//! All loops are plain Rust that the compiler vectorizes; every function is inlined into a caller that `pulp` dispatched.
 
 use super::{HashGrid, Level};
 use crate::prefetch::prefetch;
@@ -16,60 +19,101 @@ pub(crate) const LINE: usize = 16;
 const CACHED: usize = 1 << 18;
 
 /// Where a group of points lies in a level. 2-D uses the first four corners.
+#[derive(Clone, Copy)]
 struct Cells<const D: usize> {
     /// Entry of every corner, `[corner][point]`.
     index: [[u32; GROUP]; 8],
+    /// Lower vertex, `[axis][point]`.
+    vertex: [[u32; GROUP]; D],
     /// Position within the cell, `[axis][point]`.
     fraction: [[f32; GROUP]; D],
 }
 
+impl<const D: usize> Cells<D> {
+    /// Whether a point lies in this cell.
+    #[inline(always)]
+    fn is_at(&self, p: usize, cell: [u32; D]) -> bool {
+        let mut same = true;
+        for a in 0..D {
+            same &= self.vertex[a][p] == cell[a];
+        }
+        same
+    }
+
+    #[inline(always)]
+    fn vertex_of(&self, p: usize) -> [u32; D] {
+        let mut vertex = [0; D];
+        for a in 0..D {
+            vertex[a] = self.vertex[a][p];
+        }
+        vertex
+    }
+}
+
+/// Groups between the one whose entries are asked for and the one that uses them.
+const AHEAD: usize = 8;
+/// Cells kept: those of the groups on their way.
+const RING: usize = 16;
+/// Groups that pass through all levels before the next ones.
+const BLOCK: usize = 12;
+
 /// Position in cells of one axis: (lower vertex, fraction).
 #[inline(always)]
 #[expect(clippy::manual_clamp, reason = "f32::clamp would let NaN through")]
-fn split(x: f32, resolution: u32) -> (u32, f32) {
-    let n = resolution as f32;
-    // f32::max(NaN, 0) is 0. Resolutions are at most 2^16, so i32 holds every position.
+fn split(x: f32, n: f32) -> (u32, f32) {
+    // f32::max(NaN, 0) is 0.
     let position = x.max(0.0).min(1.0) * n;
-    let low = (position as i32).min(resolution as i32 - 1);
-    (low as u32, position - low as f32)
+    let low = position.floor().min(n - 1.0);
+    // An integer below 2^23, added to it, is its low bits: the compiler has no vector form of a checked conversion.
+    const SHIFT: f32 = 8_388_608.0;
+    ((low + SHIFT).to_bits() & 0x7f_ffff, position - low)
+}
+
+/// Words of the lower and the upper vertex along axis `A`, and the fraction. A word holds the brick above the corner's
+/// bits, so that the axes' words, added (dense) or combined by exclusive or (hashed), give the entry.
+#[inline(always)]
+fn axis<const A: usize, const D: usize>(
+    level: &Level<D>,
+    xs: &[[f32; GROUP]; D],
+    cells: &mut Cells<D>,
+) -> [[u32; GROUP]; 2] {
+    let n = level.resolution[A] as f32;
+    // The shift moves the brick above the bits of the corner; a constant one of 2^A moves the corner's bit.
+    let factor = level.factors()[A] << D;
+    let mut words = [[0; GROUP]; 2];
+    for p in 0..GROUP {
+        let (vertex, t) = split(xs[A][p], n);
+        cells.fraction[A][p] = t;
+        cells.vertex[A][p] = vertex;
+        words[0][p] = (vertex >> 1).wrapping_mul(factor) | (vertex & 1) << A;
+        let upper = vertex + 1;
+        words[1][p] = (upper >> 1).wrapping_mul(factor) | (upper & 1) << A;
+    }
+    words
 }
 
 #[inline(always)]
-fn cells<const D: usize>(level: &Level<D>, xs: &[[f32; GROUP]; D]) -> Cells<D> {
-    let mut cells = Cells { index: [[0; GROUP]; 8], fraction: [[0.0; GROUP]; D] };
-    let factors = level.factors();
-    // Axis by axis: every corner so far splits into a lower and an upper one. A word holds the brick above the corner's
-    // bits, so both are combined at once.
-    for a in 0..D {
-        let (mut lower, mut upper) = ([0u32; GROUP], [0u32; GROUP]);
+fn cells<const D: usize, const DENSE: bool>(level: &Level<D>, xs: &[[f32; GROUP]; D], cells: &mut Cells<D>) {
+    let combine = |a: u32, b: u32| if DENSE { a.wrapping_add(b) } else { a ^ b };
+    let mask = if DENSE { u32::MAX } else { level.n_entries as u32 - 1 };
+    let x = axis::<0, D>(level, xs, cells);
+    let y = axis::<1, D>(level, xs, cells);
+    let mut xy = [[0; GROUP]; 4];
+    for corner in 0..4 {
         for p in 0..GROUP {
-            let vertex;
-            (vertex, cells.fraction[a][p]) = split(xs[a][p], level.resolution[a]);
-            let word = |v: u32| (v / 2).wrapping_mul(factors[a]) << D | v % 2 << a;
-            (lower[p], upper[p]) = (word(vertex), word(vertex + 1));
-        }
-        for corner in 0..1 << a {
-            for p in 0..GROUP {
-                let before = cells.index[corner][p];
-                if level.dense {
-                    cells.index[corner][p] = before.wrapping_add(lower[p]);
-                    cells.index[corner | 1 << a][p] = before.wrapping_add(upper[p]);
-                } else {
-                    cells.index[corner][p] = before ^ lower[p];
-                    cells.index[corner | 1 << a][p] = before ^ upper[p];
-                }
-            }
+            xy[corner][p] = combine(x[corner & 1][p], y[corner >> 1][p]) & mask;
         }
     }
-    if !level.dense {
-        let mask = level.n_entries as u32 - 1;
-        for corner in 0..1 << D {
-            for p in 0..GROUP {
-                cells.index[corner][p] &= mask;
-            }
+    if D == 2 {
+        cells.index[..4].copy_from_slice(&xy);
+        return;
+    }
+    let z = axis::<2, D>(level, xs, cells);
+    for corner in 0..8 {
+        for p in 0..GROUP {
+            cells.index[corner][p] = combine(xy[corner & 3][p], z[corner >> 2][p]) & mask;
         }
     }
-    cells
 }
 
 /// Up to `GROUP` points, transposed; missing ones are at the origin.
@@ -92,116 +136,188 @@ fn transpose<const D: usize>(points: &[[f32; D]]) -> [[f32; GROUP]; D] {
     xs
 }
 
-/// Asks for the entries of a group, while the group before it is being worked on.
-#[inline(always)]
-fn fetch<T, const D: usize>(entries: &[T], cells: &Cells<D>) {
-    if size_of_val(entries) <= CACHED {
-        return;
-    }
-    for corner in 0..1 << D {
-        for p in 0..GROUP {
-            prefetch(entries, cells.index[corner][p] as usize);
+impl<const D: usize> Cells<D> {
+    const NONE: Self = Self { index: [[0; GROUP]; 8], vertex: [[0; GROUP]; D], fraction: [[0.0; GROUP]; D] };
+
+    /// Finds a group's cells and asks for their entries.
+    #[inline(always)]
+    fn locate<T>(&mut self, level: &Level<D>, xs: &[[f32; GROUP]; D], entries: &[T]) {
+        if level.dense {
+            cells::<D, true>(level, xs, self);
+        } else {
+            cells::<D, false>(level, xs, self);
+        }
+        if size_of_val(entries) > CACHED {
+            for index in &self.index[..1 << D] {
+                for &i in index {
+                    prefetch(entries, i as usize);
+                }
+            }
         }
     }
 }
 
-/// Groups of points in order, with the cells of the next one at hand.
-struct Groups<'a, const D: usize> {
-    level: &'a Level<D>,
-    points: &'a [[f32; D]],
-    first: usize,
-    next: Cells<D>,
-}
+/// A value for each of a group's points and features: `[point · F + feature]`.
+type Lanes<const F: usize> = [[f32; F]; GROUP];
 
-impl<'a, const D: usize> Groups<'a, D> {
-    #[inline(always)]
-    fn new(level: &'a Level<D>, points: &'a [[f32; D]]) -> Self {
-        Self { level, points, first: 0, next: cells(level, &transpose(points)) }
-    }
+/// The group's values of every corner.
+type Corners<const F: usize> = [Lanes<F>; 8];
 
-    /// First point, cells and points of the group; from then on `next` is the one after.
-    #[inline(always)]
-    fn advance(&mut self) -> Option<(usize, Cells<D>, &'a [[f32; D]])> {
-        let rest = self.points.get(self.first..).filter(|rest| !rest.is_empty())?;
-        let (here, after) = rest.split_at(GROUP.min(rest.len()));
-        let now = std::mem::replace(&mut self.next, cells(self.level, &transpose(after)));
-        let first = self.first;
-        self.first += GROUP;
-        Some((first, now, here))
-    }
-}
-
-#[inline(always)]
-fn subtract<const F: usize>(a: [f32; F], b: [f32; F]) -> [f32; F] {
-    std::array::from_fn(|f| a[f] - b[f])
-}
-
-#[inline(always)]
-fn lerp<const F: usize>(a: [f32; F], b: [f32; F], t: f32) -> [f32; F] {
-    std::array::from_fn(|f| a[f] + t * (b[f] - a[f]))
-}
-
-/// Value, and slopes by the fraction along each axis, of the multilinear function with these corners.
+/// Value, and slopes by the fraction along each axis, of the multilinear functions with these corners.
 #[inline(always)]
 fn interpolate<const D: usize, const F: usize, const SLOPES: bool>(
-    mut v: [[f32; F]; 8],
-    t: [f32; D],
-) -> ([f32; F], [[f32; F]; D]) {
-    let mut slopes = [[[0.0; F]; 4]; D];
-    for a in (0..D).rev() {
-        let half = 1 << a;
-        for corner in 0..half {
+    corners: &Corners<F>,
+    fraction: &[Lanes<F>; D],
+    value: &mut Lanes<F>,
+    slopes: &mut [Lanes<F>; D],
+) {
+    let v: [&[f32]; 8] = std::array::from_fn(|c| corners[c].as_flattened());
+    let t: [&[f32]; D] = std::array::from_fn(|a| fraction[a].as_flattened());
+    let value = value.as_flattened_mut();
+    if D == 2 {
+        for i in 0..GROUP * F {
+            let (x0, x1) = (v[1][i] - v[0][i], v[3][i] - v[2][i]);
+            let (a, b) = (v[0][i] + t[0][i] * x0, v[2][i] + t[0][i] * x1);
+            value[i] = a + t[1][i] * (b - a);
             if SLOPES {
-                for b in a + 1..D {
-                    slopes[b][corner] = lerp(slopes[b][corner], slopes[b][corner + half], t[a]);
-                }
-                slopes[a][corner] = subtract(v[corner + half], v[corner]);
+                slopes[0].as_flattened_mut()[i] = x0 + t[1][i] * (x1 - x0);
+                slopes[1].as_flattened_mut()[i] = b - a;
             }
-            v[corner] = lerp(v[corner], v[corner + half], t[a]);
+        }
+        return;
+    }
+    let [sx, sy, sz] = {
+        let mut all = slopes.iter_mut();
+        [(); 3].map(|()| all.next().expect("three axes").as_flattened_mut())
+    };
+    for i in 0..GROUP * F {
+        let (tx, ty, tz) = (t[0][i], t[1][i], t[2][i]);
+        // Along x: four edges of the cell, then y: two faces.
+        let x = [v[1][i] - v[0][i], v[3][i] - v[2][i], v[5][i] - v[4][i], v[7][i] - v[6][i]];
+        let a = [v[0][i] + tx * x[0], v[2][i] + tx * x[1], v[4][i] + tx * x[2], v[6][i] + tx * x[3]];
+        let y = [a[1] - a[0], a[3] - a[2]];
+        let b = [a[0] + ty * y[0], a[2] + ty * y[1]];
+        let z = b[1] - b[0];
+        value[i] = b[0] + tz * z;
+        if SLOPES {
+            let x = [x[0] + ty * (x[1] - x[0]), x[2] + ty * (x[3] - x[2])];
+            sx[i] = x[0] + tz * (x[1] - x[0]);
+            sy[i] = y[0] + tz * (y[1] - y[0]);
+            sz[i] = z;
         }
     }
-    (v[0], slopes.map(|s| s[0]))
 }
 
-/// `jacobian`: of every `every`-th point, `[point / every][axis][stride]`; of none if `every` is 0.
-#[inline(always)]
-fn encode_level<const D: usize, const F: usize>(
-    level: &Level<D>,
-    table: &[f32],
-    points: &[[f32; D]],
+/// Where the features of a block go. `jacobian`: of every `every`-th point, `[point / every][axis][stride]`; of none if
+/// `every` is 0.
+struct Encoded<'a> {
     every: usize,
-    out: &mut [f32],
-    jacobian: &mut [f32],
+    out: &'a mut [f32],
+    jacobian: &'a mut [f32],
     stride: usize,
-    column: usize,
-) {
-    let (entries, _) = table.as_chunks::<F>();
-    let entries = &entries[level.offset..][..level.n_entries];
-    let mut groups = Groups::new(level, points);
-    fetch(entries, &groups.next);
-    while let Some((first, cells, here)) = groups.advance() {
-        fetch(entries, &groups.next);
-        for (p, out) in out[first * stride..].chunks_exact_mut(stride).enumerate().take(here.len()) {
-            let mut corners = [[0.0; F]; 8];
-            for corner in 0..1 << D {
-                corners[corner] = entries[cells.index[corner][p] as usize];
-            }
-            let t = std::array::from_fn(|a| cells.fraction[a][p]);
-            let point = first + p;
-            if every > 0 && point.is_multiple_of(every) {
-                let (value, slopes) = interpolate::<D, F, true>(corners, t);
-                out[column..column + F].copy_from_slice(&value);
-                let rows = &mut jacobian[point / every * D * stride..][..D * stride];
-                for a in 0..D {
-                    let inside = (0.0..=1.0).contains(&here[p][a]);
-                    let scale = if inside { level.resolution[a] as f32 } else { 0.0 };
-                    rows[a * stride + column..][..F].copy_from_slice(&slopes[a].map(|s| s * scale));
-                }
-            } else {
-                let (value, _) = interpolate::<D, F, false>(corners, t);
-                out[column..column + F].copy_from_slice(&value);
+}
+
+impl Encoded<'_> {
+    /// Writes one level's features of the group whose first point is `first`.
+    #[inline(always)]
+    fn write<const D: usize, const F: usize>(
+        &mut self,
+        level: &Level<D>,
+        l: usize,
+        first: usize,
+        here: &[[f32; D]],
+        cells: &Cells<D>,
+        corners: &Corners<F>,
+    ) {
+        let Self { every, stride, .. } = *self;
+        let column = l * F;
+        let (mut value, mut slopes) = ([[0.0; F]; GROUP], [[[0.0; F]; GROUP]; D]);
+        let mut fraction = [[[0.0; F]; GROUP]; D];
+        for a in 0..D {
+            for p in 0..GROUP {
+                fraction[a][p] = [cells.fraction[a][p]; F];
             }
         }
+        if every > 0 {
+            interpolate::<D, F, true>(corners, &fraction, &mut value, &mut slopes);
+            for (p, x) in here.iter().enumerate().filter(|(p, _)| (first + p).is_multiple_of(every)) {
+                let rows = &mut self.jacobian[(first + p) / every * D * stride..][..D * stride];
+                for a in 0..D {
+                    let inside = x[a] >= 0.0 && x[a] <= 1.0;
+                    let scale = if inside { level.resolution[a] as f32 } else { 0.0 };
+                    for f in 0..F {
+                        rows[a * stride + column + f] = slopes[a][p][f] * scale;
+                    }
+                }
+            }
+        } else {
+            interpolate::<D, F, false>(corners, &fraction, &mut value, &mut slopes);
+        }
+        let rows = self.out[first * stride..].chunks_exact_mut(stride);
+        for (value, out) in value.iter().zip(rows).take(here.len()) {
+            out[column..column + F].copy_from_slice(value);
+        }
+    }
+}
+
+/// Up to `BLOCK` groups of points, `first` the first of them, through all levels.
+#[inline(always)]
+fn encode_block<const D: usize, const F: usize>(
+    grid: &HashGrid<D>,
+    table: &[f32],
+    points: &[[f32; D]],
+    first: usize,
+    encoded: &mut Encoded,
+) {
+    let (table, _) = table.as_chunks::<F>();
+    let levels = grid.levels();
+    let n_groups = points.len().div_ceil(GROUP);
+    let n_items = levels.len() * n_groups;
+    let mut xs = [[[0.0; GROUP]; D]; BLOCK];
+    for (xs, points) in xs.iter_mut().zip(points.chunks(GROUP)) {
+        *xs = transpose(points);
+    }
+    let mut ring = [Cells::<D>::NONE; RING];
+    let mut corners = [[[[0.0; F]; GROUP]; 8]; 2];
+    // An item is a level and a group. Each stage has its own.
+    let (mut asked, mut copied, mut written) = ((0, 0), (0, 0), (0, 0));
+    let next = |(l, g): (usize, usize)| if g + 1 < n_groups { (l, g + 1) } else { (l + 1, 0) };
+    let entries = |l: usize| &table[levels[l].offset..][..levels[l].n_entries];
+    for item in 0..n_items + AHEAD + 1 {
+        if item < n_items {
+            let (l, g) = asked;
+            ring[item % RING].locate(&levels[l], &xs[g], entries(l));
+            asked = next(asked);
+        }
+        if item >= AHEAD && item - AHEAD < n_items {
+            let entries = entries(copied.0);
+            let cells = &ring[(item - AHEAD) % RING];
+            for (index, corner) in cells.index.iter().zip(&mut corners[item % 2]).take(1 << D) {
+                for (&i, entry) in index.iter().zip(corner) {
+                    *entry = entries[i as usize];
+                }
+            }
+            copied = next(copied);
+        }
+        if item > AHEAD {
+            let (l, g) = written;
+            let here = &points[g * GROUP..points.len().min((g + 1) * GROUP)];
+            let cells = &ring[(item - AHEAD - 1) % RING];
+            encoded.write(&levels[l], l, first + g * GROUP, here, cells, &corners[(item + 1) % 2]);
+            written = next(written);
+        }
+    }
+}
+
+#[inline(always)]
+fn encode_points<const D: usize, const F: usize>(
+    grid: &HashGrid<D>,
+    table: &[f32],
+    points: &[[f32; D]],
+    encoded: &mut Encoded,
+) {
+    for (b, points) in points.chunks(BLOCK * GROUP).enumerate() {
+        encode_block::<D, F>(grid, table, points, b * BLOCK * GROUP, encoded);
     }
 }
 
@@ -216,7 +332,7 @@ pub(crate) struct Incoming<'a> {
     pub(crate) u: [&'a [f32]; 3],
 }
 
-/// Factors s · w + u · ∇w of a group, `[corner][point]`.
+/// Factors s · w + u · ∇w of a group's corners, `[point][corner]`.
 #[inline(always)]
 fn corner_factors<const D: usize>(
     level: &Level<D>,
@@ -224,45 +340,57 @@ fn corner_factors<const D: usize>(
     here: &[[f32; D]],
     first: usize,
     incoming: &Incoming,
-) -> [[f32; GROUP]; 8] {
+) -> [[f32; 8]; GROUP] {
+    let n = here.len();
     let mut q = [[0.0; GROUP]; 8];
     q[0] = [1.0; GROUP];
-    let n = here.len();
     if !incoming.s.is_empty() {
         q[0][..n].copy_from_slice(&incoming.s[first..first + n]);
     }
-    if incoming.u[0].is_empty() {
+    let mut u = [[0.0; GROUP]; D];
+    if !incoming.u[0].is_empty() {
+        let xs = transpose(here);
         for a in 0..D {
-            for corner in 0..1 << a {
-                for p in 0..GROUP {
-                    let (before, t) = (q[corner][p], cells.fraction[a][p]);
-                    q[corner][p] = before * (1.0 - t);
-                    q[corner | 1 << a][p] = before * t;
-                }
-            }
-        }
-        return q;
-    }
-    let xs = transpose(here);
-    let mut weight = [[1.0; GROUP]; 8];
-    for a in 0..D {
-        let mut u = [0.0; GROUP];
-        u[..n].copy_from_slice(&incoming.u[a][first..first + n]);
-        for p in 0..GROUP {
-            let inside = xs[a][p] >= 0.0 && xs[a][p] <= 1.0;
-            u[p] = if inside { u[p] * level.resolution[a] as f32 } else { 0.0 };
-        }
-        for corner in 0..1 << a {
+            let n_cells = level.resolution[a] as f32;
+            u[a][..n].copy_from_slice(&incoming.u[a][first..first + n]);
             for p in 0..GROUP {
-                let (before, w, t) = (q[corner][p], weight[corner][p], cells.fraction[a][p]);
-                q[corner][p] = before * (1.0 - t) - w * u[p];
-                q[corner | 1 << a][p] = before * t + w * u[p];
-                weight[corner][p] = w * (1.0 - t);
-                weight[corner | 1 << a][p] = w * t;
+                let inside = (xs[a][p] >= 0.0) & (xs[a][p] <= 1.0);
+                u[a][p] = if inside { u[a][p] * n_cells } else { 0.0 };
             }
         }
     }
-    q
+    // Axis by axis, every corner so far splits into a lower and an upper one.
+    let mut weight = [[1.0; GROUP]; 8];
+    split_corners::<0, D>(&mut q, &mut weight, &cells.fraction, &u);
+    split_corners::<1, D>(&mut q, &mut weight, &cells.fraction, &u);
+    if D == 3 {
+        split_corners::<2, D>(&mut q, &mut weight, &cells.fraction, &u);
+    }
+    let mut by_point = [[0.0; 8]; GROUP];
+    for p in 0..GROUP {
+        for corner in 0..8 {
+            by_point[p][corner] = q[corner][p];
+        }
+    }
+    by_point
+}
+
+#[inline(always)]
+fn split_corners<const A: usize, const D: usize>(
+    q: &mut [[f32; GROUP]; 8],
+    weight: &mut [[f32; GROUP]; 8],
+    fraction: &[[f32; GROUP]; D],
+    u: &[[f32; GROUP]; D],
+) {
+    for corner in 0..1 << A {
+        for p in 0..GROUP {
+            let (before, w, t) = (q[corner][p], weight[corner][p], fraction[A][p]);
+            q[corner][p] = before * (1.0 - t) - w * u[A][p];
+            q[corner | 1 << A][p] = before * t + w * u[A][p];
+            weight[corner][p] = w * (1.0 - t);
+            weight[corner | 1 << A][p] = w * t;
+        }
+    }
 }
 
 #[inline(always)]
@@ -279,26 +407,62 @@ fn scatter_level<const D: usize, const F: usize>(
     let touched = &mut touched[..(range.len() * F).div_ceil(LINE)];
     let (d, _) = incoming.d.as_chunks::<F>();
     let d = &d[..points.len()];
-    let whole = range.len() == level.n_entries;
     let start = range.start as u32;
-    let mut groups = Groups::new(level, points);
-    loop {
-        if whole {
-            fetch(gradient, &groups.next);
+    let mut ring = [Cells::<D>::NONE; RING];
+    // Neighbors on a ray often share a cell: what they send to its corners, `[feature][corner]`, is added up first.
+    let mut sum = [[0.0f32; 8]; F];
+    let mut index = [u32::MAX; 8];
+    let mut cell = [u32::MAX; D];
+    let n_groups = points.len().div_ceil(GROUP);
+    for item in 0..n_groups + AHEAD {
+        if item < n_groups {
+            // Where several owners share a level, the addresses asked for are not its own; asking never faults.
+            ring[item % RING].locate(level, &transpose(&points[item * GROUP..]), gradient);
         }
-        let Some((first, cells, here)) = groups.advance() else { break };
-        let q = corner_factors(level, &cells, here, first, incoming);
+        if item < AHEAD {
+            continue;
+        }
+        let (cells, first) = (&ring[(item - AHEAD) % RING], (item - AHEAD) * GROUP);
+        if first >= points.len() {
+            break;
+        }
+        let here = &points[first..points.len().min(first + GROUP)];
+        let q = corner_factors(level, cells, here, first, incoming);
         for (p, d) in d[first..first + here.len()].iter().enumerate() {
-            for corner in 0..1 << D {
-                let i = cells.index[corner][p].wrapping_sub(start) as usize;
-                // Entries of other owners are theirs to add to.
-                if let Some(entry) = gradient.get_mut(i) {
-                    for f in 0..F {
-                        entry[f] += q[corner][p] * d[f];
-                    }
-                    touched[i * F / LINE] = 1;
+            if !cells.is_at(p, cell) {
+                add_to_corners::<F, D>(&sum, &index, start, gradient, touched);
+                sum = [[0.0; 8]; F];
+                cell = cells.vertex_of(p);
+                for corner in 0..8 {
+                    index[corner] = cells.index[corner][p];
                 }
             }
+            for f in 0..F {
+                for corner in 0..8 {
+                    sum[f][corner] += q[p][corner] * d[f];
+                }
+            }
+        }
+    }
+    add_to_corners::<F, D>(&sum, &index, start, gradient, touched);
+}
+
+#[inline(always)]
+fn add_to_corners<const F: usize, const D: usize>(
+    sum: &[[f32; 8]; F],
+    index: &[u32; 8],
+    start: u32,
+    gradient: &mut [[f32; F]],
+    touched: &mut [u8],
+) {
+    for corner in 0..1 << D {
+        let i = index[corner].wrapping_sub(start) as usize;
+        // Entries of other owners are theirs to add to.
+        if let Some(entry) = gradient.get_mut(i) {
+            for f in 0..F {
+                entry[f] += sum[f][corner];
+            }
+            touched[i * F / LINE] = 1;
         }
     }
 }
@@ -328,10 +492,8 @@ pub(crate) fn encode_inlined<const D: usize>(
     jacobian: &mut [f32],
     stride: usize,
 ) {
-    for (l, level) in grid.levels().iter().enumerate() {
-        let column = l * grid.config().n_features_per_level;
-        by_features!(grid, encode_level(level, table, points, every, out, jacobian, stride, column));
-    }
+    let mut encoded = Encoded { every, out, jacobian, stride };
+    by_features!(grid, encode_points(grid, table, points, &mut encoded));
 }
 
 /// Features of many points: `out[point][l·F + f]`. Runs on the calling thread.
