@@ -57,6 +57,8 @@ pub(crate) enum Command {
     Reconstruct(Reconstruct),
     /// Judge a result: against the truth, or against another result.
     Evaluate(Evaluate),
+    /// Measure this machine, and how close the kernels and training steps come to what it allows.
+    Bench(Bench),
 }
 
 /// `nelu3d demo`
@@ -157,6 +159,24 @@ pub(crate) struct Evaluate {
     /// Rig folder whose projector to use for that.
     #[arg(long, value_name = "RIG")]
     pub rig: Option<PathBuf>,
+}
+
+/// `nelu3d bench`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Bench {
+    /// Only kernels and steps with this in their name; "step" for all training steps.
+    #[arg(default_value = "")]
+    pub filter: String,
+    /// Processor seconds for each kernel and step.
+    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = seconds)]
+    pub seconds: f64,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(secs) if (0.0..=60.0).contains(&secs) => Ok(secs),
+        _ => Err("a number from 0 to 60".into()),
+    }
 }
 
 #[cfg(test)]

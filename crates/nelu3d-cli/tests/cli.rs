@@ -32,7 +32,7 @@ fn assert_one_sentence(output: &Output, what: &str) {
 fn help_lists_the_commands() {
     let out = nelu3d(&["--help"]);
     assert_eq!(code(&out), 0);
-    for command in ["demo", "simulate", "check", "calibrate", "reconstruct", "evaluate"] {
+    for command in ["demo", "simulate", "check", "calibrate", "reconstruct", "evaluate", "bench"] {
         assert!(stdout(&out).contains(&format!("\n  {command} ")), "{command}");
         let help = nelu3d(&[command, "--help"]);
         assert_eq!(code(&help), 0, "{command}");
@@ -44,7 +44,7 @@ fn help_lists_the_commands() {
 
 #[test]
 fn wrong_usage_is_2() {
-    let wrong: [&[&str]; 8] = [
+    let wrong: [&[&str]; 9] = [
         &[],
         &["fly"],
         &["check"],
@@ -53,12 +53,24 @@ fn wrong_usage_is_2() {
         &["evaluate", "result"],
         &["evaluate", "result", "--truth", "a", "--against", "b"],
         &["check", "rig", "--threads", "0"],
+        &["bench", "--seconds", "much"],
     ];
     for args in wrong {
         let out = nelu3d(args);
         assert_eq!(code(&out), 2, "{args:?}: {}", stderr(&out));
         assert_eq!(stdout(&out), "", "{args:?}");
     }
+}
+
+#[test]
+fn bench_says_how_close_to_the_ceiling_a_kernel_is() {
+    let out = nelu3d(&["bench", "compositing", "--seconds", "0", "--json", "--quiet"]);
+    assert_eq!(code(&out), 0, "{}", stderr(&out));
+    let report: serde_json::Value = serde_json::from_str(&stdout(&out)).unwrap();
+    assert!(report["machine"]["flops_per_sec"].as_f64().unwrap() > 1e8);
+    assert_eq!(report["kernels"].as_array().unwrap().len(), 1);
+    assert!(report["kernels"][0]["share_of_ceiling"].as_f64().unwrap() > 0.0);
+    assert_one_sentence(&nelu3d(&["bench", "no-such-kernel", "--quiet"]), "no-such-kernel");
 }
 
 #[test]

@@ -23,6 +23,7 @@ pub mod bench;
 pub mod encoding;
 pub mod field;
 pub mod loss;
+mod memory;
 pub mod mlp;
 mod prefetch;
 mod real;

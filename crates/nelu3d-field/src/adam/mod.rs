@@ -8,6 +8,7 @@
 pub mod cpu;
 pub mod reference;
 
+use crate::memory::zeros;
 use serde::{Deserialize, Serialize};
 
 /// First and second moments of some parameters' gradients.
@@ -46,7 +47,7 @@ pub struct MomentBuffers {
 impl MomentBuffers {
     /// For `n` parameters.
     pub fn new(n: usize) -> Self {
-        Self { first: vec![0.0; n], second: vec![0.0; n] }
+        Self { first: zeros(n), second: zeros(n) }
     }
 
     /// All of them.

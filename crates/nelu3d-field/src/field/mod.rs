@@ -9,6 +9,7 @@ pub(crate) mod train;
 pub use config::{FieldError, HashFieldConfig, RegressionLoss, TrainConfig};
 
 use crate::encoding::hash_grid::HashGrid;
+use crate::memory;
 use crate::mlp::MlpConfig;
 use crate::mlp::cpu::PackedMlp;
 use train::Training;
@@ -46,7 +47,7 @@ impl<const D: usize> HashField<D> {
     /// [`FieldError`] for a configuration out of range.
     pub fn new(config: HashFieldConfig<D>, seed: u64) -> Result<Self, FieldError> {
         let (grid, mlp) = config.build()?;
-        let mut params = vec![0.0; grid.n_params() + mlp.n_params()];
+        let mut params = memory::zeros(grid.n_params() + mlp.n_params());
         let (table, network) = params.split_at_mut(grid.n_params());
         grid.init(seed, table);
         mlp.init(seed.wrapping_add(1), network);

@@ -1,8 +1,9 @@
 //! Scatter and lazy update of a hash table: every part of it has one owner, who goes through all points in order.
 
 use crate::adam::{self, AdamConfig, Moments};
-use crate::encoding::hash_grid::cpu::{self as hash_grid, Incoming, LINE};
 use crate::encoding::hash_grid::HashGrid;
+use crate::encoding::hash_grid::cpu::{self as hash_grid, Incoming, LINE};
+use crate::memory;
 use std::ops::Range;
 use std::sync::Mutex;
 
@@ -66,14 +67,7 @@ impl<const D: usize> TableStep<'_, '_, D> {
         );
     }
 
-    fn entries(
-        &self,
-        level: usize,
-        range: Range<usize>,
-        n_owners: usize,
-        table: &mut [f32],
-        moments: Moments,
-    ) {
+    fn entries(&self, level: usize, range: Range<usize>, n_owners: usize, table: &mut [f32], moments: Moments) {
         let n_features = self.grid.config().n_features_per_level;
         if n_owners > 1 {
             let middle = range.start + (range.len() / 2).next_multiple_of(LINE);
@@ -90,7 +84,7 @@ impl<const D: usize> TableStep<'_, '_, D> {
         let (mut gradient, mut touched) = lock().pop().unwrap_or_default();
         let n = table.len();
         if gradient.len() < n {
-            gradient.resize(n, 0.0);
+            gradient = memory::zeros(n);
             touched.resize(n.div_ceil(LINE), 0);
         }
         let (mine, marks) = (&mut gradient[..n], &mut touched[..n.div_ceil(LINE)]);

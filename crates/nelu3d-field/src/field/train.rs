@@ -29,8 +29,9 @@ pub(crate) struct Training {
 impl Training {
     /// For this many parameters, the last `n_network` of them the network's.
     pub(crate) fn resize(&mut self, n_params: usize, n_network: usize) {
-        self.moments.first.resize(n_params, 0.0);
-        self.moments.second.resize(n_params, 0.0);
+        if self.moments.first.len() != n_params {
+            self.moments = MomentBuffers::new(n_params);
+        }
         self.network_gradient.resize(n_network, 0.0);
     }
 }
@@ -98,7 +99,18 @@ impl<const D: usize> HashField<D> {
             let loss = config.training.loss;
             let append = config.append_position;
             let table = &*table;
-            Arch::new().dispatch(ChunkStep { grid, append, table, packed, loss, scale, points, targets, weights, chunk });
+            Arch::new().dispatch(ChunkStep {
+                grid,
+                append,
+                table,
+                packed,
+                loss,
+                scale,
+                points,
+                targets,
+                weights,
+                chunk,
+            });
         });
         let mut loss = 0.0;
         network_gradient.fill(0.0);

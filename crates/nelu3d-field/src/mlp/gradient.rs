@@ -134,7 +134,17 @@ pub(crate) fn accumulate<S: Simd>(
         let (stride, width) = (padded(n_in), padded(n_out));
         if tangent_rows > 0 {
             let next = &mut next[..tangent_rows * width];
-            gemm::multiply(simd, &now[..tangent_rows * stride], stride, n_in, &layer.transposed, width, None, false, next);
+            gemm::multiply(
+                simd,
+                &now[..tangent_rows * stride],
+                stride,
+                n_in,
+                &layer.transposed,
+                width,
+                None,
+                false,
+                next,
+            );
             for (t, next) in next.chunks_exact_mut(width).enumerate().take(n_tangents) {
                 gate(next, &hidden[l][t * every * width..][..width]);
             }

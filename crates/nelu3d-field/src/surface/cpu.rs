@@ -123,7 +123,8 @@ impl NeuralSurface {
         let chunks = &mut chunks[..n_chunks];
         let every = config.loss.eikonal_every;
         let samples_of = |rays: &Range<usize>| batch.offsets[rays.end] - batch.offsets[rays.start];
-        let n_eikonal: usize = if every == 0 { 0 } else { all_blocks.iter().map(|b| samples_of(b).div_ceil(every)).sum() };
+        let n_eikonal: usize =
+            if every == 0 { 0 } else { all_blocks.iter().map(|b| samples_of(b).div_ceil(every)).sum() };
 
         let training = &mut **field.training.get_or_insert_default();
         training.resize(field.params.len(), field.mlp.n_params());
@@ -185,7 +186,14 @@ impl NeuralSurface {
         if config.sharpness_learning_rate > 0.0 {
             let rate = config.sharpness_learning_rate * factor;
             let d_sharpness = (10.0 * inv_s * d_inv_s) as f32;
-            adam::cpu::step(&settings.adam, rate, step, std::slice::from_mut(sharpness), sharpness_moments.all(), &[d_sharpness]);
+            adam::cpu::step(
+                &settings.adam,
+                rate,
+                step,
+                std::slice::from_mut(sharpness),
+                sharpness_moments.all(),
+                &[d_sharpness],
+            );
         }
         training.n_steps += 1;
         losses

@@ -190,7 +190,13 @@ impl NeuralSurface {
         }
         let field = HashField::new(config.field.clone(), seed)?;
         let sharpness = config.sharpness as f32;
-        Ok(Self { config, field, sharpness, sharpness_moments: MomentBuffers::new(1), scratch: cpu::StepScratch::default() })
+        Ok(Self {
+            config,
+            field,
+            sharpness,
+            sharpness_moments: MomentBuffers::new(1),
+            scratch: cpu::StepScratch::default(),
+        })
     }
 
     /// The configuration.

@@ -63,7 +63,8 @@ pub fn loss_and_gradient<T: Real>(
     // Compositing.
     let inv_s = (T::of(10.0) * sharpness).exp();
     let colors: Vec<T> = widen(batch.colors, n * k, 0.0);
-    let (measured, white): (Vec<T>, Vec<T>) = (widen(batch.measured, n_rays * k, 0.0), widen(batch.white, n_rays * k, 1.0));
+    let (measured, white): (Vec<T>, Vec<T>) =
+        (widen(batch.measured, n_rays * k, 0.0), widen(batch.white, n_rays * k, 1.0));
     let mask: Vec<T> = widen(batch.mask, n_rays, 0.0);
     let ambient = if ambient.is_empty() { vec![zero; n_rays * k] } else { ambient.to_vec() };
     let mut weights = vec![zero; n];
@@ -110,11 +111,8 @@ pub fn loss_and_gradient<T: Real>(
     let eikonal = loss::reference::eikonal(&gradients, &mut d_gradients);
 
     // Backward: first what volume rendering sends to the distances, then both roads through the field.
-    let mut out = SurfaceGradient {
-        params: vec![zero; params.len()],
-        sharpness: zero,
-        ambient: vec![zero; n_rays * k],
-    };
+    let mut out =
+        SurfaceGradient { params: vec![zero; params.len()], sharpness: zero, ambient: vec![zero; n_rays * k] };
     let mut d_sdf: Vec<T> = d_sparsity.iter().map(|&d| T::of(settings.sparsity_weight) * d).collect();
     for r in 0..n_rays {
         let samples = batch.offsets[r]..batch.offsets[r + 1];
@@ -128,7 +126,13 @@ pub fn loss_and_gradient<T: Real>(
         let mut d_weights = vec![T::of(settings.mask_weight) * d_opacity[r]; samples.len()];
         let mut frozen = vec![zero; samples.len() * k];
         let colors = &colors[samples.start * k..samples.end * k];
-        volrend::reference::accumulate_backward(&weights[samples.clone()], colors, &d_image, &mut d_weights, &mut frozen);
+        volrend::reference::accumulate_backward(
+            &weights[samples.clone()],
+            colors,
+            &d_image,
+            &mut d_weights,
+            &mut frozen,
+        );
         let mut d_ray = vec![zero; samples.len()];
         let d_inv_s = volrend::reference::render_weights_backward(&sdf[samples.clone()], inv_s, &d_weights, &mut d_ray);
         out.sharpness += T::of(10.0) * inv_s * d_inv_s;
@@ -149,9 +153,7 @@ pub fn loss_and_gradient<T: Real>(
 
     let image = ((one - alpha) * pattern + alpha * lookup).to_f64();
     let (mask, eikonal, sparsity) = (mask.to_f64(), eikonal.to_f64(), sparsity.to_f64());
-    let total = image
-        + settings.mask_weight * mask
-        + settings.eikonal_weight * eikonal
-        + settings.sparsity_weight * sparsity;
+    let total =
+        image + settings.mask_weight * mask + settings.eikonal_weight * eikonal + settings.sparsity_weight * sparsity;
     (SurfaceLosses { total, image, mask, eikonal, sparsity }, out)
 }

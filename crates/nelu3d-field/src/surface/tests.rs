@@ -103,8 +103,7 @@ fn reference_gradients_match_central_differences() {
             reference::loss_and_gradient(&config, &grid, &network, params, v, ambient, &rays.batch()).0.total
         };
         let v = config.sharpness;
-        let (_, gradient) =
-            reference::loss_and_gradient(&config, &grid, &network, &params, v, &ambient, &rays.batch());
+        let (_, gradient) = reference::loss_and_gradient(&config, &grid, &network, &params, v, &ambient, &rays.batch());
         // Steps small enough that no unit, clamp or absolute value changes sides.
         assert_gradient(&params, &gradient.params, 1e-6, |p| loss(p, v, &ambient));
         assert_gradient(&[v], &[gradient.sharpness], 1e-6, |v| loss(&params, v[0], &ambient));

@@ -1,5 +1,5 @@
 //! Fast form: the argument is reduced exactly (doubling and subtracting whole periods are exact in binary), so high
-//! octaves lose nothing, and one polynomial serves sine and cosine in a loop that vectorizes.
+//! octaves lose nothing, and one polynomial serves sine and cosine, in loops over eight points that vectorize.
 
 use super::Frequency;
 use pulp::{Arch, Simd, WithSimd};
@@ -22,17 +22,36 @@ fn sin_cos_pi(r: f32) -> (f32, f32) {
     (s, c)
 }
 
-/// Calls `visit(feature index of the sine, axis, sin, cos)` for one point.
-#[inline(always)]
-fn each<const D: usize>(encoding: Frequency, x: [f32; D], mut visit: impl FnMut(usize, usize, f32, f32)) {
-    for (a, &x) in x.iter().enumerate() {
-        let mut r = x;
-        for k in 0..encoding.n_frequencies {
-            r -= 2.0 * (0.5 * r).round_ties_even();
-            let (sin, cos) = sin_cos_pi(r);
-            visit(2 * (a * encoding.n_frequencies + k), a, sin, cos);
-            r *= 2.0;
+/// Points worked on together.
+const GROUP: usize = 8;
+
+/// Sines and cosines of one axis, octave after octave.
+struct Octaves {
+    /// x reduced to a period, times 2^k.
+    r: [f32; GROUP],
+}
+
+impl Octaves {
+    /// Of the points' coordinates along `axis`; missing points are at the origin.
+    #[inline(always)]
+    fn new<const D: usize>(points: &[[f32; D]], axis: usize) -> Self {
+        let mut r = [0.0; GROUP];
+        for (r, x) in r.iter_mut().zip(points) {
+            *r = x[axis];
         }
+        Self { r }
+    }
+
+    /// The next octave's.
+    #[inline(always)]
+    fn advance(&mut self) -> ([f32; GROUP], [f32; GROUP]) {
+        let (mut sin, mut cos) = ([0.0; GROUP], [0.0; GROUP]);
+        for p in 0..GROUP {
+            let r = self.r[p] - 2.0 * (0.5 * self.r[p]).round_ties_even();
+            (sin[p], cos[p]) = sin_cos_pi(r);
+            self.r[p] = 2.0 * r;
+        }
+        (sin, cos)
     }
 }
 
@@ -44,11 +63,19 @@ pub fn forward<const D: usize>(encoding: Frequency, points: &[[f32; D]], out: &m
         #[inline(always)]
         fn with_simd<S: Simd>(self, _: S) {
             let Self(encoding, points, out) = self;
-            for (&x, out) in points.iter().zip(out.chunks_exact_mut(encoding.n_features(D))) {
-                each(encoding, x, |i, _, sin, cos| {
-                    out[i] = sin;
-                    out[i + 1] = cos;
-                });
+            let n = encoding.n_features(D);
+            for (points, out) in points.chunks(GROUP).zip(out.chunks_mut(GROUP * n)) {
+                for a in 0..D {
+                    let mut octaves = Octaves::new(points, a);
+                    for k in 0..encoding.n_frequencies {
+                        let (sin, cos) = octaves.advance();
+                        let column = 2 * (a * encoding.n_frequencies + k);
+                        for (p, row) in out.chunks_exact_mut(n).enumerate() {
+                            row[column] = sin[p];
+                            row[column + 1] = cos[p];
+                        }
+                    }
+                }
             }
         }
     }
@@ -67,15 +94,27 @@ pub fn backward<const D: usize>(encoding: Frequency, points: &[[f32; D]], d_out:
         fn with_simd<S: Simd>(self, _: S) {
             let Self(encoding, points, d_out, d_points) = self;
             let n = encoding.n_features(D);
-            for (p, (&x, d_x)) in points.iter().zip(d_points).enumerate() {
-                let d_out = &d_out[p * n..][..n];
-                let mut sum = [0.0; D];
-                let mut omega = [std::f32::consts::PI; D];
-                each(encoding, x, |i, a, sin, cos| {
-                    sum[a] += omega[a] * (d_out[i] * cos - d_out[i + 1] * sin);
-                    omega[a] *= 2.0;
-                });
-                *d_x = sum;
+            if n == 0 {
+                return d_points.fill([0.0; D]);
+            }
+            let blocks = points.chunks(GROUP).zip(d_points.chunks_mut(GROUP));
+            for ((points, d_points), d_out) in blocks.zip(d_out.chunks(GROUP * n)) {
+                for a in 0..D {
+                    let mut octaves = Octaves::new(points, a);
+                    let mut omega = std::f32::consts::PI;
+                    let mut sum = [0.0; GROUP];
+                    for k in 0..encoding.n_frequencies {
+                        let (sin, cos) = octaves.advance();
+                        let column = 2 * (a * encoding.n_frequencies + k);
+                        for (p, row) in d_out.chunks_exact(n).enumerate() {
+                            sum[p] += omega * (row[column] * cos[p] - row[column + 1] * sin[p]);
+                        }
+                        omega *= 2.0;
+                    }
+                    for (d, sum) in d_points.iter_mut().zip(sum) {
+                        d[a] = sum;
+                    }
+                }
             }
         }
     }

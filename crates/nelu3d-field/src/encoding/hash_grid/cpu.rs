@@ -240,8 +240,11 @@ impl Encoded<'_> {
         }
         if every > 0 {
             interpolate::<D, F, true>(corners, &fraction, &mut value, &mut slopes);
-            for (p, x) in here.iter().enumerate().filter(|(p, _)| (first + p).is_multiple_of(every)) {
-                let rows = &mut self.jacobian[(first + p) / every * D * stride..][..D * stride];
+            // The group's first point that is one of them, then every `every`-th.
+            let start = first.next_multiple_of(every);
+            for (row, p) in (start - first..here.len()).step_by(every).enumerate() {
+                let x = here[p];
+                let rows = &mut self.jacobian[(start / every + row) * D * stride..][..D * stride];
                 for a in 0..D {
                     let inside = x[a] >= 0.0 && x[a] <= 1.0;
                     let scale = if inside { level.resolution[a] as f32 } else { 0.0 };
@@ -511,14 +514,7 @@ pub fn forward_with_jacobian<const D: usize>(
     out: &mut [f32],
     jacobian: &mut [f32],
 ) {
-    struct Forward<'a, const D: usize>(
-        &'a HashGrid<D>,
-        &'a [f32],
-        &'a [[f32; D]],
-        usize,
-        &'a mut [f32],
-        &'a mut [f32],
-    );
+    struct Forward<'a, const D: usize>(&'a HashGrid<D>, &'a [f32], &'a [[f32; D]], usize, &'a mut [f32], &'a mut [f32]);
     impl<const D: usize> WithSimd for Forward<'_, D> {
         type Output = ();
         #[inline(always)]

@@ -107,12 +107,12 @@ impl<const D: usize> Level<D> {
         for (a, factor) in self.factors().into_iter().enumerate().take(D) {
             let along = (vertex[a] / 2).wrapping_mul(factor);
             brick = if self.dense { brick + along } else { brick ^ along };
-            corner |= vertex[a] % 2 << a;
+            corner |= (vertex[a] % 2) << a;
         }
         if !self.dense {
             brick &= (self.n_entries >> D) as u32 - 1;
         }
-        (brick << D | corner) as usize
+        ((brick << D) | corner) as usize
     }
 }
 

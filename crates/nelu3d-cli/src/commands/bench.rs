@@ -1,0 +1,20 @@
+//! `nelu3d bench`: what the machine can do, and how much of it the engine uses.
+
+use std::process::ExitCode;
+
+use anyhow::Result;
+use nelu3d_field::bench::Report;
+
+use super::Context;
+use crate::args;
+
+/// Runs the command.
+pub(crate) fn run(args: args::Bench, context: &Context) -> Result<ExitCode> {
+    let mut threads = vec![1, rayon::current_num_threads()];
+    threads.dedup();
+    context.progress.stage("Measuring");
+    let tick = |done, total| context.progress.tick(done, total);
+    let report = Report::measure(&args.filter, &threads, args.seconds, &tick, &|| context.progress.cancelled())?;
+    context.answer(&report, || report.to_string())?;
+    Ok(ExitCode::SUCCESS)
+}
