@@ -17,8 +17,10 @@ use nelu3d_scan::{Camera, Rig};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::color_field::bins::Bins;
+use crate::color_field::fit::{Smoothness, fit};
 use crate::color_field::frame::{Center, Frame};
-use crate::color_field::grid::{Bins, Grid, Smoothness, fit};
+use crate::color_field::grid::Grid;
 use crate::color_field::hash::{HashForm, HashSettings};
 use crate::color_field::validity::Validity;
 use crate::color_field::{About, ColorField, Form, Quality};
@@ -581,7 +583,8 @@ impl Fit {
             FormKind::Grid => {
                 // Coarse to fine: the coarse fit fills what the fine one cannot see.
                 let mut grid = Grid::new([cells[0] / 4 + 1, cells[1] / 4 + 1, cells[2]], k);
-                fit(&mut grid, &bins, smoothness(center), 30, progress);
+                let coarse = bins.merged([cells[0] / 4 + 1, cells[1] / 4 + 1, along]);
+                fit(&mut grid, &coarse, smoothness(center), 30, progress);
                 let mut grid = grid.resampled(cells);
                 fit(&mut grid, &bins, smoothness(center), 20, progress);
                 Form::Grid(grid)
