@@ -25,6 +25,31 @@ pub(crate) struct Sample<'a> {
     pub(crate) moments: &'a [f32],
 }
 
+/// Rows of bins that are filled together.
+const STRIPE: usize = 16;
+
+/// Samples on their way into [`Bins`], sorted by rows of bins so that these can be filled in parallel.
+#[derive(Clone)]
+pub struct Gathered {
+    rows: usize,
+    k: usize,
+    /// Per stripe of rows and sample: coordinates, values, weights.
+    stripes: Vec<Vec<f32>>,
+}
+
+impl Gathered {
+    /// Adds a sample, as [`Bins::add`] would.
+    #[inline]
+    pub fn push(&mut self, q: [f32; 3], values: &[f32], omegas: &[f32]) {
+        assert!(values.len() == self.k && omegas.len() == self.k);
+        let row = ((q[1] * self.rows as f32) as i32).clamp(0, self.rows as i32 - 1) as usize;
+        let stripe = &mut self.stripes[row / STRIPE];
+        stripe.extend_from_slice(&q);
+        stripe.extend_from_slice(values);
+        stripe.extend_from_slice(omegas);
+    }
+}
+
 impl Bins {
     /// Empty bins over the unit cube, `counts` along a, b and w.
     pub fn new(counts: [usize; 3], k: usize) -> Self {
@@ -34,6 +59,11 @@ impl Bins {
     /// Channels.
     pub(crate) fn k(&self) -> usize {
         self.k
+    }
+
+    /// Bins along a, b and w.
+    pub(crate) fn counts(&self) -> [usize; 3] {
+        self.counts
     }
 
     /// Bins along b.
@@ -51,20 +81,27 @@ impl Bins {
 
     /// Adds one sample: unit coordinates, k values, k weights (0 = that channel is missing).
     pub fn add(&mut self, q: [f32; 3], values: &[f32], omegas: &[f32]) {
-        let Some(cell) = cell_of(self.counts, q) else { return };
-        let mean = omegas.iter().sum::<f32>() / self.k as f32;
-        if mean <= 0.0 {
-            return;
-        }
-        let stride = self.stride();
-        let at = ((cell[1] * self.counts[0] + cell[0]) * self.counts[2] + cell[2]) * stride;
-        let bin = &mut self.sums[at..at + stride];
-        gather(bin, self.counts, cell, q, mean);
-        let (w, wv) = bin[4..].split_at_mut(self.k);
-        for j in 0..w.len() {
-            w[j] += omegas[j];
-            wv[j] += omegas[j] * values[j];
-        }
+        add(&mut self.sums, self.counts, 0, q, values, omegas);
+    }
+
+    /// An empty collection of samples for these bins.
+    pub fn gathered(&self) -> Gathered {
+        Gathered { rows: self.counts[1], k: self.k, stripes: vec![Vec::new(); self.counts[1].div_ceil(STRIPE)] }
+    }
+
+    /// Adds collections made by [`Self::gathered`]: rows of bins in parallel, each bin's samples in order.
+    pub fn add_all(&mut self, parts: &[Gathered]) {
+        let (counts, k) = (self.counts, self.k);
+        let per_stripe = self.per_row() * STRIPE;
+        self.sums.par_chunks_mut(per_stripe).enumerate().for_each(|(stripe, sums)| {
+            for part in parts {
+                for record in part.stripes[stripe].chunks_exact(3 + 2 * k) {
+                    let (q, rest) = record.split_at(3);
+                    let (values, omegas) = rest.split_at(k);
+                    add(sums, counts, stripe * STRIPE, [q[0], q[1], q[2]], values, omegas);
+                }
+            }
+        });
     }
 
     /// Calls `f` for the filled bins of row `b`, in order.
@@ -125,6 +162,26 @@ impl Bins {
     }
 }
 
+/// Adds a sample to the bins of the rows from `first` on.
+#[inline(always)]
+fn add(sums: &mut [f32], counts: [usize; 3], first: usize, q: [f32; 3], values: &[f32], omegas: &[f32]) {
+    let Some(cell) = cell_of(counts, q) else { return };
+    let k = values.len();
+    let mean = omegas.iter().sum::<f32>() / k as f32;
+    if mean <= 0.0 {
+        return;
+    }
+    let stride = 4 + 2 * k;
+    let at = (((cell[1] - first) * counts[0] + cell[0]) * counts[2] + cell[2]) * stride;
+    let bin = &mut sums[at..at + stride];
+    gather(bin, counts, cell, q, mean);
+    let (w, wv) = bin[4..].split_at_mut(k);
+    for j in 0..k {
+        w[j] += omegas[j];
+        wv[j] += omegas[j] * values[j];
+    }
+}
+
 /// The bin of a point; `None` outside the unit cube.
 #[inline(always)]
 fn cell_of(counts: [usize; 3], q: [f32; 3]) -> Option<[usize; 3]> {
@@ -145,6 +202,23 @@ fn gather(bin: &mut [f32], counts: [usize; 3], cell: [usize; 3], q: [f32; 3], me
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn collections_fill_bins_as_samples_one_by_one_do() {
+        let mut one_by_one = Bins::new([7, 40, 3], 2);
+        let mut together = Bins::new([7, 40, 3], 2);
+        let mut parts = vec![together.gathered(), together.gathered()];
+        for i in 0..3000 {
+            // Some lie outside the cube, and are ignored.
+            let at = |step: f32| (i as f32 * step).fract() * 1.1 - 0.05;
+            let (q, v, w) = ([at(0.618_034), at(0.754_878), at(0.569_84)], [at(0.3), at(0.7)], [1.0, (i % 3) as f32]);
+            one_by_one.add(q, &v, &w);
+            parts[i / 1500].push(q, &v, &w);
+        }
+        together.add_all(&parts);
+        assert!(one_by_one.sums.iter().any(|s| *s > 0.0));
+        assert_eq!(one_by_one.sums, together.sums);
+    }
 
     #[test]
     fn merging_keeps_every_sum() {

@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::super::bins::{Bins, Sample};
-use super::super::grid::{Grid, weights};
+use super::super::grid::Grid;
 
 /// Rows of cells that one task owns; neighbors of the same parity never touch the same nodes.
 const STRIPE: usize = 16;
@@ -34,6 +34,30 @@ struct Support {
 struct Strides {
     row: usize,
     column: usize,
+}
+
+/// The cell that holds `q`, and the spline weights there: four arrays, one a weight, of one lane an axis. What
+/// [`Grid::locate_in`] and [`weights`](super::super::grid::weights) say, with the three axes side by side in vector
+/// registers; the fourth lane is idle.
+#[inline(always)]
+fn lanes(q: [f32; 3], cells: [i32; 3]) -> ([i32; 4], [[f32; 4]; 4]) {
+    const SIXTH: f32 = 1.0 / 6.0;
+    let q = [q[0], q[1], q[2], 0.0];
+    let n = [cells[0], cells[1], cells[2], 1];
+    let mut cell = [0i32; 4];
+    let mut w = [[0.0f32; 4]; 4];
+    for i in 0..4 {
+        let u = q[i] * n[i] as f32;
+        cell[i] = (u as i32).clamp(0, n[i] - 1);
+        let f = u - cell[i] as f32;
+        let g = 1.0 - f;
+        let (f2, g2) = (f * f, g * g);
+        w[0][i] = g2 * g * SIXTH;
+        w[1][i] = (4.0 - f2 * (6.0 - 3.0 * f)) * SIXTH;
+        w[2][i] = (4.0 - g2 * (6.0 - 3.0 * g)) * SIXTH;
+        w[3][i] = f2 * f * SIXTH;
+    }
+    (cell, w)
 }
 
 /// `run = Σ weight · run of x`. `R` is the length of a run, known to the compiler, or 0.
@@ -114,15 +138,20 @@ impl<'a> Normal<'a> {
                 let first = ((cells.start as f64 * ratio) as usize).saturating_sub(1);
                 let last = ((cells.end as f64 * ratio) as usize + 2).min(self.bins.n_rows());
                 let mut state = state();
+                let n_cells = self.cells.map(|c| c as i32);
                 let mut visit = |s: Sample<'_>| {
-                    let (cell, frac) = Grid::locate_in(self.cells, s.q);
-                    if cells.contains(&cell[1]) {
-                        let [wa, wb, along] = [weights(frac[0]), weights(frac[1]), weights(frac[2])];
-                        let base = (cell[1] - cells.start) * row + cell[0] * column + cell[2] * self.k;
-                        let mut across = [wa; 4];
-                        for (row, b) in across.iter_mut().zip(wb) {
-                            row.iter_mut().for_each(|w| *w *= b);
+                    let (cell, weights) = lanes(s.q, n_cells);
+                    if cells.contains(&(cell[1] as usize)) {
+                        let (mut along, mut across) = ([0.0; 4], [[0.0; 4]; 4]);
+                        for i in 0..4 {
+                            along[i] = weights[i][2];
+                            for j in 0..4 {
+                                across[i][j] = weights[i][1] * weights[j][0];
+                            }
                         }
+                        let base = (cell[1] as usize - cells.start) * row
+                            + cell[0] as usize * column
+                            + cell[2] as usize * self.k;
                         f(&mut state, &s, &mut Support { base, across, along }, chunk, cells.start * row);
                     }
                 };
