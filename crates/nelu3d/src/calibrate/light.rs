@@ -5,11 +5,19 @@
 //! there. This is solved by robust Gauss-Newton over a coarse search, with lever arms (distances between the two
 //! positions) that grow as the center gets better. No model of the projector is involved but that its light is straight.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 use nelu3d_scan::Camera;
 use rayon::prelude::*;
 
-use super::sweep::Sweep;
+use super::placed::Board;
+use super::sweep::Position;
+use crate::progress::Progress;
+
+/// Most positions that the search looks at. They are spread over the whole sweep, so more would only add shorter steps to
+/// the lever arms.
+const MAX_VIEWS: usize = 48;
+/// Most bytes of their images; larger ones are averaged over square blocks of pixels.
+const VIEWS_BUDGET: usize = 1 << 28;
 
 /// The light's center seen from the middle of the volume: a direction and an inverse distance (0 = at infinity).
 #[derive(Clone, Copy, Debug)]
@@ -24,13 +32,56 @@ pub struct LightCenter {
     pub residual: f64,
 }
 
-/// Smoothed codeword images of all positions, and where their boards are.
-struct Transport<'a> {
-    camera: &'a Camera,
-    sweep: &'a Sweep,
+/// Indices of the positions that the search looks at, of `n`: all of them, or an even selection with both ends.
+pub fn selection(n: usize) -> Vec<usize> {
+    if n <= MAX_VIEWS { (0..n).collect() } else { (0..MAX_VIEWS).map(|i| i * (n - 1) / (MAX_VIEWS - 1)).collect() }
+}
+
+/// Smoothed codeword images of some positions, in the sweep's order, and where their boards are.
+pub struct Views {
+    /// Samples across.
+    width: usize,
+    /// Samples down.
+    height: usize,
+    /// Pixels along the side of one sample's block; 1 = full resolution.
+    pub block: usize,
+    k: usize,
     planes: Vec<(Vector3<f64>, f64)>,
     /// Per position, `n × (k + 1)`: smoothed values, then validity.
     images: Vec<Vec<f32>>,
+}
+
+impl Views {
+    /// Room for `n` positions' images of `k` channels, in blocks that keep them within their budget.
+    pub fn new(camera: &Camera, k: usize, n: usize) -> Self {
+        let bytes = camera.n_pixels() * (k + 1) * 4 * n;
+        let block = (1..).find(|f| bytes / (f * f) <= VIEWS_BUDGET).expect("some block is large enough");
+        let (width, height) = (camera.width / block, camera.height / block);
+        Self { width, height, block, k, planes: Vec::new(), images: Vec::new() }
+    }
+
+    /// Adds the next position: its board and what [`smoothed`] made of it.
+    pub fn push(&mut self, board: &Board, image: Vec<f32>) {
+        assert_eq!(image.len(), self.width * self.height * (self.k + 1));
+        self.planes.push((board.normal, board.offset));
+        self.images.push(image);
+    }
+
+    /// Pixel coordinates of the center of a sample's block.
+    fn px(&self, x: usize, y: usize) -> [f64; 2] {
+        let half = (self.block as f64 - 1.0) / 2.0;
+        [(x * self.block) as f64 + half, (y * self.block) as f64 + half]
+    }
+
+    fn len(&self) -> usize {
+        self.images.len()
+    }
+}
+
+/// The views and the unknowns' units.
+struct Transport<'a> {
+    camera: &'a Camera,
+    views: Views,
     origin: Point3<f64>,
     /// Typical distance from camera to volume, mm: the unit of inverse distances in the search.
     scale: f64,
@@ -52,22 +103,10 @@ const PULL: f64 = 1e-4;
 /// Search state: two tangent offsets of the direction and `kappa · scale`.
 type State = [f64; 3];
 
-/// Finds the center of the light, or `None` when no center explains the codewords better than chance.
-pub fn find_center(
-    sweep: &Sweep,
-    poses: &[Isometry3<f64>],
-    camera: &Camera,
-    right: Vector3<f64>,
-) -> Option<LightCenter> {
-    let planes: Vec<_> = poses
-        .iter()
-        .map(|p| {
-            let n = p.rotation * Vector3::z();
-            (n, n.dot(&p.translation.vector))
-        })
-        .collect();
-    let images = (0..sweep.positions.len()).into_par_iter().map(|p| smoothed(sweep, p)).collect();
-    let mut t = Transport { camera, sweep, planes, images, origin: Point3::origin(), scale: 1.0 };
+/// Finds the center of the light, or `None` when no center explains the codewords better than chance (or somebody stopped
+/// the work).
+pub fn find_center(views: Views, camera: &Camera, right: Vector3<f64>, progress: &Progress) -> Option<LightCenter> {
+    let mut t = Transport { camera, views, origin: Point3::origin(), scale: 1.0 };
     let seeds = t.seeds();
     if seeds.len() < 200 {
         return None;
@@ -95,7 +134,7 @@ pub fn find_center(
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     scored.truncate(6);
 
-    let last = (sweep.positions.len() / 3).max(1);
+    let last = (t.views.len() / 3).max(1);
     let (_, state) = scored
         .into_par_iter()
         .map(|(_, s)| {
@@ -108,7 +147,11 @@ pub fn find_center(
     let mut best = (state, f64::INFINITY);
     let mut arm = 2;
     loop {
-        best = t.refine(&seeds, &frame, best.0, arm.min(last), 6);
+        if progress.cancelled() {
+            return None;
+        }
+        // The longest arms decide; along what the patterns hardly tell, that takes more steps.
+        best = t.refine(&seeds, &frame, best.0, arm.min(last), if arm >= last { 20 } else { 6 });
         if arm >= last {
             break;
         }
@@ -139,21 +182,21 @@ impl Tangent {
 impl Transport<'_> {
     /// An even selection of usable samples over all positions.
     fn seeds(&self) -> Vec<Seed> {
-        let per_position = (120_000 / self.sweep.positions.len()).max(200);
-        let stride = ((self.sweep.n() / per_position) as f64).sqrt().max(1.0) as usize;
-        let k1 = self.sweep.k + 1;
-        (0..self.sweep.positions.len())
+        let per_position = (120_000 / self.views.len()).max(200);
+        let stride = (((self.views.width * self.views.height) / per_position) as f64).sqrt().max(1.0) as usize;
+        let k1 = self.views.k + 1;
+        (0..self.views.len())
             .into_par_iter()
             .flat_map_iter(|p| {
-                let (n, d) = self.planes[p];
-                let ys = (stride / 2..self.sweep.height).step_by(stride);
-                ys.flat_map(move |y| (stride / 2..self.sweep.width).step_by(stride).map(move |x| (x, y))).filter_map(
+                let (n, d) = self.views.planes[p];
+                let ys = (stride / 2..self.views.height).step_by(stride);
+                ys.flat_map(move |y| (stride / 2..self.views.width).step_by(stride).map(move |x| (x, y))).filter_map(
                     move |(x, y)| {
-                        let index = y * self.sweep.width + x;
-                        if self.images[p][index * k1 + self.sweep.k] < 0.99 {
+                        let index = y * self.views.width + x;
+                        if self.views.images[p][index * k1 + self.views.k] < 0.99 {
                             return None;
                         }
-                        let ray = self.camera.ray(self.sweep.px(x, y));
+                        let ray = self.camera.ray(self.views.px(x, y));
                         let t = d / n.dot(&ray.dir);
                         (t > 0.0).then(|| Seed { position: p, index, point: ray.at(t) })
                     },
@@ -165,26 +208,26 @@ impl Transport<'_> {
     /// Carries a sample along its ray of light to position `to` and takes the difference of codewords there; false when
     /// it misses the board or the image.
     fn carry(&self, seed: &Seed, along: &Vector3<f64>, kappa: f64, to: usize, out: &mut [f64]) -> bool {
-        let k = self.sweep.k;
+        let k = self.views.k;
         // Lines through the center o = origin − along/κ: direction ∝ κ (x − origin) + along.
         let v = (seed.point - self.origin) * (kappa / self.scale) + along;
-        let (n, d) = self.planes[to];
+        let (n, d) = self.views.planes[to];
         let denominator = n.dot(&v);
         if denominator.abs() < 1e-6 {
             return false;
         }
         let y = seed.point + v * ((d - n.dot(&seed.point.coords)) / denominator);
         let Some(px) = self.camera.project(&y) else { return false };
-        let b = self.sweep.block as f64;
+        let b = self.views.block as f64;
         let (x, y) = ((px[0] - (b - 1.0) / 2.0) / b, (px[1] - (b - 1.0) / 2.0) / b);
-        if !(x >= 0.0 && y >= 0.0 && x < self.sweep.width as f64 - 1.0 && y < self.sweep.height as f64 - 1.0) {
+        if !(x >= 0.0 && y >= 0.0 && x < self.views.width as f64 - 1.0 && y < self.views.height as f64 - 1.0) {
             return false;
         }
         let (x0, y0) = (x as usize, y as usize);
         let (fx, fy) = (x - x0 as f64, y - y0 as f64);
-        let image = &self.images[to];
-        let base = (y0 * self.sweep.width + x0) * (k + 1);
-        let down = base + self.sweep.width * (k + 1);
+        let image = &self.views.images[to];
+        let base = (y0 * self.views.width + x0) * (k + 1);
+        let down = base + self.views.width * (k + 1);
         let at = |c: usize| {
             let (top, bottom) = (
                 f64::from(image[base + c]) * (1.0 - fx) + f64::from(image[base + k + 1 + c]) * fx,
@@ -195,7 +238,7 @@ impl Transport<'_> {
         if at(k) < 0.99 {
             return false;
         }
-        let own = &self.images[seed.position][seed.index * (k + 1)..];
+        let own = &self.views.images[seed.position][seed.index * (k + 1)..];
         for c in 0..k {
             out[c] = at(c) - f64::from(own[c]);
         }
@@ -204,7 +247,7 @@ impl Transport<'_> {
 
     /// The position `arm` steps away, on the side where there is one.
     fn partner(&self, seed: &Seed, arm: usize) -> usize {
-        let n = self.sweep.positions.len();
+        let n = self.views.len();
         let up = seed.index.is_multiple_of(2);
         if (up && seed.position + arm < n) || seed.position < arm {
             (seed.position + arm).min(n - 1)
@@ -216,7 +259,7 @@ impl Transport<'_> {
     /// Mean truncated squared difference of codewords; 1 is chance.
     fn score(&self, seeds: &[Seed], frame: &Tangent, s: State, arm: usize) -> f64 {
         let (along, kappa) = frame.direction(s);
-        let mut r = vec![0.0; self.sweep.k];
+        let mut r = vec![0.0; self.views.k];
         let (mut sum, mut hits) = (0.0, 0usize);
         for seed in seeds {
             if self.carry(seed, &along, kappa, self.partner(seed, arm), &mut r) {
@@ -232,7 +275,7 @@ impl Transport<'_> {
     /// Gauss-Newton with Cauchy weights; returns the state and the robust residual.
     fn refine(&self, seeds: &[Seed], frame: &Tangent, mut s: State, arm: usize, steps: usize) -> (State, f64) {
         const H: f64 = 1e-3;
-        let k = self.sweep.k;
+        let k = self.views.k;
         let mut scale = f64::INFINITY;
         for _ in 0..steps {
             let probe = |i: usize| {
@@ -295,43 +338,83 @@ impl Transport<'_> {
     }
 }
 
-/// A position's values smoothed by a small binomial kernel (linear interpolation between pixels is exact enough on the
-/// result), with validity 1 where the whole kernel was usable.
-fn smoothed(sweep: &Sweep, p: usize) -> Vec<f32> {
-    let (w, h, k) = (sweep.width, sweep.height, sweep.k);
-    let position = &sweep.positions[p];
-    let usable = |i: usize| position.contrast[i * sweep.channels..][..sweep.channels].iter().all(|c| c.to_f32() > 0.0);
-    let mut out = vec![0.0; w * h * (k + 1)];
+/// A position's values, averaged over blocks of `block` pixels and smoothed by a small binomial kernel (linear interpolation
+/// between pixels is exact enough on the result), with validity 1 where the whole kernel was usable: `n × (k + 1)`.
+pub fn smoothed(position: &Position, block: usize) -> Vec<f32> {
+    let reduced = (block > 1).then(|| position.reduced(block));
+    let position = reduced.as_ref().unwrap_or(position);
+    let (w, h, k) = (position.width, position.height, position.k);
+    let usable = |i: usize| position.contrast[i * position.channels..][..position.channels].iter().all(|c| *c > 0.0);
     const KERNEL: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
-    let mut rows = vec![0.0f32; w * h * (k + 1)];
-    for y in 0..h {
-        for x in 2..w.saturating_sub(2) {
-            for (i, weight) in KERNEL.iter().enumerate() {
-                let at = y * w + x + i - 2;
-                if usable(at) {
-                    let target = &mut rows[(y * w + x) * (k + 1)..][..k + 1];
-                    for c in 0..k {
-                        target[c] += weight * position.values[at * k + c].to_f32();
-                    }
-                    target[k] += weight;
-                }
-            }
+    // What is not usable counts nothing.
+    let mut masked = vec![0.0f32; w * h * (k + 1)];
+    for (i, (to, from)) in masked.chunks_exact_mut(k + 1).zip(position.values.chunks_exact(k)).enumerate() {
+        if usable(i) {
+            to[..k].copy_from_slice(from);
+            to[k] = 1.0;
         }
     }
+    // Along a row and then down, as sums of shifted rows.
+    let line = w * (k + 1);
+    let mut rows = vec![0.0f32; masked.len()];
+    for (to, from) in rows.chunks_exact_mut(line.max(1)).zip(masked.chunks_exact(line.max(1))) {
+        let inner = line.saturating_sub(4 * (k + 1));
+        for (i, weight) in KERNEL.iter().enumerate().filter(|_| w > 4) {
+            let (to, from) = (&mut to[2 * (k + 1)..][..inner], &from[i * (k + 1)..][..inner]);
+            to.iter_mut().zip(from).for_each(|(t, f)| *t += weight * f);
+        }
+    }
+    let mut out = masked;
+    out.fill(0.0);
     for y in 2..h.saturating_sub(2) {
-        for x in 0..w {
-            for (i, weight) in KERNEL.iter().enumerate() {
-                let from = ((y + i - 2) * w + x) * (k + 1);
-                for c in 0..=k {
-                    out[(y * w + x) * (k + 1) + c] += weight * rows[from + c];
-                }
-            }
-            let t = &mut out[(y * w + x) * (k + 1)..][..k + 1];
-            if t[k] > 0.5 {
-                let norm = 1.0 / t[k];
-                t[..k].iter_mut().for_each(|v| *v *= norm);
-            }
+        let to = &mut out[y * line..][..line];
+        for (i, weight) in KERNEL.iter().enumerate() {
+            to.iter_mut().zip(&rows[(y + i - 2) * line..][..line]).for_each(|(t, f)| *t += weight * f);
+        }
+        for t in to.chunks_exact_mut(k + 1).filter(|t| t[k] > 0.5) {
+            let norm = 1.0 / t[k];
+            t[..k].iter_mut().for_each(|v| *v *= norm);
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_selection_is_bounded_even_and_has_both_ends() {
+        assert_eq!(selection(5), [0, 1, 2, 3, 4]);
+        for n in [49, 60, 96, 1000] {
+            let s = selection(n);
+            assert_eq!((s.len(), s[0], s[MAX_VIEWS - 1]), (MAX_VIEWS, 0, n - 1));
+            let step = (n - 1) as f64 / (MAX_VIEWS - 1) as f64;
+            assert!(s.windows(2).all(|w| w[1] > w[0] && ((w[1] - w[0]) as f64 - step).abs() < 1.0), "{s:?}");
+        }
+    }
+
+    #[test]
+    fn views_stay_within_their_budget_whatever_the_camera() {
+        let camera = Camera::pinhole(640, 480, 800.0, 800.0, 320.0, 240.0);
+        assert_eq!(Views::new(&camera, 3, MAX_VIEWS).block, 1);
+        let large = Camera::pinhole(6400, 4800, 8000.0, 8000.0, 3200.0, 2400.0);
+        let v = Views::new(&large, 11, MAX_VIEWS);
+        assert!(v.block > 1 && v.width * v.height * 12 * 4 * MAX_VIEWS <= VIEWS_BUDGET);
+    }
+
+    #[test]
+    fn smoothing_keeps_planes_and_knows_holes() {
+        let (width, height) = (12, 11);
+        let values = (0..width * height).map(|i| (i % width) as f32 * 0.02 + (i / width) as f32 * 0.03).collect();
+        let mut contrast = vec![0.5; width * height];
+        contrast[5 * width + 9] = 0.0;
+        let position = Position { width, height, k: 1, channels: 1, values, contrast };
+        let out = smoothed(&position, 1);
+        let at = |x: usize, y: usize| &out[(y * width + x) * 2..][..2];
+        assert!((at(4, 5)[0] - (4.0 * 0.02 + 5.0 * 0.03)).abs() < 1e-6 && (at(4, 5)[1] - 1.0).abs() < 1e-6);
+        // Within two pixels of the hole, the validity says so; the border has none.
+        assert!(at(8, 5)[1] < 0.99 && at(7, 5)[1] < 0.999 && (at(6, 5)[1] - 1.0).abs() < 1e-6);
+        assert!(at(4, 1)[1] == 0.0 && at(1, 5)[1] == 0.0);
+    }
 }

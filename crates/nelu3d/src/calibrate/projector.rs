@@ -148,7 +148,6 @@ pub(super) fn run(
             response.blur_px, response.offset, response.scale, response.gamma
         ),
         cells,
-        block: 1,
         stages: clock.finish(),
     };
     Ok((field, report))

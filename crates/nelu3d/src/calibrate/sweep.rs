@@ -1,118 +1,164 @@
-//! The sweep in memory: normalized intensities of every board position, each image read once.
+//! Reading the sweep, position by position.
+//!
+//! No more than a few positions are ever in memory. Whatever later stages need of the images is gathered while they pass,
+//! in sums whose size depends on the volume and the image but not on how many positions there are; so some images are
+//! read more than once, which costs less than keeping them.
 
-use half::f16;
-use nelu3d_scan::Image;
+use nelu3d_scan::rig::{PatternSet, Shot};
+use nelu3d_scan::{Image, Rig};
+use rayon::prelude::*;
 
+use super::Error;
 use super::noise::NoiseModel;
+use crate::progress::Progress;
 
-/// All positions of a sweep as normalized intensities, at the camera's resolution or, where that would not fit the memory
-/// budget, averaged over square blocks of pixels.
-pub struct Sweep {
-    /// Samples across.
-    pub width: usize,
-    /// Samples down.
-    pub height: usize,
-    /// Pixels along the side of one sample's block; 1 = full resolution.
-    pub block: usize,
+/// Most bytes of images in memory while a sweep is read.
+const READ_BUDGET: usize = 1 << 30;
+
+/// The positions of a rig's sweep, for one pattern set.
+pub struct Sweep<'a> {
+    rig: &'a Rig,
+    set: &'a PatternSet,
+    /// The positions.
+    pub shots: Vec<Shot>,
     /// Pattern channels.
     pub k: usize,
     /// Channels of the white image: 1 or 3. Pattern channel j is normalized by white channel `j % channels`.
     pub channels: usize,
-    /// The positions, in the order of the sweep.
-    pub positions: Vec<Position>,
+    min_contrast: f32,
+    pool: rayon::ThreadPool,
 }
 
-/// One board position.
+impl<'a> Sweep<'a> {
+    /// Prepares to read. `min_contrast` is the least usable white − black.
+    pub fn new(rig: &'a Rig, set: &'a PatternSet, shots: Vec<Shot>, min_contrast: f32) -> Self {
+        let channels = rig.channels.count();
+        let k = set.images.len() * channels;
+        // Three images, the normalized values and what a stage makes of them.
+        let bytes = rig.camera.n_pixels() * 4 * (3 * channels + k + (3 + 2 * k));
+        let at_once = (READ_BUDGET / bytes.max(1)).clamp(1, rayon::current_num_threads());
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(at_once).build().expect("a thread pool starts");
+        Self { rig, set, shots, k, channels, min_contrast, pool }
+    }
+
+    /// The sweep's folder.
+    pub fn folder(&self) -> std::path::PathBuf {
+        self.rig.root.join("calibration")
+    }
+
+    /// Keeps the positions whose name `keep` accepts.
+    pub fn retain(&mut self, keep: impl Fn(&str) -> bool) {
+        self.shots.retain(|s| keep(&s.name));
+    }
+
+    /// Calls `f` on the white and black image of every position, in parallel; the answers in order. That the patterns
+    /// exist is checked on the way, so that a gap in a sweep is told before work is done.
+    pub fn flashes<T: Send>(
+        &self,
+        progress: &Progress,
+        f: impl Fn(&Shot, &Image, &Image) -> T + Sync,
+    ) -> Result<Vec<T>, Error> {
+        let done = std::sync::atomic::AtomicUsize::new(0);
+        let one = |shot: &Shot| {
+            if progress.cancelled() {
+                return Err(Error::Cancelled);
+            }
+            let mut reader = self.rig.reader(shot);
+            for name in &self.set.images {
+                if !shot.dir.join(name).exists() {
+                    reader.read(name)?;
+                }
+            }
+            let (white, black) = (reader.read(&self.rig.white)?, reader.read(&self.rig.black)?);
+            let answer = f(shot, &white, &black);
+            progress.tick(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1, self.shots.len());
+            Ok(answer)
+        };
+        self.pool.install(|| self.shots.par_iter().map(one).collect())
+    }
+
+    /// Reads the positions `which`, a few at a time: `map` runs on each in parallel, with its index, its captured images
+    /// shown to `see` before; `take` gets what `map` returned, in order, some positions at a time.
+    pub fn stream<S: Default + Send, T: Send>(
+        &self,
+        which: &[usize],
+        progress: &Progress,
+        see: impl Fn(&mut S, &Image) + Sync,
+        map: impl Fn(usize, S, &Position) -> T + Sync,
+        mut take: impl FnMut(Vec<T>),
+    ) -> Result<(), Error> {
+        let mut done = 0;
+        for wave in which.chunks(2 * self.pool.current_num_threads()) {
+            let one = |p: &usize| {
+                if progress.cancelled() {
+                    return Err(Error::Cancelled);
+                }
+                let mut seen = S::default();
+                let position = self.read(*p, |image| see(&mut seen, image))?;
+                Ok(map(*p, seen, &position))
+            };
+            take(self.pool.install(|| wave.par_iter().map(one).collect::<Result<Vec<_>, Error>>())?);
+            done += wave.len();
+            progress.tick(done, which.len());
+        }
+        Ok(())
+    }
+
+    fn read(&self, p: usize, mut see: impl FnMut(&Image)) -> Result<Position, Error> {
+        let mut reader = self.rig.reader(&self.shots[p]);
+        let (white, black) = (reader.read(&self.rig.white)?, reader.read(&self.rig.black)?);
+        see(&white);
+        let mut builder = PositionBuilder::new(white, black, self.k, self.min_contrast);
+        for name in &self.set.images {
+            let pattern = reader.read(name)?;
+            see(&pattern);
+            builder.add(&pattern);
+        }
+        Ok(builder.finish())
+    }
+}
+
+/// The normalized intensities of one board position.
 pub struct Position {
-    /// Name of its folder.
-    pub name: String,
+    /// Width in samples.
+    pub width: usize,
+    /// Height in samples.
+    pub height: usize,
+    /// Pattern channels.
+    pub k: usize,
+    /// Channels of the white image.
+    pub channels: usize,
     /// Normalized intensity, `height × width × k`.
-    pub values: Vec<f16>,
+    pub values: Vec<f32>,
     /// white − black, `height × width × channels`; 0 where the sample cannot be used.
-    pub contrast: Vec<f16>,
+    pub contrast: Vec<f32>,
 }
 
-impl Sweep {
-    /// Pixel coordinates of the center of a sample's block.
-    pub fn px(&self, x: usize, y: usize) -> [f64; 2] {
-        let half = (self.block as f64 - 1.0) / 2.0;
-        [(x * self.block) as f64 + half, (y * self.block) as f64 + half]
-    }
-
-    /// Number of samples in a position.
-    pub fn n(&self) -> usize {
-        self.width * self.height
-    }
-
-    /// Side of the blocks that keep `n_positions` positions under `budget` bytes.
-    pub fn block_for(n_pixels: usize, k: usize, channels: usize, n_positions: usize, budget: usize) -> usize {
-        let bytes = n_pixels * (k + channels) * 2 * n_positions;
-        (1..).find(|f| bytes / (f * f) <= budget).expect("some block is large enough")
-    }
-
-    /// The values of a sample as f32 with their weights (one over the variance; 0 = unusable); false when none is usable.
+impl Position {
+    /// The values of a sample, and into `w` their weights (one over the variance; 0 = unusable); `None` when no value is
+    /// usable.
     #[inline]
-    pub fn sample(&self, p: usize, i: usize, noise: &NoiseModel, v: &mut [f32], w: &mut [f32]) -> bool {
-        let position = &self.positions[p];
-        let mut any = false;
-        let area = (self.block * self.block) as f32;
-        for j in 0..self.k {
-            let contrast = position.contrast[i * self.channels + j % self.channels].to_f32();
-            v[j] = position.values[i * self.k + j].to_f32();
-            w[j] = 0.0;
-            if contrast > 0.0 {
-                w[j] = area / noise.normalized_variance(v[j], contrast, 0.0);
-                any = true;
-            }
+    pub fn sample(&self, i: usize, noise: &NoiseModel, w: &mut [f32]) -> Option<&[f32]> {
+        let v = &self.values[i * self.k..(i + 1) * self.k];
+        let contrast = &self.contrast[i * self.channels..(i + 1) * self.channels];
+        if contrast.iter().all(|c| *c <= 0.0) {
+            return None;
         }
-        any
-    }
-}
-
-/// Builds a [`Position`] image by image, so that only white, black and one pattern are in memory at a time.
-pub struct PositionBuilder {
-    white: Image,
-    black: Image,
-    k: usize,
-    values: Vec<f32>,
-    filled: usize,
-    usable: Vec<bool>,
-}
-
-impl PositionBuilder {
-    /// Starts a position from its white and black images; `threshold` is the least usable white − black.
-    pub fn new(white: Image, black: Image, k: usize, threshold: f32) -> Self {
-        let usable = white.data.iter().zip(&black.data).map(|(w, b)| *w < 1.0 && w - b >= threshold).collect();
-        let values = vec![0.0; white.width * white.height * k];
-        Self { white, black, k, values, filled: 0, usable }
-    }
-
-    /// Adds the next pattern image. A clipped pixel is unusable in that channel.
-    pub fn add(&mut self, pattern: &Image) {
-        let c = self.white.channels;
-        assert_eq!(pattern.data.len(), self.white.data.len());
-        for (i, p) in pattern.data.iter().enumerate() {
-            let (px, ch) = (i / c, i % c);
-            let contrast = self.white.data[i] - self.black.data[i];
-            if *p >= 1.0 {
-                self.usable[i] = false;
-            }
-            if self.usable[i] {
-                self.values[px * self.k + self.filled + ch] = (p - self.black.data[i]) / contrast;
-            }
+        for (j, (w, v)) in w.iter_mut().zip(v).enumerate() {
+            let contrast = contrast[j % self.channels];
+            *w = if contrast > 0.0 { 1.0 / noise.normalized_variance(*v, contrast, 0.0) } else { 0.0 };
         }
-        self.filled += c;
+        Some(v)
     }
 
-    /// The finished position, averaged over blocks of `block` pixels. A block is usable where all its pixels are.
-    pub fn finish(self, name: String, block: usize) -> Position {
-        assert_eq!(self.filled, self.k);
-        let (w, h, c, k) = (self.white.width / block, self.white.height / block, self.white.channels, self.k);
+    /// The same, averaged over blocks of `block` pixels, as a coarser camera would have seen it. A block is usable where
+    /// all its pixels are.
+    pub fn reduced(&self, block: usize) -> Self {
+        let (w, h, c, k) = (self.width / block, self.height / block, self.channels, self.k);
         let mut values = Vec::with_capacity(w * h * k);
         let mut contrast = Vec::with_capacity(w * h * c);
         let pixels = |x: usize, y: usize| {
-            let width = self.white.width;
-            (0..block * block).map(move |i| (y * block + i / block) * width + x * block + i % block)
+            (0..block * block).map(move |i| (y * block + i / block) * self.width + x * block + i % block)
         };
         let share = 1.0 / (block * block) as f32;
         for y in 0..h {
@@ -121,20 +167,67 @@ impl PositionBuilder {
                     // The mean weighted by contrast is the ratio of mean intensities, as a larger pixel would have seen it.
                     let (mut num, mut den) = (0.0, 0.0);
                     for i in pixels(x, y) {
-                        let d = self.white.data[i * c + j % c] - self.black.data[i * c + j % c];
+                        let d = self.contrast[i * c + j % c];
                         num += d * self.values[i * k + j];
                         den += d;
                     }
-                    values.push(f16::from_f32(if den > 0.0 { num / den } else { 0.0 }));
+                    values.push(if den > 0.0 { num / den } else { 0.0 });
                 }
                 for ch in 0..c {
-                    let usable = pixels(x, y).all(|i| self.usable[i * c + ch]);
-                    let d: f32 = pixels(x, y).map(|i| self.white.data[i * c + ch] - self.black.data[i * c + ch]).sum();
-                    contrast.push(f16::from_f32(if usable { d * share } else { 0.0 }));
+                    let usable = pixels(x, y).all(|i| self.contrast[i * c + ch] > 0.0);
+                    let d: f32 = pixels(x, y).map(|i| self.contrast[i * c + ch]).sum();
+                    contrast.push(if usable { d * share } else { 0.0 });
                 }
             }
         }
-        Position { name, values, contrast }
+        Self { width: w, height: h, k, channels: c, values, contrast }
+    }
+}
+
+/// Builds a [`Position`] image by image, so that only white, black and one pattern are in memory at a time.
+pub struct PositionBuilder {
+    black: Image,
+    filled: usize,
+    position: Position,
+}
+
+impl PositionBuilder {
+    /// Starts a position from its white and black images; `threshold` is the least usable white − black.
+    pub fn new(white: Image, black: Image, k: usize, threshold: f32) -> Self {
+        let (width, height, channels) = (white.width, white.height, white.channels);
+        let mut contrast = white.data;
+        for (w, b) in contrast.iter_mut().zip(&black.data) {
+            let d = *w - b;
+            *w = if *w < 1.0 && d >= threshold { d } else { 0.0 };
+        }
+        let values = vec![0.0; width * height * k];
+        Self { black, filled: 0, position: Position { width, height, k, channels, values, contrast } }
+    }
+
+    /// Adds the next pattern image. A clipped pixel is unusable in that channel.
+    pub fn add(&mut self, pattern: &Image) {
+        let p = &mut self.position;
+        let (c, k) = (p.channels, p.k);
+        assert_eq!(pattern.data.len(), self.black.data.len());
+        let pixels = pattern.data.chunks_exact(c).zip(self.black.data.chunks_exact(c));
+        let targets = p.values.chunks_exact_mut(k).zip(p.contrast.chunks_exact_mut(c));
+        for ((pattern, black), (values, contrast)) in pixels.zip(targets) {
+            for ch in 0..c {
+                if pattern[ch] >= 1.0 {
+                    contrast[ch] = 0.0;
+                }
+                if contrast[ch] > 0.0 {
+                    values[self.filled + ch] = (pattern[ch] - black[ch]) / contrast[ch];
+                }
+            }
+        }
+        self.filled += c;
+    }
+
+    /// The finished position.
+    pub fn finish(self) -> Position {
+        assert_eq!(self.filled, self.position.k);
+        self.position
     }
 }
 
@@ -151,17 +244,104 @@ mod tests {
         let mut b = PositionBuilder::new(image([0.5, 0.5, 0.015, 1.0]), image([0.1, 0.0, 0.0, 0.0]), 2, 0.02);
         b.add(&image([0.3, 0.25, 0.01, 0.2]));
         b.add(&image([0.1, 1.0, 0.01, 0.2]));
-        let p = b.finish("000".into(), 1);
-        assert_eq!(p.values[0].to_f32(), 0.5);
-        assert_eq!(p.values[1].to_f32(), 0.0);
-        let usable: Vec<bool> = p.contrast.iter().map(|c| c.to_f32() > 0.0).collect();
+        let p = b.finish();
+        assert!((p.values[0] - 0.5).abs() < 1e-6);
+        assert_eq!(p.values[1], 0.0);
+        let usable: Vec<bool> = p.contrast.iter().map(|c| *c > 0.0).collect();
         assert_eq!(usable, [true, false, false, false]);
+        let mut w = [9.0; 2];
+        let noise = NoiseModel { read: 1e-4, gain: 0.0 };
+        assert_eq!(p.sample(0, &noise, &mut w).unwrap().len(), 2);
+        // Contrast 0.4, L = 0.5: variance (1 + ¼ + ¼) 1e-4 / 0.16.
+        assert!((w[0] - 0.16 / 1.5e-4).abs() < 1.0, "{w:?}");
+        assert!(p.sample(1, &noise, &mut w).is_none());
+    }
+
+    struct Silent;
+
+    impl crate::progress::Sink for Silent {
+        fn stage(&self, _: &str) {}
+        fn tick(&self, _: usize, _: usize) {}
+        fn warn(&self, _: &str) {}
+    }
+
+    /// A rig of `n` positions of 4 × 3 pixels whose pattern image holds the position's number.
+    fn rig(dir: &std::path::Path, n: usize) -> (Rig, PatternSet) {
+        let set = PatternSet { name: "p".into(), images: vec!["p.png".into()], inverse: Vec::new() };
+        for i in 0..n {
+            let shot = dir.join("calibration").join(format!("{i:03}"));
+            std::fs::create_dir_all(&shot).unwrap();
+            for (name, value) in [("white.png", 0.5), ("black.png", 0.0), ("p.png", 0.005 * i as f32)] {
+                let image = Image { width: 4, height: 3, channels: 1, data: vec![value; 12] };
+                nelu3d_scan::image::write_png16(&shot.join(name), &image, 0.0, 2000.0).unwrap();
+            }
+        }
+        let rig = Rig {
+            root: dir.to_path_buf(),
+            name: String::new(),
+            camera: nelu3d_scan::Camera::pinhole(4, 3, 5.0, 5.0, 2.0, 1.5),
+            camera_file: "camera.json".into(),
+            channels: nelu3d_scan::image::Channels::Mono,
+            black_level: 0.0,
+            saturation: 2000.0,
+            white: "white.png".into(),
+            black: "black.png".into(),
+            pattern_sets: vec![set.clone()],
+            board: None,
+            poses: Vec::new(),
+            projector: None,
+        };
+        (rig, set)
     }
 
     #[test]
-    fn blocks_keep_a_sweep_within_its_budget() {
-        assert_eq!(Sweep::block_for(640 * 480, 3, 1, 34, 2 << 30), 1);
-        let f = Sweep::block_for(31_000_000, 11, 1, 200, 2 << 30);
-        assert!(31_000_000 / (f * f) * 12 * 2 * 200 <= 2 << 30 && f > 1);
+    fn positions_stream_in_order_a_few_at_a_time() {
+        let dir = tempfile::tempdir().unwrap();
+        let (rig, set) = rig(dir.path(), 23);
+        let sweep = Sweep::new(&rig, &set, rig.positions().unwrap(), 0.02);
+        let which: Vec<usize> = (0..23).filter(|i| i % 5 != 2).collect();
+        let (mut seen, mut largest) = (Vec::new(), 0);
+        let map = |p: usize, images: usize, position: &Position| (p, images, position.values[7]);
+        let take = |wave: Vec<_>| {
+            largest = largest.max(wave.len());
+            seen.extend(wave);
+        };
+        sweep.stream(&which, &Progress::none(), |n: &mut usize, _| *n += 1, map, take).unwrap();
+        assert!(largest <= 2 * rayon::current_num_threads(), "{largest}");
+        assert_eq!(seen.iter().map(|s| s.0).collect::<Vec<_>>(), which);
+        // White and pattern were shown; the values are the position's own.
+        assert!(seen.iter().all(|(p, images, v)| *images == 2 && (v - 0.01 * *p as f32).abs() < 1e-6));
+    }
+
+    #[test]
+    fn gaps_are_named_before_work_is_done_and_stopping_stops() {
+        let dir = tempfile::tempdir().unwrap();
+        let (rig, set) = rig(dir.path(), 4);
+        let sweep = Sweep::new(&rig, &set, rig.positions().unwrap(), 0.02);
+        let names = sweep.flashes(&Progress::none(), |shot, _, _| shot.name.clone()).unwrap();
+        assert_eq!(names, ["000", "001", "002", "003"]);
+        let gap = dir.path().join("calibration/002/p.png");
+        std::fs::remove_file(&gap).unwrap();
+        let error = sweep.flashes(&Progress::none(), |_, _, _| ()).unwrap_err().to_string();
+        assert!(error.contains(gap.to_str().unwrap()), "{error}");
+        let error =
+            sweep.stream(&[1, 2], &Progress::none(), |(), _| (), |_, (), _| (), |_| ()).unwrap_err().to_string();
+        assert!(error.contains(gap.to_str().unwrap()), "{error}");
+        let stop = Progress::new(std::sync::Arc::new(Silent), std::sync::Arc::new(true.into()));
+        assert!(matches!(sweep.flashes(&stop, |_, _, _| ()), Err(Error::Cancelled)));
+        let stopped = sweep.stream(&[0], &stop, |(), _| (), |_, (), _| (), |_| ());
+        assert!(matches!(stopped, Err(Error::Cancelled)));
+    }
+
+    #[test]
+    fn a_block_is_what_a_larger_pixel_would_have_seen() {
+        let mut b = PositionBuilder::new(image([0.5, 0.3, 0.1, 0.9]), image([0.0; 4]), 1, 0.02);
+        b.add(&image([0.5, 0.0, 0.1, 0.0]));
+        let p = b.finish().reduced(2);
+        assert_eq!((p.width, p.height), (1, 1));
+        assert!((p.values[0] - 0.6 / 1.8).abs() < 1e-6 && (p.contrast[0] - 0.45).abs() < 1e-6);
+        let mut b = PositionBuilder::new(image([0.5, 0.3, 0.1, 0.9]), image([0.0; 4]), 1, 0.02);
+        b.add(&image([0.5, 1.0, 0.1, 0.0]));
+        assert_eq!(b.finish().reduced(2).contrast, [0.0]);
     }
 }

@@ -11,7 +11,8 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
-use super::grid::{Bins, Grid};
+use super::bins::Bins;
+use super::grid::Grid;
 use crate::progress::Progress;
 
 /// Samples drawn together: neighbors share cache lines of the table, but more than two of them say too much the same for

@@ -5,7 +5,9 @@
 //! (multiresolution hash encoding and a small network). To add a form: a variant of [`Form`], its file, its tensors in
 //! [`checkpoint`], and [`ColorField::to_grid`], through which everything downstream reads it.
 
+pub mod bins;
 pub mod checkpoint;
+pub mod fit;
 pub mod frame;
 pub mod grid;
 pub mod hash;

@@ -48,6 +48,15 @@ impl Validity {
         }
     }
 
+    /// Joins what another volume of the same shape has seen.
+    pub fn merge(&mut self, other: &Self) {
+        assert_eq!(self.shape, other.shape);
+        for (a, b) in self.t_range.iter_mut().zip(&other.t_range) {
+            *a = [a[0].min(b[0]), a[1].max(b[1])];
+        }
+        self.lit.iter_mut().zip(&other.lit).for_each(|(a, b)| *a |= b);
+    }
+
     /// Closes pinholes: an unlit cell between lit ones along w becomes lit (board positions may be farther apart than
     /// cells).
     pub fn close(&mut self) {
@@ -84,5 +93,29 @@ impl Validity {
         let s = self.shape;
         let r = self.t_range[(y / s.tile_px).min(s.tiles[1] - 1) * s.tiles[0] + (x / s.tile_px).min(s.tiles[0] - 1)];
         (r[0] < r[1]).then_some(r)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn merged_volumes_have_seen_what_either_saw() {
+        let samples = [
+            ([3.0, 2.0], 500.0, [0.1, 0.2, 0.3]),
+            ([4.0, 5.0], 620.0, [0.9, 0.2, 0.8]),
+            ([14.0, 5.0], 600.0, [0.5; 3]),
+        ];
+        let empty = || Validity::new(24, 16, 8, [4, 4, 2]);
+        let (mut all, mut a, mut b) = (empty(), empty(), empty());
+        for (i, (px, t, q)) in samples.into_iter().enumerate() {
+            all.add(px, t, q);
+            if i == 1 { &mut b } else { &mut a }.add(px, t, q);
+        }
+        assert_ne!(a, all);
+        a.merge(&b);
+        assert_eq!(a, all);
+        assert_eq!(a.range(4, 4), Some([500.0, 620.0]));
     }
 }

@@ -1,0 +1,247 @@
+//! The sweep, averaged in small bins: what every form of the field is fitted to.
+
+use rayon::prelude::*;
+
+/// Samples of the field gathered in small bins: memory depends on the volume and its resolution, not on how many board
+/// positions there were. A bin keeps the weighted mean of its samples' coordinates and values, so it acts as one sample
+/// at their centroid.
+pub struct Bins {
+    counts: [usize; 3],
+    k: usize,
+    /// Per bin `[b][a][w]`: Σω̄, Σω̄ q (3, relative to the bin's center, in bins), Σω (k), Σω L (k).
+    sums: Vec<f32>,
+}
+
+/// What a filled bin stands for: one sample at its centroid.
+#[derive(Clone, Copy)]
+pub(crate) struct Sample<'a> {
+    /// Unit coordinates.
+    pub(crate) q: [f32; 3],
+    /// Σω over the channels' mean.
+    pub(crate) mean: f32,
+    /// Σω per channel.
+    pub(crate) omegas: &'a [f32],
+    /// Σω L per channel.
+    pub(crate) moments: &'a [f32],
+}
+
+/// Rows of bins that are filled together.
+const STRIPE: usize = 16;
+
+/// Samples on their way into [`Bins`], sorted by rows of bins so that these can be filled in parallel.
+#[derive(Clone)]
+pub struct Gathered {
+    rows: usize,
+    k: usize,
+    /// Per stripe of rows and sample: coordinates, values, weights.
+    stripes: Vec<Vec<f32>>,
+}
+
+impl Gathered {
+    /// Adds a sample, as [`Bins::add`] would.
+    #[inline]
+    pub fn push(&mut self, q: [f32; 3], values: &[f32], omegas: &[f32]) {
+        assert!(values.len() == self.k && omegas.len() == self.k);
+        let row = ((q[1] * self.rows as f32) as i32).clamp(0, self.rows as i32 - 1) as usize;
+        let stripe = &mut self.stripes[row / STRIPE];
+        stripe.extend_from_slice(&q);
+        stripe.extend_from_slice(values);
+        stripe.extend_from_slice(omegas);
+    }
+}
+
+impl Bins {
+    /// Empty bins over the unit cube, `counts` along a, b and w.
+    pub fn new(counts: [usize; 3], k: usize) -> Self {
+        Self { counts, k, sums: vec![0.0; counts.iter().product::<usize>() * (4 + 2 * k)] }
+    }
+
+    /// Channels.
+    pub(crate) fn k(&self) -> usize {
+        self.k
+    }
+
+    /// Bins along a, b and w.
+    pub(crate) fn counts(&self) -> [usize; 3] {
+        self.counts
+    }
+
+    /// Bins along b.
+    pub(crate) fn n_rows(&self) -> usize {
+        self.counts[1]
+    }
+
+    fn stride(&self) -> usize {
+        4 + 2 * self.k
+    }
+
+    fn per_row(&self) -> usize {
+        self.counts[0] * self.counts[2] * self.stride()
+    }
+
+    /// Adds one sample: unit coordinates, k values, k weights (0 = that channel is missing).
+    pub fn add(&mut self, q: [f32; 3], values: &[f32], omegas: &[f32]) {
+        add(&mut self.sums, self.counts, 0, q, values, omegas);
+    }
+
+    /// An empty collection of samples for these bins.
+    pub fn gathered(&self) -> Gathered {
+        Gathered { rows: self.counts[1], k: self.k, stripes: vec![Vec::new(); self.counts[1].div_ceil(STRIPE)] }
+    }
+
+    /// Adds collections made by [`Self::gathered`]: rows of bins in parallel, each bin's samples in order.
+    pub fn add_all(&mut self, parts: &[Gathered]) {
+        let (counts, k) = (self.counts, self.k);
+        let per_stripe = self.per_row() * STRIPE;
+        self.sums.par_chunks_mut(per_stripe).enumerate().for_each(|(stripe, sums)| {
+            for part in parts {
+                for record in part.stripes[stripe].chunks_exact(3 + 2 * k) {
+                    let (q, rest) = record.split_at(3);
+                    let (values, omegas) = rest.split_at(k);
+                    add(sums, counts, stripe * STRIPE, [q[0], q[1], q[2]], values, omegas);
+                }
+            }
+        });
+    }
+
+    /// Calls `f` for the filled bins of row `b`, in order.
+    #[inline(always)]
+    pub(crate) fn for_each_in_row(&self, b: usize, mut f: impl FnMut(Sample<'_>)) {
+        let row = &self.sums[b * self.per_row()..(b + 1) * self.per_row()];
+        let step = self.counts.map(|n| 1.0 / n as f32);
+        for (a, column) in row.chunks_exact(self.counts[2] * self.stride()).enumerate() {
+            for (w, bin) in column.chunks_exact(self.stride()).enumerate() {
+                if bin[0] > 0.0 {
+                    let cell = [a, b, w];
+                    let norm = 1.0 / bin[0];
+                    let mut q = [0.0; 3];
+                    for i in 0..3 {
+                        q[i] = (cell[i] as f32 + 0.5 + bin[1 + i] * norm) * step[i];
+                    }
+                    let (omegas, moments) = bin[4..].split_at(self.k);
+                    f(Sample { q, mean: bin[0], omegas, moments });
+                }
+            }
+        }
+    }
+
+    /// Calls `f(q, values, weights)` for every sample that the bins stand for.
+    pub fn for_each_sample(&self, mut f: impl FnMut([f32; 3], &[f32], &[f32])) {
+        let mut values = vec![0.0; self.k];
+        for b in 0..self.n_rows() {
+            self.for_each_in_row(b, |s| {
+                for c in 0..self.k {
+                    values[c] = if s.omegas[c] > 0.0 { s.moments[c] / s.omegas[c] } else { 0.0 };
+                }
+                f(s.q, &values, s.omegas);
+            });
+        }
+    }
+
+    /// The same samples in fewer, larger bins.
+    pub fn merged(&self, counts: [usize; 3]) -> Self {
+        let mut out = Self::new(counts, self.k);
+        let per_row = out.per_row();
+        let stride = out.stride();
+        out.sums.par_chunks_mut(per_row).enumerate().for_each(|(row, sums)| {
+            // The rows of bins that may hold samples of this one: one more on either side than geometry says.
+            let ratio = self.counts[1] as f64 / counts[1] as f64;
+            let first = ((row as f64 * ratio) as usize).saturating_sub(1);
+            let last = (((row + 1) as f64 * ratio) as usize + 2).min(self.counts[1]);
+            let mut add = |s: Sample<'_>| {
+                let Some(cell) = cell_of(counts, s.q).filter(|c| c[1] == row) else { return };
+                let bin = &mut sums[(cell[0] * counts[2] + cell[2]) * stride..][..stride];
+                gather(bin, counts, cell, s.q, s.mean);
+                let (w, wv) = bin[4..].split_at_mut(self.k);
+                w.iter_mut().zip(s.omegas).for_each(|(to, from)| *to += from);
+                wv.iter_mut().zip(s.moments).for_each(|(to, from)| *to += from);
+            };
+            (first..last).for_each(|b| self.for_each_in_row(b, &mut add));
+        });
+        out
+    }
+}
+
+/// Adds a sample to the bins of the rows from `first` on.
+#[inline(always)]
+fn add(sums: &mut [f32], counts: [usize; 3], first: usize, q: [f32; 3], values: &[f32], omegas: &[f32]) {
+    let Some(cell) = cell_of(counts, q) else { return };
+    let k = values.len();
+    let mean = omegas.iter().sum::<f32>() / k as f32;
+    if mean <= 0.0 {
+        return;
+    }
+    let stride = 4 + 2 * k;
+    let at = (((cell[1] - first) * counts[0] + cell[0]) * counts[2] + cell[2]) * stride;
+    let bin = &mut sums[at..at + stride];
+    gather(bin, counts, cell, q, mean);
+    let (w, wv) = bin[4..].split_at_mut(k);
+    for j in 0..k {
+        w[j] += omegas[j];
+        wv[j] += omegas[j] * values[j];
+    }
+}
+
+/// The bin of a point; `None` outside the unit cube.
+#[inline(always)]
+fn cell_of(counts: [usize; 3], q: [f32; 3]) -> Option<[usize; 3]> {
+    let inside = q.iter().all(|q| (0.0..=1.0).contains(q));
+    inside.then(|| std::array::from_fn(|i| ((q[i] * counts[i] as f32) as i32 as usize).min(counts[i] - 1)))
+}
+
+/// Adds a weight and where it is to a bin.
+#[inline(always)]
+fn gather(bin: &mut [f32], counts: [usize; 3], cell: [usize; 3], q: [f32; 3], mean: f32) {
+    // Coordinates relative to the bin's center: a float sum of hundreds of nearly equal numbers would lose them.
+    bin[0] += mean;
+    for i in 0..3 {
+        bin[1 + i] += mean * (q[i] * counts[i] as f32 - cell[i] as f32 - 0.5);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn collections_fill_bins_as_samples_one_by_one_do() {
+        let mut one_by_one = Bins::new([7, 40, 3], 2);
+        let mut together = Bins::new([7, 40, 3], 2);
+        let mut parts = vec![together.gathered(), together.gathered()];
+        for i in 0..3000 {
+            // Some lie outside the cube, and are ignored.
+            let at = |step: f32| (i as f32 * step).fract() * 1.1 - 0.05;
+            let (q, v, w) = ([at(0.618_034), at(0.754_878), at(0.569_84)], [at(0.3), at(0.7)], [1.0, (i % 3) as f32]);
+            one_by_one.add(q, &v, &w);
+            parts[i / 1500].push(q, &v, &w);
+        }
+        together.add_all(&parts);
+        assert!(one_by_one.sums.iter().any(|s| *s > 0.0));
+        assert_eq!(one_by_one.sums, together.sums);
+    }
+
+    #[test]
+    fn merging_keeps_every_sum() {
+        let mut bins = Bins::new([13, 29, 4], 2);
+        for i in 0..2000 {
+            let at = |step: f32| (i as f32 * step).fract();
+            let q = [at(0.618_034), at(0.754_878), at(0.569_84)];
+            bins.add(q, &[q[0], q[1] - q[2]], &[1.0 + q[2], 2.0]);
+        }
+        let totals = |bins: &Bins| {
+            let mut t = [0.0f64; 6];
+            bins.for_each_sample(|q, v, w| {
+                let terms = [w[0], w[1], w[0] * v[0], w[1] * v[1], (w[0] + w[1]) * q[0], (w[0] + w[1]) * q[1]];
+                t.iter_mut().zip(terms).for_each(|(t, x)| *t += f64::from(x));
+            });
+            t
+        };
+        let merged = bins.merged([4, 8, 4]);
+        let mut n = 0;
+        merged.for_each_sample(|_, _, _| n += 1);
+        assert!(n <= 4 * 8 * 4 && n > 64, "{n}");
+        for (a, b) in totals(&bins).into_iter().zip(totals(&merged)) {
+            assert!((a - b).abs() < 1e-3 * a.abs().max(1.0), "{a} {b}");
+        }
+    }
+}

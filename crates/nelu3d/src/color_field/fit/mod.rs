@@ -1,0 +1,228 @@
+//! Fitting the spline to the binned sweep: weighted least squares with a small second-difference penalty, by conjugate
+//! gradients with a diagonal preconditioner.
+//!
+//! What a few tens of steps leave unsolved are the combinations of coefficients that samples hardly determine: on two real
+//! sweeps 60 steps instead of 20 change held-out PSNR by +0.05 and −0.04 dB. A preconditioner of tensor-product mass
+//! matrices reaches the rest of the objective in one or two steps, but is far off where samples end, and that is what
+//! remains to be solved: at 20 steps it left 42.5 dB where the diagonal left 44.4.
+
+mod normal;
+mod penalty;
+
+use rayon::prelude::*;
+
+use super::bins::Bins;
+use super::grid::Grid;
+use crate::progress::Progress;
+use normal::Normal;
+use penalty::Penalty;
+
+/// How smooth the spline is where samples do not say otherwise, as a share of a typical node's sample weight.
+#[derive(Clone, Copy, Debug)]
+pub struct Smoothness {
+    /// Across (a, b).
+    pub across: f32,
+    /// Along w.
+    pub along: f32,
+}
+
+/// Fits the spline to the binned samples, started from `grid`'s present coefficients. Deterministic for any number of
+/// threads.
+pub fn fit(grid: &mut Grid, bins: &Bins, smooth: Smoothness, iterations: usize, progress: &Progress) {
+    let k = grid.k;
+    assert_eq!(k, bins.k());
+    let normal = Normal::new(grid, bins);
+    let diag = normal.diagonal();
+    let lambda = typical(&diag, k);
+    let penalty = Penalty::new(grid, smooth, &lambda);
+    let inverse = invert(diag, smooth, &lambda);
+
+    let n = grid.coeffs.len();
+    // The penalty overwrites, the samples add.
+    let apply = |x: &[f32], y: &mut [f32]| {
+        penalty.apply(x, y);
+        normal.apply(x, y);
+    };
+    let mut r = vec![0.0f32; n];
+    normal.add_rhs(&mut r);
+    let mut scratch = vec![0.0f32; n];
+    apply(&grid.coeffs, &mut scratch);
+    r.par_iter_mut().zip(&scratch).for_each(|(r, a)| *r -= a);
+    let mut p: Vec<f32> = r.par_iter().zip(&inverse).map(|(r, i)| r * i).collect();
+    let mut rz = dot(&r, &p);
+    let first = rz;
+    for _ in 0..iterations {
+        if rz <= 1e-9 * first || rz <= 0.0 || progress.cancelled() {
+            break;
+        }
+        apply(&p, &mut scratch);
+        let step = (rz / dot(&p, &scratch)) as f32;
+        grid.coeffs.par_iter_mut().zip(&p).for_each(|(x, p)| *x += step * p);
+        r.par_iter_mut().zip(&scratch).for_each(|(r, a)| *r -= step * a);
+        scratch.par_iter_mut().zip(&r).zip(&inverse).for_each(|((z, r), i)| *z = r * i);
+        let next = dot(&r, &scratch);
+        let beta = (next / rz) as f32;
+        p.par_iter_mut().zip(&scratch).for_each(|(p, z)| *p = z + beta * *p);
+        rz = next;
+    }
+}
+
+/// Mean weight per channel of the nodes that samples touch: what "a typical node" weighs.
+fn typical(diag: &[f32], k: usize) -> Vec<f32> {
+    let mut sums = vec![(0.0f64, 0u64); k];
+    for node in diag.chunks_exact(k) {
+        for (s, d) in sums.iter_mut().zip(node).filter(|(_, d)| **d > 0.0) {
+            *s = (s.0 + f64::from(*d), s.1 + 1);
+        }
+    }
+    sums.iter().map(|(sum, n)| if *n > 0 { (sum / *n as f64) as f32 } else { 1.0 }).collect()
+}
+
+/// One over the diagonal of the normal equations, from the samples' part of it.
+fn invert(mut diag: Vec<f32>, smooth: Smoothness, lambda: &[f32]) -> Vec<f32> {
+    let share = 6.0 * (2.0 * smooth.across + smooth.along) + 1e-6;
+    let k = lambda.len();
+    diag.par_chunks_mut(k << 12).for_each(|diag| {
+        for node in diag.chunks_exact_mut(k) {
+            node.iter_mut().zip(lambda).for_each(|(d, l)| *d = 1.0 / (*d + share * l));
+        }
+    });
+    diag
+}
+
+/// The scalar product, summed in blocks of a fixed size.
+fn dot(a: &[f32], b: &[f32]) -> f64 {
+    const BLOCK: usize = 1 << 14;
+    let block = |(a, b): (&[f32], &[f32])| {
+        let mut lanes = [0.0f64; 8];
+        for (a, b) in a.chunks(8).zip(b.chunks(8)) {
+            for (lane, (a, b)) in lanes.iter_mut().zip(a.iter().zip(b)) {
+                *lane += f64::from(a * b);
+            }
+        }
+        lanes.iter().sum::<f64>()
+    };
+    a.par_chunks(BLOCK).zip(b.par_chunks(BLOCK)).map(block).collect::<Vec<_>>().iter().sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers in [0, 1), the same every time.
+    fn unit(seed: u64) -> impl FnMut() -> f32 {
+        let mut rng = seed;
+        move || {
+            rng = rng.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (rng >> 40) as f32 / (1u64 << 24) as f32
+        }
+    }
+
+    /// A fit to exact samples of a smooth function reproduces it, and its directional derivative, everywhere.
+    #[test]
+    fn fits_a_smooth_function() {
+        let truth = |q: [f32; 3], c: usize| (7.0 * q[0] + c as f32).sin() * (1.0 + 0.3 * q[2]) + q[1] * q[1];
+        for k in [1, 3, 7] {
+            let mut bins = Bins::new([80, 60, 12], k);
+            let mut unit = unit(12345);
+            for _ in 0..120_000 {
+                let q = [unit(), unit(), unit()];
+                let v: Vec<f32> = (0..k).map(|c| truth(q, c)).collect();
+                bins.add(q, &v, &vec![1.0; k]);
+            }
+            let mut grid = Grid::new([40, 30, 4], k);
+            fit(&mut grid, &bins, Smoothness { across: 1e-4, along: 1e-4 }, 60, &Progress::none());
+            let (mut v, mut d) = (vec![0.0; k], vec![0.0; k]);
+            for _ in 0..500 {
+                let q = [0.05 + 0.9 * unit(), 0.05 + 0.9 * unit(), 0.05 + 0.9 * unit()];
+                grid.eval_along(q, [1.0, 0.0, 0.5], &mut v, &mut d);
+                for c in 0..k {
+                    let slope = 7.0 * (7.0 * q[0] + c as f32).cos() * (1.0 + 0.3 * q[2])
+                        + 0.5 * 0.3 * (7.0 * q[0] + c as f32).sin();
+                    assert!((v[c] - truth(q, c)).abs() < 5e-3, "{} {}", v[c], truth(q, c));
+                    assert!((d[c] - slope).abs() < 0.2, "{} {slope}", d[c]);
+                }
+                let mut again = vec![0.0; k];
+                grid.eval(q, &mut again);
+                assert!(again.iter().zip(&v).all(|(a, b)| (a - b).abs() < 1e-5));
+            }
+        }
+    }
+
+    /// The operator is what its definition says: xᵀ(BᵀΩB + Σ λ DᵀD)y through `Grid::eval` and differences written out,
+    /// for lengths of runs that the compiler knows and for one that it does not, over more than two stripes of rows.
+    #[test]
+    fn the_operator_agrees_with_its_definition() {
+        for k in [1, 3, 7] {
+            let mut unit = unit(99);
+            let mut bins = Bins::new([9, 70, 5], k);
+            for _ in 0..3000 {
+                let q = [unit(), unit(), unit()];
+                let v: Vec<f32> = (0..k).map(|_| unit()).collect();
+                let w: Vec<f32> = (0..k).map(|_| 0.1 + unit()).collect();
+                bins.add(q, &v, &w);
+            }
+            let cells = [6, 50, 3];
+            let mut random = || {
+                let mut g = Grid::new(cells, k);
+                g.coeffs.iter_mut().for_each(|c| *c = unit() - 0.5);
+                g
+            };
+            let (x, y) = (random(), random());
+            let normal = Normal::new(&x, &bins);
+            let smooth = Smoothness { across: 0.3, along: 0.7 };
+            let lambda: Vec<f32> = (0..k).map(|c| 1.0 + c as f32).collect();
+            let mut ax = vec![0.0; x.coeffs.len()];
+            Penalty::new(&x, smooth, &lambda).apply(&x.coeffs, &mut ax);
+            let (mut rhs, mut diag) = (vec![0.0; ax.len()], normal.diagonal());
+            let penalty = dot(&y.coeffs, &ax);
+            normal.apply(&x.coeffs, &mut ax);
+            normal.add_rhs(&mut rhs);
+            let samples = dot(&y.coeffs, &ax) - penalty;
+
+            let (mut expected, mut expected_rhs, mut trace) = (0.0f64, 0.0f64, 0.0f64);
+            let (mut vx, mut vy) = (vec![0.0; k], vec![0.0; k]);
+            bins.for_each_sample(|q, v, w| {
+                x.eval(q, &mut vx);
+                y.eval(q, &mut vy);
+                for c in 0..k {
+                    expected += f64::from(w[c] * vx[c] * vy[c]);
+                    expected_rhs += f64::from(w[c] * v[c] * vy[c]);
+                }
+                let squares = |axis: usize| -> f32 {
+                    let (_, f) = Grid::locate_in(cells, q);
+                    super::super::grid::weights(f[axis]).iter().map(|w| w * w).sum()
+                };
+                trace += f64::from((0..3).map(squares).product::<f32>() * w.iter().sum::<f32>());
+            });
+            let close = |a: f64, b: f64| (a - b).abs() < 1e-3 * b.abs().max(1.0);
+            assert!(close(samples, expected), "k {k}: {samples} {expected}");
+            assert!(close(dot(&y.coeffs, &rhs), expected_rhs));
+            assert!(close(diag.drain(..).map(f64::from).sum(), trace));
+
+            let [na, nb, nw] = x.nodes();
+            let at = |g: &Grid, [a, b, w]: [usize; 3], c: usize| g.coeffs[((b * na + a) * nw + w) * k + c];
+            let mut expected = 0.0f64;
+            for (axis, strength) in [smooth.across, smooth.across, smooth.along].into_iter().enumerate() {
+                for b in 0..nb {
+                    for a in 0..na {
+                        for w in 0..nw {
+                            let here = [a, b, w];
+                            if here[axis] == 0 || here[axis] + 1 == [na, nb, nw][axis] {
+                                continue;
+                            }
+                            let (mut lo, mut hi) = (here, here);
+                            lo[axis] -= 1;
+                            hi[axis] += 1;
+                            for c in 0..k {
+                                let d = |g: &Grid| at(g, lo, c) - 2.0 * at(g, here, c) + at(g, hi, c);
+                                expected += f64::from(lambda[c] * strength * d(&x) * d(&y));
+                            }
+                        }
+                    }
+                }
+            }
+            assert!(close(penalty, expected), "k {k}: {penalty} {expected}");
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! The samples' part of the normal equations, Bᵀ Ω B, applied without being formed: B evaluates the spline at the bins.
+//!
+//! A sample touches 64 nodes: 16 runs of four neighbors along w, which with their channels are 4 k consecutive numbers. All
+//! work is on whole runs: 16 multiply-adds of runs to evaluate, 16 to spread. Both loops read and write what the cache
+//! holds, as bins are in the order of the nodes.
+
+use rayon::prelude::*;
+
+use super::super::bins::{Bins, Sample};
+use super::super::grid::Grid;
+
+/// Rows of cells that one task owns; neighbors of the same parity never touch the same nodes.
+const STRIPE: usize = 16;
+
+/// The samples seen from a grid.
+pub(super) struct Normal<'a> {
+    bins: &'a Bins,
+    cells: [usize; 3],
+    k: usize,
+}
+
+/// The nodes that a sample touches.
+struct Support {
+    /// Where the first of the 16 runs begins.
+    base: usize,
+    /// Weights of the runs, `[b][a]`.
+    across: [[f32; 4]; 4],
+    /// Weights along a run.
+    along: [f32; 4],
+}
+
+/// How runs lie in memory: from one node to the next along b and a.
+#[derive(Clone, Copy)]
+struct Strides {
+    row: usize,
+    column: usize,
+}
+
+/// The cell that holds `q`, and the spline weights there: four arrays, one a weight, of one lane an axis. What
+/// [`Grid::locate_in`] and [`weights`](super::super::grid::weights) say, with the three axes side by side in vector
+/// registers; the fourth lane is idle.
+#[inline(always)]
+fn lanes(q: [f32; 3], cells: [i32; 3]) -> ([i32; 4], [[f32; 4]; 4]) {
+    const SIXTH: f32 = 1.0 / 6.0;
+    let q = [q[0], q[1], q[2], 0.0];
+    let n = [cells[0], cells[1], cells[2], 1];
+    let mut cell = [0i32; 4];
+    let mut w = [[0.0f32; 4]; 4];
+    for i in 0..4 {
+        let u = q[i] * n[i] as f32;
+        cell[i] = (u as i32).clamp(0, n[i] - 1);
+        let f = u - cell[i] as f32;
+        let g = 1.0 - f;
+        let (f2, g2) = (f * f, g * g);
+        w[0][i] = g2 * g * SIXTH;
+        w[1][i] = (4.0 - f2 * (6.0 - 3.0 * f)) * SIXTH;
+        w[2][i] = (4.0 - g2 * (6.0 - 3.0 * g)) * SIXTH;
+        w[3][i] = f2 * f * SIXTH;
+    }
+    (cell, w)
+}
+
+/// `run = Σ weight · run of x`. `R` is the length of a run, known to the compiler, or 0.
+#[inline(never)]
+fn gather<const R: usize>(x: &[f32], strides: Strides, support: &Support, run: &mut [f32]) {
+    let len = if R > 0 { R } else { run.len() };
+    let run = &mut run[..len];
+    run.fill(0.0);
+    for (b, across) in support.across.iter().enumerate() {
+        let x = &x[support.base + b * strides.row..][..3 * strides.column + len];
+        for (a, weight) in across.iter().enumerate() {
+            for (sum, x) in run.iter_mut().zip(&x[a * strides.column..][..len]) {
+                *sum += weight * x;
+            }
+        }
+    }
+}
+
+/// `run of y += weight · run`.
+#[inline(never)]
+fn spread<const R: usize>(y: &mut [f32], strides: Strides, support: &Support, run: &[f32]) {
+    let len = if R > 0 { R } else { run.len() };
+    let run = &run[..len];
+    for (b, across) in support.across.iter().enumerate() {
+        let y = &mut y[support.base + b * strides.row..][..3 * strides.column + len];
+        for (a, weight) in across.iter().enumerate() {
+            for (y, v) in y[a * strides.column..][..len].iter_mut().zip(run) {
+                *y += weight * v;
+            }
+        }
+    }
+}
+
+/// Calls `$f::<R>` with the length of a run where the compiler should know it, else with 0.
+macro_rules! with_run {
+    ($k:expr, $self:ident.$f:ident($($arg:expr),*)) => {
+        match $k {
+            1 => $self.$f::<4>($($arg),*),
+            2 => $self.$f::<8>($($arg),*),
+            3 => $self.$f::<12>($($arg),*),
+            4 => $self.$f::<16>($($arg),*),
+            5 => $self.$f::<20>($($arg),*),
+            6 => $self.$f::<24>($($arg),*),
+            _ => $self.$f::<0>($($arg),*),
+        }
+    };
+}
+
+impl<'a> Normal<'a> {
+    pub(super) fn new(grid: &Grid, bins: &'a Bins) -> Self {
+        Self { bins, cells: grid.cells, k: grid.k }
+    }
+
+    fn strides(&self) -> Strides {
+        let [na, _, nw] = self.cells.map(|c| c + 3);
+        Strides { row: na * nw * self.k, column: nw * self.k }
+    }
+
+    /// Calls `f(sample, support, chunk)` for every sample, where the support's base counts from the chunk's beginning,
+    /// which is `first` further in the whole: by stripes, of which those of the same parity touch disjoint rows of nodes, so
+    /// each parity runs in parallel and the order of additions is fixed. `state` makes what a task works with.
+    fn by_stripes<T>(
+        &self,
+        out: &mut [f32],
+        state: impl Fn() -> T + Sync,
+        f: impl Fn(&mut T, &Sample<'_>, &mut Support, &mut [f32], usize) + Sync,
+    ) {
+        let Strides { row, column } = self.strides();
+        let ratio = self.bins.n_rows() as f64 / self.cells[1] as f64;
+        for parity in 0..2 {
+            let Some(rest) = out.get_mut(parity * STRIPE * row..) else { continue };
+            rest.par_chunks_mut(2 * STRIPE * row).enumerate().for_each(|(i, chunk)| {
+                let cells = (2 * i + parity) * STRIPE..((2 * i + parity + 1) * STRIPE).min(self.cells[1]);
+                if cells.is_empty() {
+                    return;
+                }
+                // The rows of bins that may lie in these cells: one more on either side than geometry says.
+                let first = ((cells.start as f64 * ratio) as usize).saturating_sub(1);
+                let last = ((cells.end as f64 * ratio) as usize + 2).min(self.bins.n_rows());
+                let mut state = state();
+                let n_cells = self.cells.map(|c| c as i32);
+                let mut visit = |s: Sample<'_>| {
+                    let (cell, weights) = lanes(s.q, n_cells);
+                    if cells.contains(&(cell[1] as usize)) {
+                        let (mut along, mut across) = ([0.0; 4], [[0.0; 4]; 4]);
+                        for i in 0..4 {
+                            along[i] = weights[i][2];
+                            for j in 0..4 {
+                                across[i][j] = weights[i][1] * weights[j][0];
+                            }
+                        }
+                        let base = (cell[1] as usize - cells.start) * row
+                            + cell[0] as usize * column
+                            + cell[2] as usize * self.k;
+                        f(&mut state, &s, &mut Support { base, across, along }, chunk, cells.start * row);
+                    }
+                };
+                (first..last).for_each(|b| self.bins.for_each_in_row(b, &mut visit));
+            });
+        }
+    }
+
+    /// Σ ω b² per coefficient. Precisions of channels differ as their intensities do, at the scale of the pattern.
+    pub(super) fn diagonal(&self) -> Vec<f32> {
+        let mut diag = vec![0.0; (self.cells[1] + 3) * self.strides().row];
+        with_run!(self.k, self.add_diagonal(&mut diag));
+        diag
+    }
+
+    fn add_diagonal<const R: usize>(&self, out: &mut [f32]) {
+        let (k, strides) = (self.k, self.strides());
+        self.by_stripes(
+            out,
+            || vec![0.0; 4 * k],
+            |run, s, support, chunk, _| {
+                for (node, w) in run.chunks_exact_mut(k).zip(support.along) {
+                    node.iter_mut().zip(s.omegas).for_each(|(v, o)| *v = w * w * o);
+                }
+                support.across = support.across.map(|row| row.map(|w| w * w));
+                spread::<R>(chunk, strides, support, run);
+            },
+        );
+    }
+
+    /// Bᵀ Ω L, added.
+    pub(super) fn add_rhs(&self, out: &mut [f32]) {
+        with_run!(self.k, self.add_rhs_run(out));
+    }
+
+    fn add_rhs_run<const R: usize>(&self, out: &mut [f32]) {
+        let (k, strides) = (self.k, self.strides());
+        self.by_stripes(
+            out,
+            || vec![0.0; 4 * k],
+            |run, s, support, chunk, _| {
+                for (node, w) in run.chunks_exact_mut(k).zip(support.along) {
+                    node.iter_mut().zip(s.moments).for_each(|(v, m)| *v = w * m);
+                }
+                spread::<R>(chunk, strides, support, run);
+            },
+        );
+    }
+
+    /// y += Bᵀ Ω B x.
+    pub(super) fn apply(&self, x: &[f32], y: &mut [f32]) {
+        with_run!(self.k, self.apply_run(x, y));
+    }
+
+    fn apply_run<const R: usize>(&self, x: &[f32], y: &mut [f32]) {
+        let k = if R > 0 { R / 4 } else { self.k };
+        let strides = self.strides();
+        self.by_stripes(
+            y,
+            || (vec![0.0; 4 * k], vec![0.0; k]),
+            |(run, value), s, support, chunk, first| {
+                gather::<R>(&x[first..], strides, support, run);
+                let (run, value) = (&mut run[..4 * k], &mut value[..k]);
+                for c in 0..k {
+                    let v = (0..4).map(|l| support.along[l] * run[l * k + c]).sum::<f32>();
+                    value[c] = v * s.omegas[c];
+                }
+                for l in 0..4 {
+                    for c in 0..k {
+                        run[l * k + c] = support.along[l] * value[c];
+                    }
+                }
+                spread::<R>(chunk, strides, support, run);
+            },
+        );
+    }
+}
