@@ -18,7 +18,9 @@ use super::validity::{Validity, ValidityShape};
 use super::{About, ColorField, Form};
 
 /// Version of the layout.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
+/// Oldest format whose hash tables are laid out as today's: by bricks.
+const FIRST_WITH_BRICKS: u32 = 2;
 
 /// Why a checkpoint could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -206,6 +208,9 @@ impl ColorField {
                 }
                 Form::Grid(Grid { cells, k, coeffs })
             }
+            FormHeader::Hash(_) if version.format < FIRST_WITH_BRICKS => {
+                return Err(bad("its hash table is laid out as an earlier version of nelu3d did; calibrate again".into()));
+            }
             FormHeader::Hash(shape) => {
                 let params = floats(tensor("params", Dtype::F32, &[shape.n_params()])?);
                 let hash = HashForm::from_params(*shape, params);
@@ -332,6 +337,14 @@ mod tests {
             let quality = back.about.quality.unwrap();
             assert!(quality.depth_mm.is_nan() && quality.ceiling_db == 40.0);
         }
+    }
+
+    #[test]
+    fn a_field_of_format_1_is_read_unless_its_hash_table_was_laid_out_otherwise() {
+        let older = |field: &ColorField| described(&bytes(field), |json| json["format"] = 1.into());
+        assert!(load(&older(&grid())).is_ok());
+        let refused = load(&older(&hash())).unwrap_err().to_string();
+        assert!(refused.contains("some/field.safetensors") && refused.contains("calibrate again"), "{refused}");
     }
 
     #[test]
