@@ -209,7 +209,9 @@ impl ColorField {
                 Form::Grid(Grid { cells, k, coeffs })
             }
             FormHeader::Hash(_) if version.format < FIRST_WITH_BRICKS => {
-                return Err(bad("its hash table is laid out as an earlier version of nelu3d did; calibrate again".into()));
+                return Err(bad(
+                    "its hash table is laid out as an earlier version of nelu3d did; calibrate again".into()
+                ));
             }
             FormHeader::Hash(shape) => {
                 let params = floats(tensor("params", Dtype::F32, &[shape.n_params()])?);

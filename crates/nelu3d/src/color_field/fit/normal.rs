@@ -17,6 +17,17 @@ pub(super) struct Normal<'a> {
     bins: &'a Bins,
     cells: [usize; 3],
     k: usize,
+    /// What a product needs of the samples, by stripes of cells: found once, used in every product.
+    located: Vec<Located>,
+}
+
+/// The samples in the cells of a stripe.
+#[derive(Default)]
+struct Located {
+    /// Per sample: where the first of its runs begins, counted from the stripe's, and its place in the cell, 0..1.
+    places: Vec<(u32, [f32; 3])>,
+    /// Σω, `[sample][channel]`.
+    omegas: Vec<f32>,
 }
 
 /// The nodes that a sample touches.
@@ -36,20 +47,16 @@ struct Strides {
     column: usize,
 }
 
-/// The cell that holds `q`, and the spline weights there: four arrays, one a weight, of one lane an axis. What
-/// [`Grid::locate_in`] and [`weights`](super::super::grid::weights) say, with the three axes side by side in vector
-/// registers; the fourth lane is idle.
+/// The spline weights at a place in a cell: four arrays, one a weight, of one lane an axis. What
+/// [`weights`](super::super::grid::weights) says, with the three axes side by side in vector registers; the fourth lane is
+/// idle.
 #[inline(always)]
-fn lanes(q: [f32; 3], cells: [i32; 3]) -> ([i32; 4], [[f32; 4]; 4]) {
+fn lanes(place: [f32; 3]) -> [[f32; 4]; 4] {
     const SIXTH: f32 = 1.0 / 6.0;
-    let q = [q[0], q[1], q[2], 0.0];
-    let n = [cells[0], cells[1], cells[2], 1];
-    let mut cell = [0i32; 4];
+    let place = [place[0], place[1], place[2], 0.0];
     let mut w = [[0.0f32; 4]; 4];
     for i in 0..4 {
-        let u = q[i] * n[i] as f32;
-        cell[i] = (u as i32).clamp(0, n[i] - 1);
-        let f = u - cell[i] as f32;
+        let f = place[i];
         let g = 1.0 - f;
         let (f2, g2) = (f * f, g * g);
         w[0][i] = g2 * g * SIXTH;
@@ -57,7 +64,22 @@ fn lanes(q: [f32; 3], cells: [i32; 3]) -> ([i32; 4], [[f32; 4]; 4]) {
         w[2][i] = (4.0 - g2 * (6.0 - 3.0 * g)) * SIXTH;
         w[3][i] = f2 * f * SIXTH;
     }
-    (cell, w)
+    w
+}
+
+impl Support {
+    #[inline(always)]
+    fn at(base: usize, place: [f32; 3]) -> Self {
+        let weights = lanes(place);
+        let (mut along, mut across) = ([0.0; 4], [[0.0; 4]; 4]);
+        for i in 0..4 {
+            along[i] = weights[i][2];
+            for j in 0..4 {
+                across[i][j] = weights[i][1] * weights[j][0];
+            }
+        }
+        Self { base, across, along }
+    }
 }
 
 /// `run = Σ weight · run of x`. `R` is the length of a run, known to the compiler, or 0.
@@ -108,7 +130,10 @@ macro_rules! with_run {
 
 impl<'a> Normal<'a> {
     pub(super) fn new(grid: &Grid, bins: &'a Bins) -> Self {
-        Self { bins, cells: grid.cells, k: grid.k }
+        let mut normal = Self { bins, cells: grid.cells, k: grid.k, located: Vec::new() };
+        let n_stripes = grid.cells[1].div_ceil(STRIPE);
+        normal.located = (0..n_stripes).into_par_iter().map(|stripe| normal.locate(stripe)).collect();
+        normal
     }
 
     fn strides(&self) -> Strides {
@@ -116,46 +141,45 @@ impl<'a> Normal<'a> {
         Strides { row: na * nw * self.k, column: nw * self.k }
     }
 
-    /// Calls `f(sample, support, chunk)` for every sample, where the support's base counts from the chunk's beginning,
-    /// which is `first` further in the whole: by stripes, of which those of the same parity touch disjoint rows of nodes, so
-    /// each parity runs in parallel and the order of additions is fixed. `state` makes what a task works with.
-    fn by_stripes<T>(
-        &self,
-        out: &mut [f32],
-        state: impl Fn() -> T + Sync,
-        f: impl Fn(&mut T, &Sample<'_>, &mut Support, &mut [f32], usize) + Sync,
-    ) {
+    /// The samples in the cells of a stripe, in the order of their bins.
+    fn locate(&self, stripe: usize) -> Located {
+        let mut located = Located::default();
+        self.for_each_in(stripe, |s, base, place| {
+            located.places.push((base as u32, place));
+            located.omegas.extend_from_slice(s.omegas);
+        });
+        located
+    }
+
+    /// Calls `f(sample, base, place in its cell)` for every sample in the cells of a stripe.
+    fn for_each_in(&self, stripe: usize, mut f: impl FnMut(&Sample<'_>, usize, [f32; 3])) {
         let Strides { row, column } = self.strides();
+        let cells = stripe * STRIPE..((stripe + 1) * STRIPE).min(self.cells[1]);
+        // The rows of bins that may lie in these cells: one more on either side than geometry says.
         let ratio = self.bins.n_rows() as f64 / self.cells[1] as f64;
+        let first = ((cells.start as f64 * ratio) as usize).saturating_sub(1);
+        let last = ((cells.end as f64 * ratio) as usize + 2).min(self.bins.n_rows());
+        let mut visit = |s: Sample<'_>| {
+            let (cell, place) = Grid::locate_in(self.cells, s.q);
+            if cells.contains(&cell[1]) {
+                let base = (cell[1] - cells.start) * row + cell[0] * column + cell[2] * self.k;
+                f(&s, base, place);
+            }
+        };
+        (first..last).for_each(|b| self.bins.for_each_in_row(b, &mut visit));
+    }
+
+    /// Calls `f(stripe, its part of out, where that begins)` by stripes, of which those of the same parity touch disjoint
+    /// rows of nodes, so each parity runs in parallel and the order of additions is fixed.
+    fn by_stripes(&self, out: &mut [f32], f: impl Fn(usize, &mut [f32], usize) + Sync) {
+        let row = self.strides().row;
         for parity in 0..2 {
             let Some(rest) = out.get_mut(parity * STRIPE * row..) else { continue };
             rest.par_chunks_mut(2 * STRIPE * row).enumerate().for_each(|(i, chunk)| {
-                let cells = (2 * i + parity) * STRIPE..((2 * i + parity + 1) * STRIPE).min(self.cells[1]);
-                if cells.is_empty() {
-                    return;
+                let stripe = 2 * i + parity;
+                if stripe < self.located.len() {
+                    f(stripe, chunk, stripe * STRIPE * row);
                 }
-                // The rows of bins that may lie in these cells: one more on either side than geometry says.
-                let first = ((cells.start as f64 * ratio) as usize).saturating_sub(1);
-                let last = ((cells.end as f64 * ratio) as usize + 2).min(self.bins.n_rows());
-                let mut state = state();
-                let n_cells = self.cells.map(|c| c as i32);
-                let mut visit = |s: Sample<'_>| {
-                    let (cell, weights) = lanes(s.q, n_cells);
-                    if cells.contains(&(cell[1] as usize)) {
-                        let (mut along, mut across) = ([0.0; 4], [[0.0; 4]; 4]);
-                        for i in 0..4 {
-                            along[i] = weights[i][2];
-                            for j in 0..4 {
-                                across[i][j] = weights[i][1] * weights[j][0];
-                            }
-                        }
-                        let base = (cell[1] as usize - cells.start) * row
-                            + cell[0] as usize * column
-                            + cell[2] as usize * self.k;
-                        f(&mut state, &s, &mut Support { base, across, along }, chunk, cells.start * row);
-                    }
-                };
-                (first..last).for_each(|b| self.bins.for_each_in_row(b, &mut visit));
             });
         }
     }
@@ -169,17 +193,18 @@ impl<'a> Normal<'a> {
 
     fn add_diagonal<const R: usize>(&self, out: &mut [f32]) {
         let (k, strides) = (self.k, self.strides());
-        self.by_stripes(
-            out,
-            || vec![0.0; 4 * k],
-            |run, s, support, chunk, _| {
+        self.by_stripes(out, |stripe, chunk, _| {
+            let mut run = vec![0.0; 4 * k];
+            let Located { places, omegas } = &self.located[stripe];
+            for (&(base, place), omegas) in places.iter().zip(omegas.chunks_exact(k)) {
+                let mut support = Support::at(base as usize, place);
                 for (node, w) in run.chunks_exact_mut(k).zip(support.along) {
-                    node.iter_mut().zip(s.omegas).for_each(|(v, o)| *v = w * w * o);
+                    node.iter_mut().zip(omegas).for_each(|(v, o)| *v = w * w * o);
                 }
                 support.across = support.across.map(|row| row.map(|w| w * w));
-                spread::<R>(chunk, strides, support, run);
-            },
-        );
+                spread::<R>(chunk, strides, &support, &run);
+            }
+        });
     }
 
     /// Bᵀ Ω L, added.
@@ -189,16 +214,16 @@ impl<'a> Normal<'a> {
 
     fn add_rhs_run<const R: usize>(&self, out: &mut [f32]) {
         let (k, strides) = (self.k, self.strides());
-        self.by_stripes(
-            out,
-            || vec![0.0; 4 * k],
-            |run, s, support, chunk, _| {
+        self.by_stripes(out, |stripe, chunk, _| {
+            let mut run = vec![0.0; 4 * k];
+            self.for_each_in(stripe, |s, base, place| {
+                let support = Support::at(base, place);
                 for (node, w) in run.chunks_exact_mut(k).zip(support.along) {
                     node.iter_mut().zip(s.moments).for_each(|(v, m)| *v = w * m);
                 }
-                spread::<R>(chunk, strides, support, run);
-            },
-        );
+                spread::<R>(chunk, strides, &support, &run);
+            });
+        });
     }
 
     /// y += Bᵀ Ω B x.
@@ -209,23 +234,24 @@ impl<'a> Normal<'a> {
     fn apply_run<const R: usize>(&self, x: &[f32], y: &mut [f32]) {
         let k = if R > 0 { R / 4 } else { self.k };
         let strides = self.strides();
-        self.by_stripes(
-            y,
-            || (vec![0.0; 4 * k], vec![0.0; k]),
-            |(run, value), s, support, chunk, first| {
-                gather::<R>(&x[first..], strides, support, run);
-                let (run, value) = (&mut run[..4 * k], &mut value[..k]);
+        self.by_stripes(y, |stripe, chunk, first| {
+            let (mut run, mut value) = (vec![0.0; 4 * k], vec![0.0; k]);
+            let (run, value) = (&mut run[..4 * k], &mut value[..k]);
+            let Located { places, omegas } = &self.located[stripe];
+            for (&(base, place), omegas) in places.iter().zip(omegas.chunks_exact(k)) {
+                let support = Support::at(base as usize, place);
+                gather::<R>(&x[first..], strides, &support, run);
                 for c in 0..k {
                     let v = (0..4).map(|l| support.along[l] * run[l * k + c]).sum::<f32>();
-                    value[c] = v * s.omegas[c];
+                    value[c] = v * omegas[c];
                 }
                 for l in 0..4 {
                     for c in 0..k {
                         run[l * k + c] = support.along[l] * value[c];
                     }
                 }
-                spread::<R>(chunk, strides, support, run);
-            },
-        );
+                spread::<R>(chunk, strides, &support, run);
+            }
+        });
     }
 }
