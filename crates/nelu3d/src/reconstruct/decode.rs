@@ -94,23 +94,26 @@ pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Lookup<'_>, valid: &Vali
     let seen: Vec<bool> = cost
         .par_chunks_mut(labels)
         .zip(&kept)
-        .map_init(|| vec![0.0; k], |c, (row, i)| {
-            let [near, far] = rays.range[*i];
-            let (ray, dir_z) = (rays.in_frame(*i), rays.dir_z(*i));
-            let mut any = false;
-            for (l, e) in row.iter_mut().enumerate() {
-                let t = 1.0 / (inv_z_of(l) * dir_z);
-                let q = ray.at(f64::from(t)).q;
-                *e = if t < near || t > far || !valid.is_lit(q) {
-                    OUTSIDE
-                } else {
-                    any = true;
-                    grid.eval(q, c);
-                    misfit(m_ref, *i, c, prior)
-                };
-            }
-            any
-        })
+        .map_init(
+            || vec![0.0; k],
+            |c, (row, i)| {
+                let [near, far] = rays.range[*i];
+                let (ray, dir_z) = (rays.in_frame(*i), rays.dir_z(*i));
+                let mut any = false;
+                for (l, e) in row.iter_mut().enumerate() {
+                    let t = 1.0 / (inv_z_of(l) * dir_z);
+                    let q = ray.at(f64::from(t)).q;
+                    *e = if t < near || t > far || !valid.is_lit(q) {
+                        OUTSIDE
+                    } else {
+                        any = true;
+                        grid.eval(q, c);
+                        misfit(m_ref, *i, c, prior)
+                    };
+                }
+                any
+            },
+        )
         .collect();
     for (i, seen) in kept.iter().zip(&seen) {
         if !seen {

@@ -35,6 +35,14 @@ impl Rays {
         Self { focal_px, plane, range, frame: field.frame }
     }
 
+    /// Rays of a camera without a field.
+    #[cfg(test)]
+    pub(super) fn for_test(focal_px: f32, plane: Vec<[f32; 2]>) -> Self {
+        let right = nalgebra::Vector3::x();
+        let frame = Frame::around(nalgebra::Point3::origin(), nalgebra::Point3::new(0.0, 0.0, 500.0), right);
+        Self { focal_px, range: vec![[0.0, 1e9]; plane.len()], plane, frame }
+    }
+
     /// The unit ray's z: depth = t · z.
     #[inline]
     pub fn dir_z(&self, i: usize) -> f32 {

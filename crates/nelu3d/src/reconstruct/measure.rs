@@ -141,6 +141,24 @@ impl Measurements {
         out
     }
 
+    /// Perfect measurements of mid gray under full light, one color channel.
+    #[cfg(test)]
+    pub(super) fn for_test(width: usize, height: usize, k: usize) -> Self {
+        let n = width * height;
+        Self {
+            width,
+            height,
+            k,
+            p: vec![0.5; n * k],
+            inv_var: vec![1e4; n * k],
+            surround: vec![0.5; n * k],
+            left: vec![Left::Kept; n],
+            contrast: vec![1.0; n],
+            light: vec![1.0; n],
+            has_black: true,
+        }
+    }
+
     /// Mean codeword around every pixel, weighted by how much light there is to come from there.
     fn surroundings(&self) -> Vec<f32> {
         let (n, k) = (self.n(), self.k);

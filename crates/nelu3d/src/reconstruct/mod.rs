@@ -3,9 +3,11 @@
 //! Measure (normalize, mask) → decode (cost volume, aggregation) → refine (narrow-band volume rendering) → filter → surface.
 
 pub mod decode;
+mod effort;
 mod indirect;
 pub mod lookup;
 pub mod measure;
+mod observer;
 pub mod refine;
 mod shares;
 mod smooth;
@@ -27,8 +29,10 @@ use crate::color_field::ColorField;
 use crate::progress::Progress;
 use crate::result::{Left, Reconstruction, StageClock};
 use decode::{DecodeSettings, decode};
+pub use effort::{Effort, EffortSettings};
 use lookup::{Lookup, Rays};
 use measure::{Measurements, SharesPrior};
+pub use observer::{Observer, Stage};
 use refine::{RefineSettings, refine};
 use surface::Links;
 
@@ -52,9 +56,12 @@ pub struct Options {
     /// Seed of everything random
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 0))]
     pub seed: u64,
-    /// Steps of the narrow-band refinement
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = 14))]
-    pub steps: usize,
+    /// How much work to put in
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Effort::Normal))]
+    pub effort: Effort,
+    /// Steps of the narrow-band refinement (default: by effort)
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
+    pub steps: Option<usize>,
     /// Most depth labels of the cost volume
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 512))]
     pub max_labels: usize,
@@ -65,10 +72,6 @@ pub struct Options {
     /// Smallest connected piece of surface that is kept, px
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 40))]
     pub min_component: usize,
-    /// Decode in a smaller picture, for a first look.
-    #[cfg_attr(feature = "clap", arg(skip))]
-    #[serde(skip)]
-    pub quick: bool,
 }
 
 impl Default for Options {
@@ -76,11 +79,11 @@ impl Default for Options {
         Self {
             recipe: Recipe::Fast,
             seed: 0,
-            steps: 14,
+            effort: Effort::Normal,
+            steps: None,
             max_labels: 512,
             roughness: 0.14,
             min_component: 40,
-            quick: false,
         }
     }
 }
@@ -125,6 +128,19 @@ pub fn run(
     opts: &Options,
     progress: &Progress,
 ) -> Result<Reconstruction, Error> {
+    run_observed(rig, set, shot, field, opts, progress, None)
+}
+
+/// Reconstructs a scene of a rig while somebody watches. The result is the same.
+pub fn run_observed(
+    rig: &Rig,
+    set: &PatternSet,
+    shot: &Shot,
+    field: &ColorField,
+    opts: &Options,
+    progress: &Progress,
+    observer: Option<&mut dyn Observer>,
+) -> Result<Reconstruction, Error> {
     const AGAIN: &str = "run `nelu3d calibrate` for this rig and set, or pass the right --field";
     if camera_key(&rig.camera) != field.about.camera {
         let show = |k: &[f64]| format!("{} × {} px, f = {:.1} px", k[0], k[1], k[2]);
@@ -139,8 +155,8 @@ pub fn run(
     let mut clock = StageClock::new(progress);
     clock.begin("read the scene");
     let capture = rig.read_shot(shot, set, nelu3d_scan::rig::Need::Scene)?;
-    let mut out =
-        reconstruct(&capture, &rig.camera, field, opts, progress, &mut clock).map_err(|reason| reason.at(shot))?;
+    let mut out = reconstruct(&capture, &rig.camera, field, opts, progress, &mut clock, observer)
+        .map_err(|reason| reason.at(shot))?;
     out.stages = clock.finish();
     Ok(out)
 }
@@ -175,10 +191,10 @@ pub(crate) struct Codeword {
 pub(crate) fn codewords(capture: &Capture, camera: &Camera, field: &ColorField) -> Vec<Codeword> {
     let mut m = Measurements::new(capture, &field.about.noise, &field.about.dark, 0.05);
     let shares = SharesPrior { sigma_ambient: 0.03, sigma_indirect: 0.1 };
-    let opts = Options { min_component: 50, quick: true, ..Options::default() };
+    let opts = Options { min_component: 50, ..Options::default() };
     let rays = Rays::new(camera, field, 1);
     let grid = field.to_grid();
-    let decoded = start_pieces(&mut m, &rays, &Lookup::new(&grid), field, camera, shares, &opts);
+    let decoded = start_pieces(&mut m, &rays, &Lookup::new(&grid), field, camera, shares, MOST_CODEWORDS, &opts);
     let k = m.k;
     (0..m.n())
         .filter(|i| decoded.0[*i].is_finite())
@@ -192,8 +208,8 @@ pub(crate) fn codewords(capture: &Capture, camera: &Camera, field: &ColorField) 
         .collect()
 }
 
-/// Most pixels that are decoded at once; larger images are decoded reduced and refined in full.
-const MAX_DECODED: usize = 400_000;
+/// Most pixels that [`codewords`] decodes: a sample is enough.
+const MOST_CODEWORDS: usize = 100_000;
 
 /// Standard deviation of what the color field itself gets wrong, in normalized intensity.
 fn model_sigma(field: &ColorField) -> f32 {
@@ -212,7 +228,10 @@ pub fn reconstruct(
     opts: &Options,
     progress: &Progress,
     clock: &mut StageClock<'_>,
+    mut observer: Option<&mut dyn Observer>,
 ) -> Result<Reconstruction, Failure> {
+    let mut effort = opts.effort.settings();
+    effort.steps = opts.steps.unwrap_or(effort.steps);
     // Normalize and mask.
     clock.begin("prepare");
     let grid = field.to_grid();
@@ -226,29 +245,39 @@ pub fn reconstruct(
     // Decode, in a smaller picture if this one is large.
     clock.begin("decode the cost volume");
     let shares = SharesPrior { sigma_ambient: 0.05, sigma_indirect: 0.2 };
-    let (start, unit) = start(&mut m, &rays, &lookup, field, camera, shares, opts);
+    let (start, unit) = start(&mut m, &rays, &lookup, field, camera, shares, effort.decoded_pixels, opts);
     if start.iter().all(|z| z.is_nan()) {
         return Err(Failure::Nothing(why_nothing(&m.left)));
     }
     stop()?;
 
+    if let Some(o) = observer.as_deref_mut() {
+        clock.pause();
+        o.surface(Stage::Decode, 1, &start.iter().map(|v| 1.0 / v).collect::<Vec<_>>());
+    }
+
     // Refine.
     clock.begin("refine the surface");
-    let envf = |n: &str, d: f32| std::env::var(n).ok().and_then(|v| v.parse::<f32>().ok()).unwrap_or(d);
     let settings = RefineSettings {
-        steps: opts.steps,
+        steps: effort.steps,
         first_width_mm: 0.7,
         last_width_mm: 0.1,
-        patches: envf("PATCHES", 4000.0) as usize,
-        gathers: envf("GATHERS", 3.0) as usize,
+        patches: effort.patches,
+        gathers: effort.gathers,
         shares,
         ambient_radius: (m.width / 80).max(2),
         // A label is 0.7 px of disparity.
         roughness: opts.roughness / 0.7,
-        draws: 12,
+        draws: effort.draws,
         seed: opts.seed,
     };
-    let refined = refine(&m, &rays, &lookup, &start, unit, channels, &settings, progress, &mut |_, _| ());
+    let refined = refine(&m, &rays, &lookup, &start, unit, channels, &settings, progress, &mut |step, depth| {
+        if let Some(o) = observer.as_deref_mut() {
+            clock.pause();
+            o.surface(Stage::Refine, step + 1, &depth());
+            clock.resume();
+        }
+    });
     stop()?;
 
     // Leave out what has no consistent code.
@@ -295,6 +324,11 @@ pub fn reconstruct(
         return Err(Failure::Nothing(why_nothing(&m.left)));
     }
 
+    if let Some(o) = observer {
+        clock.pause();
+        o.surface(Stage::Result, 1, &depth);
+    }
+
     // The surface.
     clock.begin("build the surface");
     let links = Links::new(&depth, camera, MAX_SLOPE);
@@ -311,11 +345,7 @@ pub fn reconstruct(
             refined.sigma[i] * z2 * misfit[i].max(1.0).sqrt()
         })
         .collect();
-    let ambient = (0..n)
-        .map(|i| {
-            if kept(i) { refined.ambient[i] } else { f32::NAN }
-        })
-        .collect();
+    let ambient = (0..n).map(|i| if kept(i) { refined.ambient[i] } else { f32::NAN }).collect();
     let residual: Vec<f32> = (0..n).map(|i| if kept(i) { refined.residual[i] } else { f32::NAN }).collect();
     let median_residual = {
         let mut v: Vec<f32> = (0..n).filter(|i| kept(*i)).map(|i| refined.abs_residual[i]).collect();
@@ -324,6 +354,7 @@ pub fn reconstruct(
     };
     let mut info = serde_json::Map::new();
     info.insert("settings".into(), serde_json::to_value(opts).expect("plain data serializes"));
+    info.insert("effort".into(), serde_json::to_value(effort).expect("plain data serializes"));
     info.insert(
         "field".into(),
         json!({ "rig": field.about.rig, "set": field.about.set, "form": field.form_name(), "source": field.about.source }),
@@ -374,9 +405,10 @@ fn start(
     field: &ColorField,
     camera: &Camera,
     shares: SharesPrior,
+    most: usize,
     opts: &Options,
 ) -> (Vec<f32>, f32) {
-    let (mut out, unit) = start_pieces(m, full, grid, field, camera, shares, opts);
+    let (mut out, unit) = start_pieces(m, full, grid, field, camera, shares, most, opts);
     fill(&mut out, &m.left, m.width);
     (out, unit)
 }
@@ -389,11 +421,11 @@ fn start_pieces(
     field: &ColorField,
     camera: &Camera,
     shares: SharesPrior,
+    most: usize,
     opts: &Options,
 ) -> (Vec<f32>, f32) {
     let settings = DecodeSettings { max_labels: opts.max_labels.max(16), p_jump: 0.01, p_step: 0.2, shares };
     let kept = m.left.iter().filter(|l| **l == Left::Kept).count();
-    let most = if opts.quick { MAX_DECODED / 4 } else { MAX_DECODED };
     let too_large = (1..).find(|f| kept / (f * f) <= most).expect("some reduction is enough");
     // A noisy picture is decoded reduced as well: one pixel's codeword should tell its depth to about a label.
     let noisy = decode::depth_noise(m, full, grid).round().clamp(1.0, 4.0) as usize;

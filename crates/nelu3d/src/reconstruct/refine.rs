@@ -102,6 +102,9 @@ fn band() -> [(f32, f32); 3] {
     [(-node, side), (0.0, 1.0 - 2.0 * side), (node, side)]
 }
 
+/// Called after every step with its number and a function that makes the present depth map.
+pub type Watch<'a> = dyn FnMut(usize, &dyn Fn() -> Vec<f32>) + 'a;
+
 /// What the data say about one pixel at the present depth: the normal equation of its step, and its misfit.
 #[derive(Clone, Copy, Default)]
 struct Data {
@@ -115,7 +118,6 @@ struct Data {
 }
 
 /// Refines inverse depths (NaN = none). `unit` is the label spacing of the decoder, the natural unit of 1/z here.
-/// `watch` is called after every step with its number and a function that makes the present depth map.
 #[allow(clippy::too_many_arguments)]
 pub fn refine(
     m: &Measurements,
@@ -126,7 +128,7 @@ pub fn refine(
     channels: usize,
     s: &RefineSettings,
     progress: &Progress,
-    watch: &mut dyn FnMut(usize, &dyn Fn() -> Vec<f32>),
+    watch: &mut Watch<'_>,
 ) -> Refined {
     let n = m.n();
     let k = m.k;
@@ -154,7 +156,7 @@ pub fn refine(
         progress.tick(step, s.steps);
         let done = step as f32 / (s.steps - 1).max(1) as f32;
         let width = s.first_width_mm * (s.last_width_mm / s.first_width_mm).powf((done * 1.5).min(1.0));
-        let slopes = slopes(&plate, &x);
+        let slopes = slopes(&plate, &x, super::MAX_SLOPE * mid / (rays.focal_px * unit));
         if s.patches > 0 && gathers_at(step, s) {
             let slopes: Vec<[f32; 2]> = slopes.iter().map(|s| s.map(|s| s * unit)).collect();
             let surface = Surface::new(&win, &active, rays, |i| mid + unit * x[i][0], &slopes);
@@ -311,8 +313,9 @@ fn draw_sigma(plate: &Plate, data: &[Data], draws: usize, seed: u64) -> Vec<f32>
         .collect()
 }
 
-/// Slopes of the unknown along x and y, per pixel.
-fn slopes(plate: &Plate, x: &[[f32; 1]]) -> Vec<[f32; 2]> {
+/// Slopes of the unknown along x and y, per pixel: central differences, one-sided where the other side lies across a jump
+/// (a step of more than `most`).
+fn slopes(plate: &Plate, x: &[[f32; 1]], most: f32) -> Vec<[f32; 2]> {
     (0..x.len())
         .into_par_iter()
         .with_min_len(plate.width)
@@ -321,16 +324,17 @@ fn slopes(plate: &Plate, x: &[[f32; 1]]) -> Vec<[f32; 2]> {
                 return [0.0; 2];
             }
             [1, plate.width].map(|stride| {
-                let (b, a) = (i - stride, i + stride);
-                match (plate.active[b], plate.active[a]) {
-                    (true, true) => {
-                        // The gentler side: the other one may lie across a jump.
-                        let (l, r) = (x[i][0] - x[b][0], x[a][0] - x[i][0]);
-                        if l.abs() < r.abs() { l } else { r }
+                let step = |a: usize, b: usize| (plate.active[a] && plate.active[b]).then(|| x[b][0] - x[a][0]);
+                match (step(i - stride, i), step(i, i + stride)) {
+                    (Some(l), Some(r)) if l.abs().max(r.abs()) <= most => 0.5 * (l + r),
+                    (Some(l), Some(r)) => {
+                        if l.abs() < r.abs() {
+                            l
+                        } else {
+                            r
+                        }
                     }
-                    (true, false) => x[i][0] - x[b][0],
-                    (false, true) => x[a][0] - x[i][0],
-                    _ => 0.0,
+                    (one, None) | (None, one) => one.unwrap_or(0.0),
                 }
             })
         })

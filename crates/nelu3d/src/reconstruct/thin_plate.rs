@@ -41,7 +41,7 @@ impl Plate {
     pub(super) fn new(width: usize, height: usize, active: Vec<bool>) -> Self {
         let n = width * height;
         assert_eq!(active.len(), n);
-        let ring = |i: usize| i % width == 0 || i % width == width - 1 || i / width == 0 || i / width == height - 1;
+        let ring = |i: usize| [0, width - 1].contains(&(i % width)) || [0, height - 1].contains(&(i / width));
         assert!((0..n).all(|i| !(active[i] && ring(i))), "the outermost ring of a plate must be free");
         Self { width, height, active, wxx: vec![0.0; n], wyy: vec![0.0; n], wxy: vec![0.0; n] }
     }
@@ -61,11 +61,7 @@ impl Plate {
     fn differences(&self, x: &[[f32; 1]], i: usize) -> [f32; 3] {
         let w = self.width;
         let x = |i: usize| x[i][0];
-        [
-            x(i - 1) - 2.0 * x(i) + x(i + 1),
-            x(i - w) - 2.0 * x(i) + x(i + w),
-            x(i) - x(i + 1) - x(i + w) + x(i + w + 1),
-        ]
+        [x(i - 1) - 2.0 * x(i) + x(i + 1), x(i - w) - 2.0 * x(i) + x(i + w), x(i) - x(i + 1) - x(i + w) + x(i + w + 1)]
     }
 
     /// Sets the weights of all differences from their values in `x`. A surface is smooth to a degree that varies from place
@@ -281,13 +277,15 @@ impl Plate {
                 .collect();
             let next = total(&sums);
             let beta: [f32; L] = std::array::from_fn(|l| if rz[l] > 0.0 { (next[l] / rz[l]) as f32 } else { 0.0 });
-            p.par_chunks_mut(rows).zip(r.par_chunks(rows)).zip(inverse.par_chunks(rows)).for_each(|((p, r), inverse)| {
-                for i in 0..p.len() {
-                    for l in 0..L {
-                        p[i][l] = r[i][l] * inverse[i] + beta[l] * p[i][l];
+            p.par_chunks_mut(rows).zip(r.par_chunks(rows)).zip(inverse.par_chunks(rows)).for_each(
+                |((p, r), inverse)| {
+                    for i in 0..p.len() {
+                        for l in 0..L {
+                            p[i][l] = r[i][l] * inverse[i] + beta[l] * p[i][l];
+                        }
                     }
-                }
-            });
+                },
+            );
             rz = next;
         }
         until.iterations
@@ -364,8 +362,8 @@ mod tests {
             (0..x.len()).map(|i| [if p.active[i] { f(i) } else { 0.0 }]).collect()
         };
         let (u, v) = (on(&|i| (i as f32 * 0.7).sin()), on(&|i| (i as f32 * 1.3).cos()));
-        let dot = |a: &[f32], b: &[[f32; 1]]| a.iter().zip(b).map(|(a, b)| f64::from(a * b[0])).sum::<f64>();
-        let (a, b) = (dot(&roughness(&p, &u), &v), dot(&u, &roughness(&p, &v)));
+        let dot = |b: &[[f32; 1]], a: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b[0])).sum::<f64>();
+        let (a, b) = (dot(&v, &roughness(&p, &u)), dot(&u, &roughness(&p, &v)));
         assert!((a - b).abs() < 1e-3 * a.abs().max(1.0), "{a} {b}");
     }
 }
