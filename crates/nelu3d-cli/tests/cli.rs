@@ -44,12 +44,13 @@ fn help_lists_the_commands() {
 
 #[test]
 fn wrong_usage_is_2() {
-    let wrong: [&[&str]; 8] = [
+    let wrong: [&[&str]; 9] = [
         &[],
         &["fly"],
         &["check"],
         &["check", "a", "b"],
         &["reconstruct", "rig"],
+        &["reconstruct", "rig", "scene", "--trace"],
         &["evaluate", "result"],
         &["evaluate", "result", "--truth", "a", "--against", "b"],
         &["check", "rig", "--threads", "0"],
