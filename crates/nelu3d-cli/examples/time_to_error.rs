@@ -6,7 +6,8 @@
 //!
 //! Runs `nelu3d reconstruct --trace` with every effort and seeds 0, 1, 2, and writes OUT/curves.csv (every point),
 //! OUT/table.md (one line per scene and effort) and OUT/time-to-error.svg. The program must have been built
-//! (`cargo build --release`). FIELD is the color field of the rig: calibration is no part of the curves.
+//! (`cargo build --release`). FIELD is the color field of the rig: calibration is no part of the curves. Runs that OUT already holds
+//! are not repeated.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -51,6 +52,11 @@ fn main() -> Result<()> {
         for (effort, (name, _)) in EFFORTS.iter().enumerate() {
             for seed in SEEDS {
                 let result = out.join(format!("{scene}-{name}-{seed}"));
+                let done = result.join("result.json");
+                if done.is_file() {
+                    runs.push(Run { effort, seed, summary: serde_json::from_str(&std::fs::read_to_string(done)?)? });
+                    continue;
+                }
                 let status = Command::new(&program)
                     .args(["reconstruct", rig, scene, "--quiet", "--trace", "--effort", name, "--field", field])
                     .args(["--seed", &seed.to_string(), "--truth", &format!("{rig}/scenes/{scene}/truth"), "-o"])
@@ -61,7 +67,7 @@ fn main() -> Result<()> {
                 if !status.success() {
                     bail!("{job}: nelu3d failed");
                 }
-                let summary = serde_json::from_str(&std::fs::read_to_string(result.join("result.json"))?)?;
+                let summary = serde_json::from_str(&std::fs::read_to_string(done)?)?;
                 runs.push(Run { effort, seed, summary });
             }
         }
