@@ -122,6 +122,9 @@ pub(crate) struct Reconstruct {
     /// Judge the finished result against this truth folder, in result.json and the report.
     #[arg(long, value_name = "DIR")]
     pub truth: Option<PathBuf>,
+    /// Record the error after every iteration against processor time, in result.json.
+    #[arg(long, requires = "truth")]
+    pub trace: bool,
     /// Write the surface in these formats too.
     #[arg(long, value_name = "FORMAT", value_delimiter = ',')]
     pub mesh: Vec<MeshFormat>,

@@ -50,6 +50,7 @@ fn wrong_usage_is_2() {
         &["check"],
         &["check", "a", "b"],
         &["reconstruct", "rig"],
+        &["reconstruct", "rig", "scene", "--trace"],
         &["evaluate", "result"],
         &["evaluate", "result", "--truth", "a", "--against", "b"],
         &["check", "rig", "--threads", "0"],

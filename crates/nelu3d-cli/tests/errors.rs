@@ -272,6 +272,39 @@ fn the_unbroken_rig_works() {
     assert!(!rig.files().iter().any(|f| f.to_string_lossy().contains("partial")));
 }
 
+/// A trace records every iteration, costs no accuracy, and changes nothing.
+#[test]
+fn a_trace_watches_without_touching() {
+    let rig = Rig::new();
+    let truth = rig.at("scenes/ball/truth");
+    let plain = rig.at("plain");
+    let traced = rig.at("traced");
+    let run = |out: &Path, more: &[&str]| {
+        let mut args =
+            vec!["ball", "--effort", "quick", "--truth", truth.to_str().unwrap(), "-o", out.to_str().unwrap()];
+        args.extend(more);
+        let done = rig.run("reconstruct", &args);
+        assert!(done.status.success(), "{}", stderr(&done));
+        let text = fs::read_to_string(out.join("result.json")).unwrap();
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()
+    };
+    let (a, b) = (run(&plain, &[]), run(&traced, &["--trace"]));
+    assert!(a["trace"].is_null());
+    assert_eq!(fs::read(plain.join("depth.npy")).unwrap(), fs::read(traced.join("depth.npy")).unwrap());
+    let points = b["trace"].as_array().unwrap();
+    let stages: Vec<&str> = points.iter().map(|p| p["stage"].as_str().unwrap()).collect();
+    let steps = b["method"]["effort"]["steps"].as_u64().unwrap() as usize;
+    assert_eq!(stages.len(), steps + 2);
+    assert_eq!((stages[0], stages[1], *stages.last().unwrap()), ("decode", "refine", "result"));
+    let secs: Vec<f64> = points.iter().map(|p| p["cpu_secs"].as_f64().unwrap()).collect();
+    assert!(secs.windows(2).all(|s| s[0] <= s[1]), "{secs:?}");
+    // The last point is the result itself.
+    let last = points.last().unwrap();
+    assert_eq!(last["mae"], b["metrics"]["whole"]["depth_mm"]["mae"]);
+    assert_eq!(last["body_median"], b["metrics"]["body"]["depth_mm"]["median"]);
+    assert!(last["mae"].as_f64() < points[0]["mae"].as_f64(), "refinement did not help: {points:?}");
+}
+
 // Images.
 
 #[test]

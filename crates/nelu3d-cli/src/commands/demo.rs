@@ -34,6 +34,7 @@ pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
             field: field.clone(),
             output: default_result(&rig, &shot.name, &set.name),
             truth: Some(shot.dir.join("truth")),
+            trace: false,
             shot,
             mesh_files: MeshFiles::default(),
             options: Default::default(),

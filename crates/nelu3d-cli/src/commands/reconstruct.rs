@@ -5,8 +5,8 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, Result};
 use nelu3d::color_field::ColorField;
-use nelu3d::evaluate::{Judged, Truth, evaluate};
-use nelu3d::reconstruct::{self, Options};
+use nelu3d::evaluate::{Judged, Trace, Truth, evaluate};
+use nelu3d::reconstruct::{self, Observer, Options};
 use nelu3d::result::{self, About, Input, MeshFiles, Summary};
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::{OutputDir, write_atomic};
@@ -26,6 +26,7 @@ pub(crate) fn run(args: args::Reconstruct, context: &Context) -> Result<ExitCode
         field: args.field.unwrap_or_else(|| default_field(&rig, &set.name)),
         output: args.output.unwrap_or_else(|| default_result(&rig, &shot.name, &set.name)),
         truth: args.truth,
+        trace: args.trace,
         mesh_files: MeshFiles { obj: has(MeshFormat::Obj), stl: has(MeshFormat::Stl), glb: has(MeshFormat::Glb) },
         options: args.options,
         rig: &rig,
@@ -60,6 +61,8 @@ pub(crate) struct Job<'a> {
     pub output: PathBuf,
     /// What to judge the result against.
     pub truth: Option<PathBuf>,
+    /// Whether to record the error after every iteration.
+    pub trace: bool,
     /// Mesh files to write besides mesh.ply.
     pub mesh_files: MeshFiles,
     /// Settings of the method.
@@ -74,11 +77,16 @@ impl Job<'_> {
         // The same for a truth that cannot be read; the reconstruction never sees it.
         let truth = self.truth.as_deref().map(|dir| Truth::read(dir, &self.rig.camera)).transpose()?;
         let field = self.load_field()?;
-        let result = reconstruct::run(self.rig, self.set, &self.shot, &field, &self.options, &context.progress)
-            .map_err(|e| match e {
-                // The library has a field, not a file.
-                reconstruct::Error::Mismatch { .. } => anyhow::anyhow!("{}: {e}", shown(&self.field)),
-                other => other.into(),
+        let mut trace = truth.as_ref().filter(|_| self.trace).map(|t| Trace::new(t, &self.rig.camera));
+        let observer = trace.as_mut().map(|t| t as &mut dyn Observer);
+        let (rig, set, shot) = (self.rig, self.set, &self.shot);
+        let result = reconstruct::run_observed(rig, set, shot, &field, &self.options, &context.progress, observer)
+            .map_err(|e| {
+                match e {
+                    // The library has a field, not a file.
+                    reconstruct::Error::Mismatch { .. } => anyhow::anyhow!("{}: {e}", shown(&self.field)),
+                    other => other.into(),
+                }
             })?;
         context.stop_if_asked()?;
 
@@ -95,6 +103,7 @@ impl Job<'_> {
             set: self.set.name.clone(),
             inputs: self.inputs()?,
             metrics,
+            trace: trace.map(Trace::points),
         };
         let summary = Summary::new(&result, &self.rig.camera, &about);
         result::write_into(folder.path(), &result, &summary, self.mesh_files)?;

@@ -8,11 +8,13 @@ mod jumps;
 mod regions;
 mod stats;
 mod table;
+mod trace;
 mod truth;
 
 pub use jumps::depth_jumps;
 pub use regions::{BODY_MARGIN_PX, GRAZING_DEG, Regions, normals_from_depth};
 pub use stats::{Errors, percentile};
+pub use trace::{Trace, TracePoint};
 pub use truth::{Truth, TruthError};
 
 use nelu3d_scan::{Camera, Projector};

@@ -7,23 +7,10 @@
 
 use rayon::prelude::*;
 
+use super::lookup::{Lookup, Rays};
 use super::measure::{Measurements, SharesPrior, SharesSum};
-use crate::color_field::frame::RayInFrame;
-use crate::color_field::grid::Grid;
 use crate::color_field::validity::Validity;
 use crate::result::Left;
-
-/// Rays of an image, ready for the color field.
-pub struct Rays {
-    /// Focal length, px (mean of x and y).
-    pub focal_px: f32,
-    /// Unit direction's z per pixel: depth = t · z.
-    pub dir_z: Vec<f32>,
-    /// The ray in the field's frame, per pixel.
-    pub in_frame: Vec<RayInFrame>,
-    /// `[t_near, t_far]` per pixel; empty (near > far) outside the calibrated volume.
-    pub range: Vec<[f32; 2]>,
-}
 
 /// Settings of the decoding.
 #[derive(Clone, Copy, Debug)]
@@ -61,7 +48,7 @@ pub(super) fn misfit(m: &Measurements, i: usize, c: &[f32], prior: [f32; 2]) -> 
     let (mut shares, mut e) = (SharesSum::default(), 0.0);
     for j in 0..k {
         let (p, iv) = (m.p[i * k + j], m.inv_var[i * k + j]);
-        shares.add(c[j], p, m.surround[i * k + j], iv);
+        shares.add(p - c[j], 1.0 - c[j], m.surround[i * k + j] - c[j], iv);
         e += iv * (p - c[j]) * (p - c[j]);
     }
     let e = (e - shares.solve(prior).1).max(0.0);
@@ -69,7 +56,7 @@ pub(super) fn misfit(m: &Measurements, i: usize, c: &[f32], prior: [f32; 2]) -> 
 }
 
 /// Decodes every kept pixel. Pixels whose rays miss the calibrated volume are marked [`Left::Outside`].
-pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Grid, valid: &Validity, s: &DecodeSettings) -> Decoded {
+pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Lookup<'_>, valid: &Validity, s: &DecodeSettings) -> Decoded {
     let n = m.n();
     // One set of labels for all pixels, even in 1/z, spaced so that no codeword changes by more than a fraction of a
     // grid cell from one label to the next.
@@ -83,8 +70,8 @@ pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Grid, valid: &Validity, 
             m.left[i] = Left::Outside;
             continue;
         }
-        lo = lo.min(1.0 / (far * rays.dir_z[i]));
-        hi = hi.max(1.0 / (near * rays.dir_z[i]));
+        lo = lo.min(1.0 / (far * rays.dir_z(i)));
+        hi = hi.max(1.0 / (near * rays.dir_z(i)));
     }
     let nothing = Decoded { inv_z: vec![f32::NAN; n], margin: vec![0.0; n], label_step: 0.0 };
     if lo >= hi {
@@ -107,23 +94,26 @@ pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Grid, valid: &Validity, 
     let seen: Vec<bool> = cost
         .par_chunks_mut(labels)
         .zip(&kept)
-        .map(|(row, i)| {
-            let [near, far] = rays.range[*i];
-            let mut c = vec![0.0; k];
-            let mut any = false;
-            for (l, e) in row.iter_mut().enumerate() {
-                let t = 1.0 / (inv_z_of(l) * rays.dir_z[*i]);
-                let q = rays.in_frame[*i].at(f64::from(t)).q;
-                *e = if t < near || t > far || !valid.is_lit(q) {
-                    OUTSIDE
-                } else {
-                    any = true;
-                    grid.eval(q, &mut c);
-                    misfit(m_ref, *i, &c, prior)
-                };
-            }
-            any
-        })
+        .map_init(
+            || vec![0.0; k],
+            |c, (row, i)| {
+                let [near, far] = rays.range[*i];
+                let (ray, dir_z) = (rays.in_frame(*i), rays.dir_z(*i));
+                let mut any = false;
+                for (l, e) in row.iter_mut().enumerate() {
+                    let t = 1.0 / (inv_z_of(l) * dir_z);
+                    let q = ray.at(f64::from(t)).q;
+                    *e = if t < near || t > far || !valid.is_lit(q) {
+                        OUTSIDE
+                    } else {
+                        any = true;
+                        grid.eval(q, c);
+                        misfit(m_ref, *i, c, prior)
+                    };
+                }
+                any
+            },
+        )
         .collect();
     for (i, seen) in kept.iter().zip(&seen) {
         if !seen {
@@ -183,19 +173,19 @@ pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Grid, valid: &Validity, 
 const OUTSIDE: f32 = 1e6;
 
 /// Labels needed so that between two of them no ray moves by more than 0.7 of a grid cell across (a, b).
-fn label_count(kept: &[usize], rays: &Rays, grid: &Grid, lo: f32, hi: f32) -> usize {
+fn label_count(kept: &[usize], rays: &Rays, grid: &Lookup<'_>, lo: f32, hi: f32) -> usize {
     let mut worst = 0.0f32;
     for i in kept.iter().step_by((kept.len() / 500).max(1)) {
-        let at = |inv_z: f32| rays.in_frame[*i].at(f64::from(1.0 / (inv_z * rays.dir_z[*i]))).q;
+        let at = |inv_z: f32| rays.in_frame(*i).at(f64::from(1.0 / (inv_z * rays.dir_z(*i)))).q;
         let (a, b) = (at(lo), at(hi));
-        worst = worst.max(((a[0] - b[0]) * grid.cells[0] as f32).hypot((a[1] - b[1]) * grid.cells[1] as f32));
+        worst = worst.max(((a[0] - b[0]) * grid.cells()[0] as f32).hypot((a[1] - b[1]) * grid.cells()[1] as f32));
     }
     (worst / 0.7).ceil() as usize + 1
 }
 
 /// Standard deviation of a typical pixel's own depth, in labels (the median over pixels of what noise and slope of c
 /// allow, averaged over depth).
-pub(super) fn depth_noise(m: &Measurements, rays: &Rays, grid: &Grid) -> f32 {
+pub(super) fn depth_noise(m: &Measurements, rays: &Rays, grid: &Lookup<'_>) -> f32 {
     let kept: Vec<usize> = (0..m.n()).filter(|i| m.left[*i] == Left::Kept).collect();
     let k = m.k;
     let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
@@ -208,10 +198,10 @@ pub(super) fn depth_noise(m: &Measurements, rays: &Rays, grid: &Grid) -> f32 {
             let mut information = 0.0;
             for step in 0..16 {
                 let t = near + (far - near) * (step as f32 + 0.5) / 16.0;
-                let p = rays.in_frame[*i].at(f64::from(t));
+                let p = rays.in_frame(*i).at(f64::from(t));
                 grid.eval_along(p.q, p.dq, &mut c, &mut d);
                 // A label moves 0.7 of a cell across the grid.
-                let speed = (p.dq[0] * grid.cells[0] as f32).hypot(p.dq[1] * grid.cells[1] as f32);
+                let speed = (p.dq[0] * grid.cells()[0] as f32).hypot(p.dq[1] * grid.cells()[1] as f32);
                 let per_label = 0.7 / speed.max(1e-9);
                 information += (0..k).map(|j| m.inv_var[i * k + j] * (d[j] * per_label).powi(2)).sum::<f32>() / 16.0;
             }
@@ -223,6 +213,24 @@ pub(super) fn depth_noise(m: &Measurements, rays: &Rays, grid: &Grid) -> f32 {
     }
     let mid = sigmas.len() / 2;
     *sigmas.select_nth_unstable_by(mid, f32::total_cmp).1
+}
+
+/// The smaller one. Unlike `f32::min`, which has to think of NaN, this is a single instruction.
+#[inline(always)]
+fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The least of many values, in eight lanes.
+fn least(v: &[f32]) -> f32 {
+    let (chunks, rest) = v.as_chunks::<8>();
+    let mut lanes = [f32::INFINITY; 8];
+    for c in chunks {
+        for l in 0..8 {
+            lanes[l] = min(c[l], lanes[l]);
+        }
+    }
+    rest.iter().chain(&lanes).fold(f32::INFINITY, |a, b| min(*b, a))
 }
 
 /// One direction of semi-global matching, added to `total`.
@@ -251,17 +259,18 @@ fn aggregate(
             out.copy_from_slice(own);
             return;
         };
-        let least = before.iter().copied().fold(f32::INFINITY, f32::min);
+        let least = least(before);
         let far = least + jump;
-        for l in 0..labels {
-            let mut b = before[l].min(far);
-            if l > 0 {
-                b = b.min(before[l - 1] + step);
-            }
-            if l + 1 < labels {
-                b = b.min(before[l + 1] + step);
-            }
-            out[l] = own[l] + b - least;
+        let (before, own, out) = (&before[..labels], &own[..labels], &mut out[..labels]);
+        let last = labels - 1;
+        out[0] = own[0] + min(min(before[0], far), before[1] + step) - least;
+        out[last] = own[last] + min(min(before[last], far), before[last - 1] + step) - least;
+        // Slices of equal length and no branches: this loop runs as vectors.
+        let (left, here, right) = (&before[..last - 1], &before[1..last], &before[2..]);
+        for (((o, own), here), (l, r)) in
+            out[1..last].iter_mut().zip(&own[1..last]).zip(here).zip(left.iter().zip(right))
+        {
+            *o = own + min(min(*here, far), min(*l, *r) + step) - least;
         }
     };
     if dy == 0 {

@@ -25,6 +25,8 @@ pub struct Measurements {
     pub left: Vec<Left>,
     /// Mean white − black over channels.
     pub contrast: Vec<f32>,
+    /// White − black of every channel, `n × channels`.
+    pub light: Vec<f32>,
     /// Whether ambient light was subtracted with a black image of the scene itself.
     pub has_black: bool,
 }
@@ -39,7 +41,7 @@ pub struct SharesPrior {
 }
 
 /// Normal equations of the two shares (a of ambient light, b of interreflection) in
-/// `c + a (1 − c) + b (surround − c) = p`.
+/// `p − c = a (1 − c) + b (surround − c)`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SharesSum {
     /// Entries aa, ab, bb of the matrix, then the right-hand side.
@@ -47,15 +49,14 @@ pub(super) struct SharesSum {
 }
 
 impl SharesSum {
-    /// Adds a measurement.
+    /// Adds a measurement: residual `r` = a · `ambient` + b · `indirect`, with weight `iv`.
     #[inline]
-    pub(super) fn add(&mut self, c: f32, p: f32, surround: f32, iv: f32) {
-        let (r, a, b) = (p - c, 1.0 - c, surround - c);
-        self.sums[0] += iv * a * a;
-        self.sums[1] += iv * a * b;
-        self.sums[2] += iv * b * b;
-        self.sums[3] += iv * a * r;
-        self.sums[4] += iv * b * r;
+    pub(super) fn add(&mut self, r: f32, ambient: f32, indirect: f32, iv: f32) {
+        self.sums[0] += iv * ambient * ambient;
+        self.sums[1] += iv * ambient * indirect;
+        self.sums[2] += iv * indirect * indirect;
+        self.sums[3] += iv * ambient * r;
+        self.sums[4] += iv * indirect * r;
     }
 
     /// The best shares that are not negative (nor most of the light), and by how much they lower χ².
@@ -95,6 +96,7 @@ impl Measurements {
             surround: Vec::new(),
             left: vec![Left::Kept; n],
             contrast: vec![0.0; n],
+            light: vec![0.0; n * c],
             has_black: capture.black.is_some(),
         };
         for i in 0..n {
@@ -107,6 +109,7 @@ impl Measurements {
                 };
                 let contrast = w - b;
                 out.contrast[i] += contrast / c as f32;
+                out.light[i * c + ch] = contrast;
                 for (m, pattern) in capture.patterns.iter().enumerate() {
                     let raw = pattern.data[i * c + ch];
                     if w >= 1.0 || raw >= 1.0 {
@@ -138,6 +141,24 @@ impl Measurements {
         out
     }
 
+    /// Perfect measurements of mid gray under full light, one color channel.
+    #[cfg(test)]
+    pub(super) fn for_test(width: usize, height: usize, k: usize) -> Self {
+        let n = width * height;
+        Self {
+            width,
+            height,
+            k,
+            p: vec![0.5; n * k],
+            inv_var: vec![1e4; n * k],
+            surround: vec![0.5; n * k],
+            left: vec![Left::Kept; n],
+            contrast: vec![1.0; n],
+            light: vec![1.0; n],
+            has_black: true,
+        }
+    }
+
     /// Mean codeword around every pixel, weighted by how much light there is to come from there.
     fn surroundings(&self) -> Vec<f32> {
         let (n, k) = (self.n(), self.k);
@@ -148,8 +169,8 @@ impl Measurements {
             let mut den: Vec<f32> = (0..n).map(|i| if usable(i) { self.contrast[i].max(0.0) } else { 0.0 }).collect();
             let mut num: Vec<f32> = den.iter().enumerate().map(|(i, w)| w * self.p[i * k + j]).collect();
             for _ in 0..2 {
-                super::box_mean(&mut num, self.width, self.height, radius);
-                super::box_mean(&mut den, self.width, self.height, radius);
+                super::smooth::box_mean(&mut num, self.width, self.height, radius);
+                super::smooth::box_mean(&mut den, self.width, self.height, radius);
             }
             for i in 0..n {
                 out[i * k + j] = if den[i] > 1e-6 { num[i] / den[i] } else { 0.5 };
@@ -186,6 +207,7 @@ impl Measurements {
             surround: Vec::new(),
             left: vec![Left::Dark; w * h],
             contrast: vec![0.0; w * h],
+            light: Vec::new(),
             has_black: self.has_black,
         };
         for y in 0..h {

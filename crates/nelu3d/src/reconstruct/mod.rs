@@ -3,10 +3,17 @@
 //! Measure (normalize, mask) → decode (cost volume, aggregation) → refine (narrow-band volume rendering) → filter → surface.
 
 pub mod decode;
+mod effort;
+mod indirect;
+pub mod lookup;
 pub mod measure;
+mod observer;
 pub mod refine;
+mod shares;
+mod smooth;
 pub mod surface;
 mod thin_plate;
+mod window;
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -19,11 +26,13 @@ use serde_json::json;
 
 use crate::calibrate::camera_key;
 use crate::color_field::ColorField;
-use crate::color_field::grid::Grid;
 use crate::progress::Progress;
 use crate::result::{Left, Reconstruction, StageClock};
-use decode::{DecodeSettings, Rays, decode};
+use decode::{DecodeSettings, decode};
+pub use effort::{Effort, EffortSettings};
+use lookup::{Lookup, Rays};
 use measure::{Measurements, SharesPrior};
+pub use observer::{Observer, Stage};
 use refine::{RefineSettings, refine};
 use surface::Links;
 
@@ -47,9 +56,12 @@ pub struct Options {
     /// Seed of everything random
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 0))]
     pub seed: u64,
-    /// Steps of the narrow-band refinement
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = 14))]
-    pub steps: usize,
+    /// How much work to put in
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Effort::Normal))]
+    pub effort: Effort,
+    /// Steps of the narrow-band refinement (default: by effort)
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
+    pub steps: Option<usize>,
     /// Most depth labels of the cost volume
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 512))]
     pub max_labels: usize,
@@ -60,10 +72,6 @@ pub struct Options {
     /// Smallest connected piece of surface that is kept, px
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 40))]
     pub min_component: usize,
-    /// Decode in a smaller picture, for a first look.
-    #[cfg_attr(feature = "clap", arg(skip))]
-    #[serde(skip)]
-    pub quick: bool,
 }
 
 impl Default for Options {
@@ -71,11 +79,11 @@ impl Default for Options {
         Self {
             recipe: Recipe::Fast,
             seed: 0,
-            steps: 14,
+            effort: Effort::Normal,
+            steps: None,
             max_labels: 512,
             roughness: 0.14,
             min_component: 40,
-            quick: false,
         }
     }
 }
@@ -120,6 +128,19 @@ pub fn run(
     opts: &Options,
     progress: &Progress,
 ) -> Result<Reconstruction, Error> {
+    run_observed(rig, set, shot, field, opts, progress, None)
+}
+
+/// Reconstructs a scene of a rig while somebody watches. The result is the same.
+pub fn run_observed(
+    rig: &Rig,
+    set: &PatternSet,
+    shot: &Shot,
+    field: &ColorField,
+    opts: &Options,
+    progress: &Progress,
+    observer: Option<&mut dyn Observer>,
+) -> Result<Reconstruction, Error> {
     const AGAIN: &str = "run `nelu3d calibrate` for this rig and set, or pass the right --field";
     if camera_key(&rig.camera) != field.about.camera {
         let show = |k: &[f64]| format!("{} × {} px, f = {:.1} px", k[0], k[1], k[2]);
@@ -134,8 +155,8 @@ pub fn run(
     let mut clock = StageClock::new(progress);
     clock.begin("read the scene");
     let capture = rig.read_shot(shot, set, nelu3d_scan::rig::Need::Scene)?;
-    let mut out =
-        reconstruct(&capture, &rig.camera, field, opts, progress, &mut clock).map_err(|reason| reason.at(shot))?;
+    let mut out = reconstruct(&capture, &rig.camera, field, opts, progress, &mut clock, observer)
+        .map_err(|reason| reason.at(shot))?;
     out.stages = clock.finish();
     Ok(out)
 }
@@ -169,17 +190,17 @@ pub(crate) struct Codeword {
 /// Decoded points and their codewords, without refinement: only pixels in surroundings that agree.
 pub(crate) fn codewords(capture: &Capture, camera: &Camera, field: &ColorField) -> Vec<Codeword> {
     let mut m = Measurements::new(capture, &field.about.noise, &field.about.dark, 0.05);
-    let undistorted = undistorted(camera);
     let shares = SharesPrior { sigma_ambient: 0.03, sigma_indirect: 0.1 };
-    let opts = Options { min_component: 50, quick: true, ..Options::default() };
-    let rays = rays(camera, field, &undistorted, 1);
-    let decoded = start_pieces(&mut m, &rays, &field.to_grid(), field, camera, shares, &opts);
+    let opts = Options { min_component: 50, ..Options::default() };
+    let rays = Rays::new(camera, field, 1);
+    let grid = field.to_grid();
+    let decoded = start_pieces(&mut m, &rays, &Lookup::new(&grid), field, camera, shares, MOST_CODEWORDS, &opts);
     let k = m.k;
     (0..m.n())
         .filter(|i| decoded.0[*i].is_finite())
         .map(|i| {
             let z = 1.0 / f64::from(decoded.0[i]);
-            let [u, v] = undistorted[i].map(f64::from);
+            let [u, v] = rays.plane[i].map(f64::from);
             let intensities =
                 (i * k..(i + 1) * k).map(|j| if m.inv_var[j] > 0.0 { m.p[j] } else { f32::NAN }).collect();
             Codeword { point: [u * z, v * z, z], intensities }
@@ -187,8 +208,8 @@ pub(crate) fn codewords(capture: &Capture, camera: &Camera, field: &ColorField) 
         .collect()
 }
 
-/// Most pixels that are decoded at once; larger images are decoded reduced and refined in full.
-const MAX_DECODED: usize = 400_000;
+/// Most pixels that [`codewords`] decodes: a sample is enough.
+const MOST_CODEWORDS: usize = 100_000;
 
 /// Standard deviation of what the color field itself gets wrong, in normalized intensity.
 fn model_sigma(field: &ColorField) -> f32 {
@@ -207,41 +228,56 @@ pub fn reconstruct(
     opts: &Options,
     progress: &Progress,
     clock: &mut StageClock<'_>,
+    mut observer: Option<&mut dyn Observer>,
 ) -> Result<Reconstruction, Failure> {
+    let mut effort = opts.effort.settings();
+    effort.steps = opts.steps.unwrap_or(effort.steps);
     // Normalize and mask.
     clock.begin("prepare");
     let grid = field.to_grid();
     let channels = capture.white.channels;
     let mut m = Measurements::new(capture, &field.about.noise, &field.about.dark, model_sigma(field));
-    let undistorted = undistorted(camera);
-    let rays = rays(camera, field, &undistorted, 1);
+    let lookup = Lookup::new(&grid);
+    let rays = Rays::new(camera, field, 1);
     let stop = || if progress.cancelled() { Err(Failure::Cancelled) } else { Ok(()) };
     stop()?;
 
     // Decode, in a smaller picture if this one is large.
     clock.begin("decode the cost volume");
     let shares = SharesPrior { sigma_ambient: 0.05, sigma_indirect: 0.2 };
-    let (start, unit) = start(&mut m, &rays, &grid, field, camera, shares, opts);
+    let (start, unit) = start(&mut m, &rays, &lookup, field, camera, shares, effort.decoded_pixels, opts);
     if start.iter().all(|z| z.is_nan()) {
         return Err(Failure::Nothing(why_nothing(&m.left)));
     }
     stop()?;
 
+    if let Some(o) = observer.as_deref_mut() {
+        clock.pause();
+        o.surface(Stage::Decode, 1, &start.iter().map(|v| 1.0 / v).collect::<Vec<_>>());
+    }
+
     // Refine.
     clock.begin("refine the surface");
     let settings = RefineSettings {
-        steps: opts.steps,
+        steps: effort.steps,
         first_width_mm: 0.7,
         last_width_mm: 0.1,
-        samples: 8,
+        patches: effort.patches,
+        gathers: effort.gathers,
         shares,
         ambient_radius: (m.width / 80).max(2),
         // A label is 0.7 px of disparity.
         roughness: opts.roughness / 0.7,
-        draws: 12,
+        draws: effort.draws,
         seed: opts.seed,
     };
-    let refined = refine(&m, &rays, &grid, &start, unit, channels, &settings, progress);
+    let refined = refine(&m, &rays, &lookup, &start, unit, channels, &settings, progress, &mut |step, depth| {
+        if let Some(o) = observer.as_deref_mut() {
+            clock.pause();
+            o.surface(Stage::Refine, step + 1, &depth());
+            clock.resume();
+        }
+    });
     stop()?;
 
     // Leave out what has no consistent code.
@@ -254,7 +290,7 @@ pub fn reconstruct(
             continue;
         }
         let [near, far] = rays.range[i];
-        let t = depth[i] / rays.dir_z[i];
+        let t = depth[i] / rays.dir_z(i);
         if !(t >= near && t <= far) {
             m.left[i] = Left::Outside;
         } else if misfit[i] > MAX_MISFIT {
@@ -288,11 +324,16 @@ pub fn reconstruct(
         return Err(Failure::Nothing(why_nothing(&m.left)));
     }
 
+    if let Some(o) = observer {
+        clock.pause();
+        o.surface(Stage::Result, 1, &depth);
+    }
+
     // The surface.
     clock.begin("build the surface");
     let links = Links::new(&depth, camera, MAX_SLOPE);
-    let normals = surface::normals(&depth, &links, &undistorted, m.width);
-    let mesh = surface::mesh(&depth, &normals, &links, &undistorted, &capture.white);
+    let normals = surface::normals(&depth, &links, &rays.plane, m.width);
+    let mesh = surface::mesh(&depth, &normals, &links, &rays.plane, &capture.white);
     let kept = |i: usize| depth[i].is_finite();
     let sigma = (0..n)
         .map(|i| {
@@ -304,12 +345,7 @@ pub fn reconstruct(
             refined.sigma[i] * z2 * misfit[i].max(1.0).sqrt()
         })
         .collect();
-    let ambient = (0..n)
-        .map(|i| {
-            let a = &refined.ambient[i * channels..(i + 1) * channels];
-            if kept(i) { a.iter().sum::<f32>() / channels as f32 } else { f32::NAN }
-        })
-        .collect();
+    let ambient = (0..n).map(|i| if kept(i) { refined.ambient[i] } else { f32::NAN }).collect();
     let residual: Vec<f32> = (0..n).map(|i| if kept(i) { refined.residual[i] } else { f32::NAN }).collect();
     let median_residual = {
         let mut v: Vec<f32> = (0..n).filter(|i| kept(*i)).map(|i| refined.abs_residual[i]).collect();
@@ -318,11 +354,13 @@ pub fn reconstruct(
     };
     let mut info = serde_json::Map::new();
     info.insert("settings".into(), serde_json::to_value(opts).expect("plain data serializes"));
+    info.insert("effort".into(), serde_json::to_value(effort).expect("plain data serializes"));
     info.insert(
         "field".into(),
         json!({ "rig": field.about.rig, "set": field.about.set, "form": field.form_name(), "source": field.about.source }),
     );
     info.insert("losses".into(), json!(refined.losses));
+    info.insert("albedo".into(), json!(refined.albedo));
     info.insert("median_residual".into(), json!(median_residual));
     Ok(Reconstruction {
         width: m.width,
@@ -359,51 +397,18 @@ fn why_nothing(left: &[Left]) -> String {
     )
 }
 
-/// Undistorted image-plane coordinates (x/z, y/z) of every pixel.
-fn undistorted(camera: &Camera) -> Vec<[f32; 2]> {
-    (0..camera.n_pixels())
-        .into_par_iter()
-        .map(|i| camera.undistort([(i % camera.width) as f64, (i / camera.width) as f64]).map(|v| v as f32))
-        .collect()
-}
-
-/// Rays of the image reduced by `f`, in the field's frame.
-fn rays(camera: &Camera, field: &ColorField, undistorted: &[[f32; 2]], f: usize) -> Rays {
-    let (w, h) = (camera.width / f, camera.height / f);
-    let half = (f as f64 - 1.0) / 2.0;
-    let all: Vec<_> = (0..w * h)
-        .into_par_iter()
-        .map(|i| {
-            let (x, y) = ((i % w) * f, (i / w) * f);
-            let [u, v] = if f == 1 {
-                undistorted[i].map(f64::from)
-            } else {
-                camera.undistort([x as f64 + half, y as f64 + half])
-            };
-            let dir = nalgebra::Vector3::new(u, v, 1.0).normalize();
-            let range = field.validity.range(x + f / 2, y + f / 2).unwrap_or([1.0, 0.0]);
-            (dir.z as f32, field.frame.along_ray(&dir), range)
-        })
-        .collect();
-    Rays {
-        focal_px: (0.5 * (camera.fx + camera.fy)) as f32 / f as f32,
-        dir_z: all.iter().map(|a| a.0).collect(),
-        in_frame: all.iter().map(|a| a.1).collect(),
-        range: all.iter().map(|a| a.2).collect(),
-    }
-}
-
 /// The start of the refinement: decoded inverse depth for every pixel that has one, and the label spacing.
 fn start(
     m: &mut Measurements,
     full: &Rays,
-    grid: &Grid,
+    grid: &Lookup<'_>,
     field: &ColorField,
     camera: &Camera,
     shares: SharesPrior,
+    most: usize,
     opts: &Options,
 ) -> (Vec<f32>, f32) {
-    let (mut out, unit) = start_pieces(m, full, grid, field, camera, shares, opts);
+    let (mut out, unit) = start_pieces(m, full, grid, field, camera, shares, most, opts);
     fill(&mut out, &m.left, m.width);
     (out, unit)
 }
@@ -412,15 +417,15 @@ fn start(
 fn start_pieces(
     m: &mut Measurements,
     full: &Rays,
-    grid: &Grid,
+    grid: &Lookup<'_>,
     field: &ColorField,
     camera: &Camera,
     shares: SharesPrior,
+    most: usize,
     opts: &Options,
 ) -> (Vec<f32>, f32) {
     let settings = DecodeSettings { max_labels: opts.max_labels.max(16), p_jump: 0.01, p_step: 0.2, shares };
     let kept = m.left.iter().filter(|l| **l == Left::Kept).count();
-    let most = if opts.quick { MAX_DECODED / 4 } else { MAX_DECODED };
     let too_large = (1..).find(|f| kept / (f * f) <= most).expect("some reduction is enough");
     // A noisy picture is decoded reduced as well: one pixel's codeword should tell its depth to about a label.
     let noisy = decode::depth_noise(m, full, grid).round().clamp(1.0, 4.0) as usize;
@@ -431,7 +436,7 @@ fn start_pieces(
         (d.inv_z, d.label_step, camera.clone(), None)
     } else {
         let mut small = m.reduced(f);
-        let small_rays = rays(camera, field, &[], f);
+        let small_rays = Rays::new(camera, field, f);
         let d = decode(&mut small, &small_rays, grid, &field.validity, &settings);
         let g = f as f64;
         let half = (g - 1.0) / 2.0;
@@ -489,7 +494,7 @@ fn settle_pieces(
     inv_z: &mut [f32],
     m: &Measurements,
     rays: &Rays,
-    grid: &Grid,
+    grid: &Lookup<'_>,
     camera: &Camera,
     unit: f32,
     shares: SharesPrior,
@@ -514,7 +519,7 @@ fn settle_pieces(
     let prior = m.shares_prior(&shares);
     let cost = |i: usize, inv_z: f32| {
         let mut c = vec![0.0; m.k];
-        grid.eval(rays.in_frame[i].at(f64::from(1.0 / (inv_z * rays.dir_z[i]))).q, &mut c);
+        grid.eval(rays.in_frame(i).at(f64::from(1.0 / (inv_z * rays.dir_z(i)))).q, &mut c);
         decode::misfit(m, i, &c, prior)
     };
     // Per piece: Σ of (misfit in its surroundings − misfit where it was decoded).
@@ -584,33 +589,4 @@ fn local_mean(v: &[f32], width: usize, height: usize, radius: usize) -> Vec<f32>
             sum / n as f32
         })
         .collect()
-}
-
-/// In-place mean over a square of the given radius (zero outside), by running sums.
-fn box_mean(v: &mut [f32], w: usize, h: usize, radius: usize) {
-    let norm = 1.0 / (2 * radius + 1) as f32;
-    let pass = |line: &mut [f32]| {
-        let src = line.to_vec();
-        let mut sum: f64 = src.iter().take(radius).map(|v| f64::from(*v)).sum();
-        for i in 0..src.len() {
-            if i + radius < src.len() {
-                sum += f64::from(src[i + radius]);
-            }
-            if i > radius {
-                sum -= f64::from(src[i - radius - 1]);
-            }
-            line[i] = sum as f32 * norm;
-        }
-    };
-    v.chunks_exact_mut(w).for_each(pass);
-    let mut column = vec![0.0; h];
-    for x in 0..w {
-        for y in 0..h {
-            column[y] = v[y * w + x];
-        }
-        pass(&mut column);
-        for y in 0..h {
-            v[y * w + x] = column[y];
-        }
-    }
 }

@@ -22,7 +22,14 @@ pub struct StageTime {
 pub struct StageClock<'a> {
     progress: &'a Progress,
     done: Vec<StageTime>,
-    current: Option<(String, Instant, ProcessTime)>,
+    current: Option<Current>,
+}
+
+#[derive(Debug)]
+struct Current {
+    time: StageTime,
+    /// Since when it runs, unless it is paused.
+    since: Option<(Instant, ProcessTime)>,
 }
 
 impl<'a> StageClock<'a> {
@@ -35,20 +42,60 @@ impl<'a> StageClock<'a> {
     pub fn begin(&mut self, name: &str) {
         self.end();
         self.progress.stage(name);
-        self.current = Some((name.to_owned(), Instant::now(), ProcessTime::now()));
+        self.current = Some(Current {
+            time: StageTime { name: name.to_owned(), wall_secs: 0.0, cpu_secs: 0.0 },
+            since: Some((Instant::now(), ProcessTime::now())),
+        });
+    }
+
+    /// What follows, until [`Self::resume`] or the next stage, is no part of the work.
+    pub fn pause(&mut self) {
+        if let Some(Current { time, since }) = &mut self.current
+            && let Some((wall, cpu)) = since.take()
+        {
+            time.wall_secs += wall.elapsed().as_secs_f64();
+            time.cpu_secs += cpu.elapsed().as_secs_f64();
+        }
+    }
+
+    /// Ends a pause.
+    pub fn resume(&mut self) {
+        if let Some(current) = &mut self.current {
+            current.since.get_or_insert_with(|| (Instant::now(), ProcessTime::now()));
+        }
     }
 
     /// Ends the current stage, if there is one.
     pub fn end(&mut self) {
-        if let Some((name, wall, cpu)) = self.current.take() {
-            let (wall_secs, cpu_secs) = (wall.elapsed().as_secs_f64(), cpu.elapsed().as_secs_f64());
-            self.done.push(StageTime { name, wall_secs, cpu_secs });
-        }
+        self.pause();
+        self.done.extend(self.current.take().map(|c| c.time));
     }
 
     /// Ends the current stage and returns them all.
     pub fn finish(mut self) -> Vec<StageTime> {
         self.end();
         self.done
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pause_is_not_counted() {
+        let progress = Progress::none();
+        let mut clock = StageClock::new(&progress);
+        clock.begin("one");
+        clock.pause();
+        std::thread::sleep(std::time::Duration::from_millis(60));
+        clock.resume();
+        clock.resume();
+        clock.begin("two");
+        std::thread::sleep(std::time::Duration::from_millis(30));
+        let stages = clock.finish();
+        assert_eq!(stages.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["one", "two"]);
+        assert!(stages[0].wall_secs < 0.05, "{stages:?}");
+        assert!(stages[1].wall_secs >= 0.03, "{stages:?}");
     }
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::{Left, Reconstruction, StageTime};
-use crate::evaluate::{Metrics, percentile};
+use crate::evaluate::{Metrics, TracePoint, percentile};
 
 /// Version of the keys of `result.json`.
 pub const FORMAT: u32 = 1;
@@ -28,6 +28,8 @@ pub struct About {
     pub inputs: Vec<Input>,
     /// Errors against the truth, when somebody asked for them.
     pub metrics: Option<Metrics>,
+    /// Error against time, when somebody asked for it.
+    pub trace: Option<Vec<TracePoint>>,
 }
 
 /// A file that was read.
@@ -90,6 +92,8 @@ pub struct Summary {
     pub machine: Machine,
     /// Errors against the truth; `null` when none was given.
     pub metrics: Option<Metrics>,
+    /// Errors of the intermediate surfaces, in order; `null` unless they were traced.
+    pub trace: Option<Vec<TracePoint>>,
 }
 
 /// Intrinsics in the form of `camera.json`.
@@ -211,6 +215,7 @@ impl Summary {
                 threads: rayon::current_num_threads(),
             },
             metrics: about.metrics.clone(),
+            trace: about.trace.clone(),
         }
     }
 }
