@@ -132,7 +132,7 @@ impl Candidate {
         let empty = Form::Grid(Grid::new([1, 1, 1], 1));
         let mut form = std::mem::replace(&mut self.form, empty);
         match &mut form {
-            Form::Grid(grid) => fit(grid, &bins, smoothness(self.center), 12, progress),
+            Form::Grid(grid) => fit(grid, &bins, smoothness(self.center), 8, progress),
             Form::Hash(hash) => hash.train(&bins, opts.seed.wrapping_add(1), progress),
         }
         Ok(form)
@@ -146,11 +146,11 @@ fn smoothness(center: Center) -> Smoothness {
     }
 }
 
-/// Three bins a cell along the light's rays and two along the camera's.
+/// Two bins a cell along w.
 fn empty_bins(placed: &Placed<'_>, cells: [usize; 3], center: Center) -> Bins {
     let along = match center {
         // However few positions there are: more must not take more memory.
-        Center::Light => CELLS_ALONG_LIGHT * 3,
+        Center::Light => CELLS_ALONG_LIGHT * 2,
         Center::Camera => cells[2] * 2,
     };
     Bins::new([cells[0], cells[1], along], placed.sweep.k)
