@@ -44,7 +44,7 @@ fn help_lists_the_commands() {
 
 #[test]
 fn wrong_usage_is_2() {
-    let wrong: [&[&str]; 9] = [
+    let wrong: [&[&str]; 10] = [
         &[],
         &["fly"],
         &["check"],

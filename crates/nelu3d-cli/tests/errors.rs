@@ -588,9 +588,9 @@ fn a_truncated_checkpoint() {
 fn a_newer_checkpoint() {
     let rig = Rig::new();
     let mut bytes = fs::read(rig.at(FIELD)).unwrap();
-    let key = br#"\"format\":1"#;
+    let key = br#"\"format\":"#;
     let at = bytes.windows(key.len()).position(|w| w == key).expect("the format in the description");
-    bytes[at + key.len() - 1] = b'9';
+    bytes[at + key.len()] = b'9';
     fs::write(rig.at(FIELD), bytes).unwrap();
     rig.reconstruct_fails(&[FIELD, "9", "update nelu3d"]);
 }

@@ -384,7 +384,7 @@ mod tests {
             let e = load(&described(&bytes(field), change)).expect_err(&format!("case {i}")).to_string();
             assert!(e.starts_with("some/field.safetensors: ") && e.contains("nelu3d calibrate"), "case {i}: {e}");
         }
-        let newer = load(&described(&bytes(&grid()), set("/format", 2.into()))).unwrap_err().to_string();
+        let newer = load(&described(&bytes(&grid()), set("/format", (FORMAT + 1).into()))).unwrap_err().to_string();
         assert!(newer.contains("update nelu3d"), "{newer}");
     }
 
