@@ -11,7 +11,7 @@
 //! [`eikonal_samples`]. The color field c is frozen, so the samples' codewords come with the batch, whoever knows them;
 //! likewise the ambient light, whose gradient goes back to the caller.
 //!
-//! [`reference`] is the plain form; [`NeuralSurface::train_step`] the fast one.
+//! [`mod@reference`] is the plain form; [`NeuralSurface::train_step`] the fast one.
 
 mod cpu;
 pub mod reference;
