@@ -1,4 +1,4 @@
-//! Sums over slices in parallel, always added in the same order.
+//! Sums over slices, always added in the same order.
 
 /// Elements one task handles.
 const GRAIN: usize = 4096;
@@ -15,4 +15,17 @@ pub(crate) fn fill_and_sum<T: Send>(out: &mut [T], f: &(impl Fn(usize, &mut [T])
         a + b
     }
     part(0, out, f)
+}
+
+/// Scalar product, in eight running sums.
+#[inline(always)]
+pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0f32; 8];
+    let ((a, rest_a), (b, rest_b)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    for (a, b) in a.iter().zip(b) {
+        for i in 0..8 {
+            sums[i] += a[i] * b[i];
+        }
+    }
+    sums.iter().sum::<f32>() + rest_a.iter().zip(rest_b).map(|(a, b)| a * b).sum::<f32>()
 }

@@ -125,8 +125,7 @@ mod tests {
     fn lines_and_accesses_are_counted() {
         // At most eight lines a point and level, at least one, and never more than there are.
         let [full, ..] = steps();
-        let config = crate::HashFieldConfig { ..full.config().field };
-        let grid = crate::encoding::hash_grid::HashGrid::new(&config.encoding).unwrap();
+        let grid = crate::encoding::hash_grid::HashGrid::new(&full.config().field.encoding).unwrap();
         let rays = RaySet::new(20, 16, 0.02, 1);
         let n = rays.points().len() as f64;
         let lines = steps::LineCounts::of(&grid, rays.points());

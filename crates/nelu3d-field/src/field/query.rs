@@ -4,6 +4,7 @@ use super::HashField;
 use super::train::append_positions;
 use crate::encoding::hash_grid::cpu as hash_grid;
 use crate::mlp::cpu::{self as mlp, BLOCK, MlpScratch, padded};
+use crate::reduce::dot;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -116,9 +117,4 @@ impl<const D: usize> WithSimd for QueryWithJacobian<'_, D> {
             }
         }
     }
-}
-
-#[inline(always)]
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

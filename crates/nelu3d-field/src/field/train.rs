@@ -5,7 +5,7 @@
 //! the lines it touched ([`super::table`]). Neither depends on the number of threads.
 
 use super::table::{Part, Scratch, TableStep};
-use super::{HashField, RegressionLoss};
+use super::{HashField, RegressionLoss, TrainConfig};
 use crate::adam::{self, MomentBuffers};
 use crate::encoding::hash_grid::{HashGrid, cpu as hash_grid};
 use crate::mlp::cpu::{self as mlp, BLOCK, MlpGradient, MlpScratch, PackedMlp, padded};
@@ -119,26 +119,13 @@ impl<const D: usize> HashField<D> {
             loss += chunk.loss;
         }
 
-        let settings = &config.training;
-        let factor = settings.schedule.factor(*n_steps);
-        let (table_moments, network_moments) = moments.all().split_at(table.len());
         let part = |i: usize| {
             let points = &points[i * CHUNK..points.len().min((i + 1) * CHUNK)];
             let d = &chunks[i].d_features[..points.len() * grid.n_features()];
             Part { points, d, s: &[], u: [&[]; 3] }
         };
-        let update = TableStep {
-            grid,
-            part: &part,
-            n_parts: n_chunks,
-            adam: &settings.adam,
-            learning_rate: settings.encoding_learning_rate * factor,
-            step: *n_steps,
-            scratch: table_scratch,
-        };
-        update.run(table, table_moments);
-        let rate = settings.network_learning_rate * factor;
-        adam::cpu::step(&settings.adam, rate, *n_steps, network, network_moments, network_gradient);
+        let update = Update { settings: &config.training, grid, step: *n_steps, part: &part, n_parts: n_chunks };
+        update.run(table, network, moments, network_gradient, table_scratch);
         packed.pack(network);
         *n_steps += 1;
         loss * scale as f64
@@ -152,6 +139,36 @@ impl<const D: usize> HashField<D> {
     /// Frees what only training needs (about three times the parameters). A later step starts a new schedule.
     pub fn finish_training(&mut self) {
         self.training = None;
+    }
+}
+
+/// One step of the optimizer, once all gradients are known.
+pub(crate) struct Update<'a, 'p, const D: usize> {
+    pub(crate) settings: &'a TrainConfig,
+    pub(crate) grid: &'a HashGrid<D>,
+    pub(crate) step: u64,
+    /// What the points' parts send back to the table.
+    pub(crate) part: &'a (dyn Fn(usize) -> Part<'p, D> + Sync),
+    pub(crate) n_parts: usize,
+}
+
+impl<const D: usize> Update<'_, '_, D> {
+    /// Updates the table and the network; `moments` are those of both, one after the other.
+    pub(crate) fn run(
+        &self,
+        table: &mut [f32],
+        network: &mut [f32],
+        moments: &mut MomentBuffers,
+        network_gradient: &[f32],
+        scratch: &Scratch,
+    ) {
+        let Self { settings, grid, step, part, n_parts } = *self;
+        let factor = settings.schedule.factor(step);
+        let (table_moments, network_moments) = moments.all().split_at(table.len());
+        let learning_rate = settings.encoding_learning_rate * factor;
+        TableStep { grid, part, n_parts, adam: &settings.adam, learning_rate, step, scratch }.run(table, table_moments);
+        let rate = settings.network_learning_rate * factor;
+        adam::cpu::step(&settings.adam, rate, step, network, network_moments, network_gradient);
     }
 }
 

@@ -7,11 +7,12 @@
 use super::{NeuralSurface, SurfaceBatch, SurfaceConfig, SurfaceLosses, blocks};
 use crate::adam;
 use crate::encoding::hash_grid::{HashGrid, cpu as hash_grid};
-use crate::field::table::{Part, TableStep};
-use crate::field::train::{Columns, append_positions};
+use crate::field::table::Part;
+use crate::field::train::{Columns, Update, append_positions};
 use crate::loss::cpu as loss;
 use crate::mlp::cpu::{MlpGradient, PackedMlp, padded, rows};
 use crate::mlp::gradient::{self, GradientScratch};
+use crate::reduce::dot;
 use crate::volrend::cpu as volrend;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -158,10 +159,6 @@ impl NeuralSurface {
             + weights.eikonal_weight * losses.eikonal
             + weights.sparsity_weight * losses.sparsity;
 
-        let settings = &config.field.training;
-        let step = training.n_steps;
-        let factor = settings.schedule.factor(step);
-        let (table_moments, network_moments) = training.moments.all().split_at(table.len());
         let chunks = &*chunks;
         let part = |i: usize| {
             let chunk = &chunks[i];
@@ -170,21 +167,12 @@ impl NeuralSurface {
             let u = chunk.u.each_ref().map(|u| if every == 0 { &[] } else { &u[..n] });
             Part { points: &batch.points[chunk.samples.clone()], d, s: &chunk.s[..n], u }
         };
-        let update = TableStep {
-            grid,
-            part: &part,
-            n_parts: n_chunks,
-            adam: &settings.adam,
-            learning_rate: settings.encoding_learning_rate * factor,
-            step,
-            scratch: &training.table,
-        };
-        update.run(table, table_moments);
-        let rate = settings.network_learning_rate * factor;
-        adam::cpu::step(&settings.adam, rate, step, network, network_moments, &training.network_gradient);
+        let (settings, step) = (&config.field.training, training.n_steps);
+        let update = Update { settings, grid, step, part: &part, n_parts: n_chunks };
+        update.run(table, network, &mut training.moments, &training.network_gradient, &training.table);
         field.packed.pack(network);
         if config.sharpness_learning_rate > 0.0 {
-            let rate = config.sharpness_learning_rate * factor;
+            let rate = config.sharpness_learning_rate * settings.schedule.factor(step);
             let d_sharpness = (10.0 * inv_s * d_inv_s) as f32;
             adam::cpu::step(
                 &settings.adam,
@@ -330,18 +318,6 @@ fn work<S: Simd>(simd: S, shared: &Shared, chunk: &mut Chunk, first_ray: usize, 
     }
     let (x, s, v) = (&mut chunk.x[..], &chunk.s[at..at + n], &chunk.tangents[..]);
     gradient::accumulate(simd, packed, x, s, every, v, &mut chunk.network, &mut chunk.gradient);
-
-    #[inline(always)]
-    fn dot(a: &[f32], b: &[f32]) -> f32 {
-        let mut sums = [0.0f32; 8];
-        let ((a, rest_a), (b, rest_b)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-        for (a, b) in a.iter().zip(b) {
-            for i in 0..8 {
-                sums[i] += a[i] * b[i];
-            }
-        }
-        sums.iter().sum::<f32>() + rest_a.iter().zip(rest_b).map(|(a, b)| a * b).sum::<f32>()
-    }
 
     /// Compositing and the losses of rays, forward and backward: writes s of their `n` samples.
     #[inline(always)]

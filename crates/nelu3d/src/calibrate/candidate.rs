@@ -61,12 +61,12 @@ impl Candidate {
         }
         let cells = resolution(placed, &frame, center);
         let mut validity = empty_validity(placed, cells);
-        let mut bins = empty_bins(placed, cells, center);
+        let mut bins = empty_bins(placed, cells, center, opts.form);
         let fitted: Vec<usize> = (0..placed.n_positions()).filter(|p| !held.contains(p)).collect();
         let mut usable = pass(placed, &frame, None, 0, &fitted, &mut bins, &mut validity, progress)?.0;
         // With so few that the held-out ones decide whether there are enough, they are looked at first.
         if usable < MIN_SAMPLES {
-            let (mut bins, mut validity) = (empty_bins(placed, cells, center), validity.clone());
+            let (mut bins, mut validity) = (empty_bins(placed, cells, center, opts.form), validity.clone());
             usable += pass(placed, &frame, None, 0, held, &mut bins, &mut validity, progress)?.0;
         }
         if usable < MIN_SAMPLES {
@@ -122,7 +122,7 @@ impl Candidate {
         let bins = match self.bins.take() {
             Some(bins) => bins,
             None => {
-                let mut bins = empty_bins(placed, self.cells, self.center);
+                let mut bins = empty_bins(placed, self.cells, self.center, opts.form);
                 let mut validity = empty_validity(placed, self.cells);
                 let all: Vec<usize> = (0..placed.n_positions()).collect();
                 pass(placed, &self.frame, None, 0, &all, &mut bins, &mut validity, progress)?;
@@ -146,12 +146,13 @@ fn smoothness(center: Center) -> Smoothness {
     }
 }
 
-/// Two bins a cell along w.
-fn empty_bins(placed: &Placed<'_>, cells: [usize; 3], center: Center) -> Bins {
-    let along = match center {
+/// Two bins a cell along w, and three along the light's rays for the hash form, which is no spline and loses by less.
+fn empty_bins(placed: &Placed<'_>, cells: [usize; 3], center: Center, form: FormKind) -> Bins {
+    let along = match (center, form) {
         // However few positions there are: more must not take more memory.
-        Center::Light => CELLS_ALONG_LIGHT * 2,
-        Center::Camera => cells[2] * 2,
+        (Center::Light, FormKind::Grid) => CELLS_ALONG_LIGHT * 2,
+        (Center::Light, FormKind::Hash) => CELLS_ALONG_LIGHT * 3,
+        (Center::Camera, _) => cells[2] * 2,
     };
     Bins::new([cells[0], cells[1], along], placed.sweep.k)
 }
