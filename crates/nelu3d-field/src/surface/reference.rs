@@ -77,7 +77,11 @@ pub fn loss_and_gradient<T: Real>(
         opacity[r] = ray.iter().copied().sum();
     }
     let one = T::of(1.0);
-    let residual: Vec<T> = (0..n_rays * k).map(|i| image[i] * (one - ambient[i]) + ambient[i] - measured[i]).collect();
+    // A background ray has no codeword.
+    let lit = mask.clone();
+    let residual: Vec<T> = (0..n_rays * k)
+        .map(|i| lit[i / k] * (image[i] * (one - ambient[i]) + ambient[i] - measured[i]))
+        .collect();
 
     // Losses.
     let alpha = T::of(settings.lookup_loss_weight);
@@ -119,7 +123,7 @@ pub fn loss_and_gradient<T: Real>(
         let mut d_image = vec![zero; k];
         for (c, d_image) in d_image.iter_mut().enumerate() {
             let i = r * k + c;
-            let d_residual = (one - alpha) * d_pattern[i] + alpha * d_lookup[i];
+            let d_residual = lit[r] * ((one - alpha) * d_pattern[i] + alpha * d_lookup[i]);
             *d_image = d_residual * (one - ambient[i]);
             out.ambient[i] = d_residual * (one - image[i]);
         }
