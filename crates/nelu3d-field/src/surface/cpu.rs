@@ -360,13 +360,22 @@ fn work<S: Simd>(simd: S, shared: &Shared, chunk: &mut Chunk, first_ray: usize, 
                 // From here on its gradient.
                 *image = d * (1.0 - a);
             }
-            let (value, slope) = loss::mask_at(opacity as f32, batch.mask[r]);
-            mask_loss += value as f64;
+            let (value, slope, d_log_transmittance) = if settings.clamped_mask {
+                let (value, slope) = loss::mask_at(opacity as f32, batch.mask[r]);
+                (value as f64, slope, 0.0)
+            } else {
+                let log_transmittance = volrend::log_transmittance(&chunk.steps);
+                let (value, slope) = loss::mask_log_at(log_transmittance, batch.mask[r] as f64);
+                (value, 0.0, d_mask as f64 * slope)
+            };
+            mask_loss += value;
             let d_weights = &mut chunk.d_weights[here.clone()];
             for (d, colors) in d_weights.iter_mut().zip(colors.chunks_exact(k.max(1))) {
                 *d = d_mask * slope + chunk.image.iter().zip(colors).map(|(d, c)| d * c).sum::<f32>();
             }
-            chunk.d_inv_s += volrend::backward_ray(sdf, inv_s, weights, &chunk.steps, d_weights, &mut s[here]);
+            let d_sdf = &mut s[here];
+            chunk.d_inv_s +=
+                volrend::backward_ray(sdf, inv_s, weights, &chunk.steps, d_weights, d_log_transmittance, d_sdf);
         }
         chunk.losses.image += image_loss * image_scale;
         chunk.losses.mask += mask_loss * mask_scale;

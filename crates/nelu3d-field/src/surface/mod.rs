@@ -34,6 +34,9 @@ pub struct SurfaceLoss {
     pub lookup_loss_weight: f64,
     /// Weight of Eq. 5.
     pub mask_weight: f64,
+    /// Whether the opacity of Eq. 5 is clamped to [1e-3, 1 − 1e-3], as published. A ray that is blocked for certain then has
+    /// no gradient at all: a background ray behind which a start lies is never carved.
+    pub clamped_mask: bool,
     /// Weight of L_eik, Eq. 6.
     pub eikonal_weight: f64,
     /// Weight of L_sp, Eq. 6.
@@ -48,6 +51,7 @@ impl Default for SurfaceLoss {
             norms: Norms::default(),
             lookup_loss_weight: 0.1,
             mask_weight: 0.1,
+            clamped_mask: true,
             eikonal_weight: 0.1,
             sparsity_weight: 0.01,
             eikonal_every: 1,

@@ -33,7 +33,7 @@ impl Start {
 
     /// A surface of this shape. Only the network learns it, so that the hash table's fine levels stay silent.
     pub fn surface(self, config: SurfaceConfig, seed: u64) -> NeuralSurface {
-        const STEPS: u64 = 600;
+        const STEPS: u64 = 400;
         const POINTS: usize = 4096;
         let training = TrainConfig {
             encoding_learning_rate: 0.0,

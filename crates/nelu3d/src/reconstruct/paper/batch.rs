@@ -9,7 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 
 use super::ambient::{AmbientField, place};
-use super::{Lookup, Measurements, Rays};
+use super::{Background, Lookup, Measurements, Rays};
 use crate::result::Left;
 use crate::sdf::march::{March, Samples, march};
 use crate::sdf::Bounds;
@@ -26,11 +26,12 @@ pub(super) struct Pixels {
 impl Pixels {
     /// M is 1 where white is bright enough; pixels that are clipped or outside the calibrated volume tell nothing. `None`
     /// if no pixel is lit.
-    pub(super) fn new(m: &Measurements, rays: &Rays) -> Option<Self> {
+    pub(super) fn new(m: &Measurements, rays: &Rays, background: Background) -> Option<Self> {
         let usable = |i: usize| {
             let [near, far] = rays.range[i];
             let whole = m.inv_var[i * m.k..(i + 1) * m.k].iter().all(|v| *v > 0.0);
-            near < far && (m.left[i] == Left::Dark || m.left[i] == Left::Kept && whole)
+            let dark = m.left[i] == Left::Dark && background != Background::Crop;
+            near < far && (dark || m.left[i] == Left::Kept && whole)
         };
         let mut all: Vec<u32> = (0..m.n()).filter(|&i| usable(i)).map(|i| i as u32).collect();
         all.sort_by_key(|&i| (i as usize / m.width / 8, i as usize % m.width / 8, i));

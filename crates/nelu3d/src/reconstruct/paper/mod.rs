@@ -17,7 +17,8 @@ use serde_json::json;
 
 use super::lookup::{Lookup, Rays};
 use super::measure::Measurements;
-use super::{Failure, Observer, Options, Stage, assemble, why_nothing};
+use super::assemble::{Maps, assemble};
+use super::{Failure, Observer, Options, Stage, why_nothing};
 use crate::color_field::ColorField;
 use crate::progress::Progress;
 use crate::result::{Left, Reconstruction, StageClock};
@@ -28,6 +29,23 @@ use batch::{Batch, Pixels};
 
 /// Iterations unless asked otherwise.
 const ITERATIONS: usize = 10_000;
+
+/// L_eik is a mean over samples; every fourth sample of a step estimates it as well, for two thirds of the time.
+const EIKONAL_EVERY: usize = 4;
+
+/// Rays whose pixel is too dark to show an object.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum Background {
+    /// They are not drawn: all rays go to pixels with a codeword
+    #[default]
+    Crop,
+    /// They are drawn, with the published mask loss, which has no gradient where the start blocks them for certain
+    Clamped,
+    /// They are drawn, with a mask loss that does not saturate; it can push a plane behind the object
+    Carve,
+}
 
 /// Settings of recipe `paper`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,6 +62,9 @@ pub struct PaperOptions {
     /// The ambient term
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Ambient::Bounded))]
     pub ambient: Ambient,
+    /// What becomes of rays that miss the object
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Background::Crop))]
+    pub background: Background,
     /// Samples per iteration; the number of rays follows
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = 262_144))]
     pub samples: usize,
@@ -59,7 +80,13 @@ fn share(text: &str) -> Result<f64, String> {
 
 impl Default for PaperOptions {
     fn default() -> Self {
-        Self { start: Start::Plane, lookup_loss_weight: 0.1, ambient: Ambient::Bounded, samples: 262_144 }
+        Self {
+            start: Start::Plane,
+            lookup_loss_weight: 0.1,
+            ambient: Ambient::Bounded,
+            background: Background::Crop,
+            samples: 262_144,
+        }
     }
 }
 
@@ -94,11 +121,16 @@ pub(super) fn reconstruct(
     let mut m = Measurements::new(capture, &field.about.noise, &field.about.dark, super::model_sigma(field));
     let lookup = Lookup::new(&grid);
     let rays = Rays::new(camera, field, 1);
-    let pixels = Pixels::new(&m, &rays).ok_or_else(|| Failure::Nothing(why_nothing(&m.left)))?;
+    let pixels = Pixels::new(&m, &rays, settings.background).ok_or_else(|| Failure::Nothing(why_nothing(&m.left)))?;
     let bounds = pixels.bounds;
 
     clock.begin("give the field its start");
-    let loss = SurfaceLoss { lookup_loss_weight: settings.lookup_loss_weight, ..SurfaceLoss::default() };
+    let loss = SurfaceLoss {
+        lookup_loss_weight: settings.lookup_loss_weight,
+        clamped_mask: settings.background != Background::Carve,
+        eikonal_every: EIKONAL_EVERY,
+        ..SurfaceLoss::default()
+    };
     let mut surface = settings.start.surface(sdf::surface_config(loss, n_steps), opts.seed);
     let mut ambient = AmbientField::new(settings.ambient, capture.white.channels, n_steps, opts.seed);
     let mut occupancy = OccupancyGrid::new(sdf::occupancy_config(), |q| pixels.reaches(camera, &rays, q));
@@ -130,7 +162,7 @@ pub(super) fn reconstruct(
             tracing::info!(?losses, inv_s = surface.inv_s(), n_rays, n_samples, occupied = occupancy.share(), step);
             if !losses.total.is_finite() {
                 return Err(Failure::Nothing(format!(
-                    "training diverged at iteration {}; lower --samples never helps here, another --seed or --start may",
+                    "training diverged at iteration {}: the loss is not a number; try another --seed or --start",
                     step + 1
                 )));
             }
@@ -190,8 +222,8 @@ pub(super) fn reconstruct(
         json!({ "rig": field.about.rig, "set": field.about.set, "form": field.form_name(), "source": field.about.source }),
     );
     info.insert("losses".into(), serde_json::to_value(records).expect("plain data serializes"));
-    let mut out = assemble::assemble(
-        assemble::Maps {
+    let mut out = assemble(
+        Maps {
             depth: seen.depth,
             sigma: seen.spread,
             left: m.left,
@@ -199,6 +231,7 @@ pub(super) fn reconstruct(
             ambient: mean_ambient,
         },
         camera,
+        &rays.plane,
         &capture.white,
         info,
     );
