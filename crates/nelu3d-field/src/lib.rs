@@ -10,6 +10,7 @@
 //! | multilayer perceptron | [`mlp`] | |
 //! | compositing of signed distances | [`volrend`] | Wang et al. 2021, *NeuS*, Eq. 13 |
 //! | losses | [`loss`] | NeLU3D, Eq. 2, 3, 5, 6 |
+//! | nearest codewords of a table | [`nearest`] | |
 //! | optimizer | [`adam`] | Kingma & Ba 2015, Alg. 1 |
 //!
 //! Two things are made of them: [`field::HashField`], a regression (one flat parameter buffer, one training step, one
@@ -25,6 +26,7 @@ pub mod field;
 pub mod loss;
 mod memory;
 pub mod mlp;
+pub mod nearest;
 mod prefetch;
 mod real;
 mod reduce;
