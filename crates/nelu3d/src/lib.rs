@@ -45,6 +45,7 @@
 
 pub mod calibrate;
 pub mod color_field;
+pub mod decode;
 pub mod evaluate;
 pub mod progress;
 pub mod reconstruct;
