@@ -56,6 +56,8 @@ pub(crate) enum Command {
     Calibrate(Calibrate),
     /// Reconstruct a scene.
     Reconstruct(Reconstruct),
+    /// Decode a scene with a method that knows the projector: what NeLU3D is compared with.
+    Decode(Decode),
     /// Judge a result: against the truth, or against another result.
     Evaluate(Evaluate),
     /// Lookup tables of the sweep, in the files of the LookUp3D tools.
@@ -134,6 +136,30 @@ pub(crate) struct Reconstruct {
     /// Settings of the method.
     #[command(flatten)]
     pub options: nelu3d::reconstruct::Options,
+}
+
+/// `nelu3d decode`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Decode {
+    /// Rig folder, or its rig.toml.
+    pub rig: PathBuf,
+    /// A name under RIG/scenes, or a folder with the same files.
+    pub scene: String,
+    /// Pattern set (default: the rig's first).
+    #[arg(long, value_name = "NAME")]
+    pub set: Option<String>,
+    /// Result folder to write (default: RIG/results/SCENE-SET-METHOD).
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Judge the finished result against this truth folder, in result.json and the report.
+    #[arg(long, value_name = "DIR")]
+    pub truth: Option<PathBuf>,
+    /// Write the surface in these formats too.
+    #[arg(long, value_name = "FORMAT", value_delimiter = ',')]
+    pub mesh: Vec<MeshFormat>,
+    /// Settings of the method.
+    #[command(flatten)]
+    pub options: nelu3d::decode::Options,
 }
 
 /// Mesh files besides mesh.ply.

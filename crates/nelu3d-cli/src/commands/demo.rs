@@ -8,7 +8,7 @@ use nelu3d::result::MeshFiles;
 use nelu3d_scan::Rig;
 
 use super::calibrate::calibrate_to;
-use super::reconstruct::Job;
+use super::job::{Job, Work};
 use super::{Context, default_field, default_result, shown};
 use crate::args;
 
@@ -31,13 +31,11 @@ pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
         let job = Job {
             rig: &rig,
             set,
-            field: field.clone(),
             output: default_result(&rig, &shot.name, &set.name),
             truth: Some(shot.dir.join("truth")),
-            trace: false,
             shot,
             mesh_files: MeshFiles::default(),
-            options: Default::default(),
+            work: Work::Reconstruct { field: field.clone(), options: Default::default(), trace: false },
         };
         let summary = job.run(context)?;
         answers.push((job.output, summary));

@@ -3,8 +3,10 @@
 pub(crate) mod bench;
 pub(crate) mod calibrate;
 pub(crate) mod check;
+pub(crate) mod decode;
 pub(crate) mod demo;
 pub(crate) mod evaluate;
+pub(crate) mod job;
 pub(crate) mod reconstruct;
 pub(crate) mod simulate;
 pub(crate) mod table;

@@ -1,154 +1,32 @@
 //! `nelu3d reconstruct`: a scene becomes a result folder.
 
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context as _, Result};
-use nelu3d::color_field::ColorField;
-use nelu3d::evaluate::{Judged, Trace, Truth, evaluate};
-use nelu3d::reconstruct::{self, Observer, Options};
-use nelu3d::result::{self, About, Input, MeshFiles, Summary};
+use anyhow::Result;
 use nelu3d_scan::Rig;
-use nelu3d_scan::output::{OutputDir, write_atomic};
-use nelu3d_scan::rig::{Need, PatternSet, Shot};
 
-use super::{Context, default_field, default_result, shown};
-use crate::args::{self, MeshFormat};
-use crate::report::Page;
+use super::job::{Job, Work, answer, mesh_files};
+use super::{Context, default_field, default_result};
+use crate::args;
 
 /// Runs the command.
 pub(crate) fn run(args: args::Reconstruct, context: &Context) -> Result<ExitCode> {
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
     let shot = rig.scene(&args.scene)?;
-    let has = |format| args.mesh.contains(&format);
     let job = Job {
-        field: args.field.unwrap_or_else(|| default_field(&rig, &set.name)),
         output: args.output.unwrap_or_else(|| default_result(&rig, &shot.name, &set.name)),
         truth: args.truth,
-        trace: args.trace,
-        mesh_files: MeshFiles { obj: has(MeshFormat::Obj), stl: has(MeshFormat::Stl), glb: has(MeshFormat::Glb) },
-        options: args.options,
+        mesh_files: mesh_files(&args.mesh),
+        work: Work::Reconstruct {
+            field: args.field.unwrap_or_else(|| default_field(&rig, &set.name)),
+            options: args.options,
+            trace: args.trace,
+        },
         rig: &rig,
         shot,
         set,
     };
-    let summary = job.run(context)?;
-    context.answer(&serde_json::json!({ "result": job.output, "summary": summary }), || {
-        let metrics = summary.metrics.as_ref().map(|m| format!("\n{m}")).unwrap_or_default();
-        format!(
-            "{} of {} pixels have a depth\n{metrics}result  {}\nreport  {}",
-            summary.pixels.kept,
-            summary.pixels.total,
-            shown(&job.output),
-            shown(&job.output.join("report.html"))
-        )
-    })?;
+    answer(&job, context)?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// One reconstruction, with everything decided.
-pub(crate) struct Job<'a> {
-    /// The rig.
-    pub rig: &'a Rig,
-    /// The scene.
-    pub shot: Shot,
-    /// The pattern set.
-    pub set: &'a PatternSet,
-    /// The color field to use.
-    pub field: PathBuf,
-    /// The result folder.
-    pub output: PathBuf,
-    /// What to judge the result against.
-    pub truth: Option<PathBuf>,
-    /// Whether to record the error after every iteration.
-    pub trace: bool,
-    /// Mesh files to write besides mesh.ply.
-    pub mesh_files: MeshFiles,
-    /// Settings of the method.
-    pub options: Options,
-}
-
-impl Job<'_> {
-    /// Reconstructs and writes the result folder.
-    pub(crate) fn run(&self, context: &Context) -> Result<Summary> {
-        // Begun first: hours of work must not end at a folder that cannot be written.
-        let folder = OutputDir::create(&self.output, "result.json")?;
-        // The same for a truth that cannot be read; the reconstruction never sees it.
-        let truth = self.truth.as_deref().map(|dir| Truth::read(dir, &self.rig.camera)).transpose()?;
-        let field = self.load_field()?;
-        let mut trace = truth.as_ref().filter(|_| self.trace).map(|t| Trace::new(t, &self.rig.camera));
-        let observer = trace.as_mut().map(|t| t as &mut dyn Observer);
-        let (rig, set, shot) = (self.rig, self.set, &self.shot);
-        let result = reconstruct::run_observed(rig, set, shot, &field, &self.options, &context.progress, observer)
-            .map_err(|e| {
-                match e {
-                    // The library has a field, not a file.
-                    reconstruct::Error::Mismatch { .. } => anyhow::anyhow!("{}: {e}", shown(&self.field)),
-                    other => other.into(),
-                }
-            })?;
-        context.stop_if_asked()?;
-
-        context.progress.stage("write the result");
-        let metrics = truth.as_ref().map(|truth| {
-            let judged = Judged { depth: &result.depth, normals: Some(&result.normals), sigma: Some(&result.sigma) };
-            let regions = truth.regions(&self.rig.camera);
-            evaluate(&judged, truth, &regions, &self.rig.camera, self.rig.projector.as_ref())
-        });
-        let about = About {
-            rig: self.rig.root.clone(),
-            rig_name: self.rig.name.clone(),
-            scene: self.shot.name.clone(),
-            set: self.set.name.clone(),
-            inputs: self.inputs()?,
-            metrics,
-            trace: trace.map(Trace::points),
-        };
-        let summary = Summary::new(&result, &self.rig.camera, &about);
-        result::write_into(folder.path(), &result, &summary, self.mesh_files)?;
-        let captures = self.captures()?;
-        let page = Page { result: &result, summary: &summary, captures: &captures, truth: truth.as_ref() };
-        let report = folder.path().join("report.html");
-        write_atomic(&report, |w| w.write_all(page.html().as_bytes()))?;
-        context.stop_if_asked()?;
-        folder.commit()?;
-        Ok(summary)
-    }
-
-    fn load_field(&self) -> Result<ColorField> {
-        if !self.field.exists() {
-            anyhow::bail!(
-                "{}: there is no color field; run `nelu3d calibrate {} --set {}` first, or give one with --field",
-                shown(&self.field),
-                shown(&self.rig.root),
-                self.set.name
-            );
-        }
-        Ok(ColorField::load(&self.field)?)
-    }
-
-    /// The files that were read, hashed.
-    fn inputs(&self) -> Result<Vec<Input>> {
-        let rig = self.rig;
-        let black = self.shot.dir.join(&rig.black);
-        let mut paths = vec![rig.root.join(nelu3d_scan::rig::RIG_FILE), rig.root.join(&rig.camera_file)];
-        paths.push(self.field.clone());
-        paths.push(self.shot.dir.join(&rig.white));
-        paths.extend(black.exists().then_some(black));
-        paths.extend(self.set.images.iter().map(|name| self.shot.dir.join(name)));
-        paths.iter().map(|p| hash(p)).collect()
-    }
-
-    /// What the report shows of the scene: white and the patterns.
-    fn captures(&self) -> Result<Vec<(String, nelu3d_scan::Image)>> {
-        let capture = self.rig.read_shot(&self.shot, self.set, Need::Scene)?;
-        let mut all = vec![(self.rig.white.clone(), capture.white)];
-        all.extend(self.set.images.iter().cloned().zip(capture.patterns));
-        Ok(all)
-    }
-}
-
-fn hash(path: &Path) -> Result<Input> {
-    Input::of(path).with_context(|| format!("{}: cannot be read", shown(path)))
 }

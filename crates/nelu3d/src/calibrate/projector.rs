@@ -178,17 +178,21 @@ fn depth_range(rig: &Rig, projector: &Projector, opts: &Options) -> Result<[f64;
             reason: "--depth needs two distances in mm, 0 < NEAR < FAR".into(),
         });
     }
-    // Mean depth of where the middle of the projected image meets the middle of the view.
+    let z = crossing_depth(&rig.camera, projector);
+    Ok([0.6 * z, 1.6 * z])
+}
+
+/// Mean depth of where the middle of the projected image meets the middle of the view, mm; 1000 where they never do.
+pub(crate) fn crossing_depth(camera: &Camera, projector: &Projector) -> f64 {
     let center = projector.center();
     let o = &projector.optics;
     let [x, y] = o.undistort([o.width as f64 / 2.0, o.height as f64 / 2.0]);
     let light = projector.proj_from_cam.rotation.inverse() * Vector3::new(x, y, 1.0).normalize();
-    let view = rig.camera.ray([rig.camera.width as f64 / 2.0, rig.camera.height as f64 / 2.0]).dir;
+    let view = camera.ray([camera.width as f64 / 2.0, camera.height as f64 / 2.0]).dir;
     let (b, c) = (view.dot(&light), center.coords);
     let denominator = 1.0 - b * b;
     let t = if denominator > 1e-6 { (c.dot(&view) - b * c.dot(&light)) / denominator } else { 1000.0 };
-    let z = if t > 0.0 { t * view.z } else { 1000.0 };
-    Ok([0.6 * z, 1.6 * z])
+    if t > 0.0 { t * view.z } else { 1000.0 }
 }
 
 /// A frame centered on the projector over what both see between two depths; `None` when that is nothing.

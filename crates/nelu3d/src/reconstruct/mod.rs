@@ -2,6 +2,7 @@
 //!
 //! Measure (normalize, mask) → decode (cost volume, aggregation) → refine (narrow-band volume rendering) → filter → surface.
 
+pub mod assemble;
 pub mod decode;
 mod effort;
 mod indirect;
@@ -28,6 +29,7 @@ use crate::calibrate::camera_key;
 use crate::color_field::ColorField;
 use crate::progress::Progress;
 use crate::result::{Left, Reconstruction, StageClock};
+use assemble::{MAX_SLOPE, Maps, assemble};
 use decode::{DecodeSettings, decode};
 pub use effort::{Effort, EffortSettings};
 use lookup::{Lookup, Rays};
@@ -331,9 +333,6 @@ pub fn reconstruct(
 
     // The surface.
     clock.begin("build the surface");
-    let links = Links::new(&depth, camera, MAX_SLOPE);
-    let normals = surface::normals(&depth, &links, &rays.plane, m.width);
-    let mesh = surface::mesh(&depth, &normals, &links, &rays.plane, &capture.white);
     let kept = |i: usize| depth[i].is_finite();
     let sigma = (0..n)
         .map(|i| {
@@ -345,8 +344,6 @@ pub fn reconstruct(
             refined.sigma[i] * z2 * misfit[i].max(1.0).sqrt()
         })
         .collect();
-    let ambient = (0..n).map(|i| if kept(i) { refined.ambient[i] } else { f32::NAN }).collect();
-    let residual: Vec<f32> = (0..n).map(|i| if kept(i) { refined.residual[i] } else { f32::NAN }).collect();
     let median_residual = {
         let mut v: Vec<f32> = (0..n).filter(|i| kept(*i)).map(|i| refined.abs_residual[i]).collect();
         let mid = v.len() / 2;
@@ -362,28 +359,14 @@ pub fn reconstruct(
     info.insert("losses".into(), json!(refined.losses));
     info.insert("albedo".into(), json!(refined.albedo));
     info.insert("median_residual".into(), json!(median_residual));
-    Ok(Reconstruction {
-        width: m.width,
-        height: m.height,
-        depth,
-        normals,
-        sigma,
-        left: m.left,
-        residual,
-        ambient,
-        white: capture.white.clone(),
-        mesh,
-        stages: Vec::new(),
-        info,
-    })
+    let maps = Maps { depth, sigma, left: m.left, residual: refined.residual, ambient: refined.ambient };
+    Ok(assemble(maps, camera, &rays.plane, &capture.white, info))
 }
 
 /// Mean χ² per measurement around a pixel above which its codeword is not explained by any surface here.
 const MAX_MISFIT: f32 = 40.0;
 /// χ² per measurement of a pixel at a depth jump above which its codeword is taken for a mixture of two surfaces.
 const MAX_EDGE_MISFIT: f32 = 9.0;
-/// Slope (depth per lateral mm) up to which neighbors always belong together.
-const MAX_SLOPE: f32 = 4.0;
 
 fn why_nothing(left: &[Left]) -> String {
     let count = |l: Left| left.iter().filter(|v| **v == l).count() as f64 / left.len() as f64 * 100.0;

@@ -23,6 +23,7 @@ mod decode;
 pub mod file;
 mod interpolate;
 mod low_rank;
+mod run;
 mod search;
 mod table;
 #[cfg(test)]
@@ -32,6 +33,7 @@ pub use build::{Built, build, memory_bytes};
 pub use compress::{Compressed, Rank, compress};
 pub use decode::{Interpolation, Maps, Search, Settings, decode, decode_near};
 pub use low_rank::LowRank;
+pub use run::{Options, run};
 pub use table::{FullTable, Shape, Table};
 
 use crate::calibrate;
@@ -42,6 +44,22 @@ pub enum Error {
     /// The sweep cannot be used.
     #[error(transparent)]
     Calibrate(#[from] calibrate::Error),
+    /// The file of a table.
+    #[error(transparent)]
+    File(#[from] file::FileError),
+    /// The result to start from.
+    #[error(transparent)]
+    Previous(#[from] crate::result::ReadError),
+    /// The result to start from is of another camera.
+    #[error("{}: a result of {found} pixels, but the camera has {wanted}; give a result of the same rig to --previous", path.display())]
+    PreviousSize {
+        /// The folder.
+        path: std::path::PathBuf,
+        /// Width × height.
+        found: String,
+        /// Of the camera.
+        wanted: String,
+    },
     /// The table is too large.
     #[error(
         "the lookup table needs {needed_mb} MB and {available_mb} MB of memory are free; keep every {step}th pixel with \

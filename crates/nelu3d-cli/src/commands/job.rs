@@ -1,0 +1,177 @@
+//! What every command that makes a result folder shares: run a method, judge, write, report.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use nelu3d::color_field::ColorField;
+use nelu3d::evaluate::{Judged, Trace, Truth, evaluate};
+use nelu3d::reconstruct::{self, Observer};
+use nelu3d::result::{self, About, Input, MeshFiles, Summary};
+use nelu3d::{Reconstruction, decode};
+use nelu3d_scan::Rig;
+use nelu3d_scan::output::{OutputDir, write_atomic};
+use nelu3d_scan::rig::{Need, PatternSet, Shot};
+
+use super::{Context, shown};
+use crate::args::MeshFormat;
+use crate::report::Page;
+
+/// The method that makes the result, with what it alone needs.
+pub(crate) enum Work {
+    /// From a color field.
+    Reconstruct {
+        /// The color field to use.
+        field: PathBuf,
+        /// Settings of the method.
+        options: reconstruct::Options,
+        /// Whether to record the error after every iteration.
+        trace: bool,
+    },
+    /// With a decoder, from a calibrated projector.
+    Decode(decode::Options),
+}
+
+/// One result, with everything decided.
+pub(crate) struct Job<'a> {
+    /// The rig.
+    pub rig: &'a Rig,
+    /// The scene.
+    pub shot: Shot,
+    /// The pattern set.
+    pub set: &'a PatternSet,
+    /// The result folder.
+    pub output: PathBuf,
+    /// What to judge the result against.
+    pub truth: Option<PathBuf>,
+    /// Mesh files to write besides mesh.ply.
+    pub mesh_files: MeshFiles,
+    /// The method.
+    pub work: Work,
+}
+
+impl Job<'_> {
+    /// Runs the method and writes the result folder.
+    pub(crate) fn run(&self, context: &Context) -> Result<Summary> {
+        // Begun first: hours of work must not end at a folder that cannot be written.
+        let folder = OutputDir::create(&self.output, "result.json")?;
+        // The same for a truth that cannot be read; the reconstruction never sees it.
+        let truth = self.truth.as_deref().map(|dir| Truth::read(dir, &self.rig.camera)).transpose()?;
+        let mut trace = None;
+        let result = match &self.work {
+            Work::Reconstruct { field, options, trace: wanted } => {
+                trace = truth.as_ref().filter(|_| *wanted).map(|t| Trace::new(t, &self.rig.camera));
+                let observer = trace.as_mut().map(|t| t as &mut dyn Observer);
+                self.reconstruct(field, options, observer, context)?
+            }
+            Work::Decode(options) => decode::run(self.rig, self.set, &self.shot, options, &context.progress)?,
+        };
+        context.stop_if_asked()?;
+
+        context.progress.stage("write the result");
+        let metrics = truth.as_ref().map(|truth| {
+            let judged = Judged { depth: &result.depth, normals: Some(&result.normals), sigma: Some(&result.sigma) };
+            let regions = truth.regions(&self.rig.camera);
+            evaluate(&judged, truth, &regions, &self.rig.camera, self.rig.projector.as_ref())
+        });
+        let about = About {
+            rig: self.rig.root.clone(),
+            rig_name: self.rig.name.clone(),
+            scene: self.shot.name.clone(),
+            set: self.set.name.clone(),
+            inputs: self.inputs()?,
+            metrics,
+            trace: trace.map(Trace::points),
+        };
+        let summary = Summary::new(&result, &self.rig.camera, &about);
+        result::write_into(folder.path(), &result, &summary, self.mesh_files)?;
+        let captures = self.captures()?;
+        let page = Page { result: &result, summary: &summary, captures: &captures, truth: truth.as_ref() };
+        let report = folder.path().join("report.html");
+        write_atomic(&report, |w| w.write_all(page.html().as_bytes()))?;
+        context.stop_if_asked()?;
+        folder.commit()?;
+        Ok(summary)
+    }
+
+    fn reconstruct(
+        &self,
+        path: &Path,
+        options: &reconstruct::Options,
+        observer: Option<&mut dyn Observer>,
+        context: &Context,
+    ) -> Result<Reconstruction> {
+        if !path.exists() {
+            anyhow::bail!(
+                "{}: there is no color field; run `nelu3d calibrate {} --set {}` first, or give one with --field",
+                shown(path),
+                shown(&self.rig.root),
+                self.set.name
+            );
+        }
+        let field = ColorField::load(path)?;
+        reconstruct::run_observed(self.rig, self.set, &self.shot, &field, options, &context.progress, observer).map_err(
+            |e| match e {
+                // The library has a field, not a file.
+                reconstruct::Error::Mismatch { .. } => anyhow::anyhow!("{}: {e}", shown(path)),
+                other => other.into(),
+            },
+        )
+    }
+
+    /// The files that were read, hashed.
+    fn inputs(&self) -> Result<Vec<Input>> {
+        let rig = self.rig;
+        let black = self.shot.dir.join(&rig.black);
+        let mut paths = vec![rig.root.join(nelu3d_scan::rig::RIG_FILE), rig.root.join(&rig.camera_file)];
+        match &self.work {
+            Work::Reconstruct { field, .. } => paths.push(field.clone()),
+            Work::Decode(options) if !options.method.needs_projector() => {
+                paths.extend(options.lookup3d.table.clone());
+            }
+            Work::Decode(_) => {
+                paths.push(rig.root.join(nelu3d_scan::rig::PROJECTOR_FILE));
+                paths.extend(self.set.images.iter().map(|name| rig.projected(name)));
+                paths.extend(self.set.inverse.iter().map(|name| self.shot.dir.join(name)));
+            }
+        }
+        // Not every method needs every file.
+        paths.retain(|p| p.exists());
+        paths.push(self.shot.dir.join(&rig.white));
+        paths.extend(black.exists().then_some(black));
+        paths.extend(self.set.images.iter().map(|name| self.shot.dir.join(name)));
+        paths.iter().map(|p| hash(p)).collect()
+    }
+
+    /// What the report shows of the scene: white and the patterns.
+    fn captures(&self) -> Result<Vec<(String, nelu3d_scan::Image)>> {
+        let capture = self.rig.read_shot(&self.shot, self.set, Need::Scene)?;
+        let mut all = vec![(self.rig.white.clone(), capture.white)];
+        all.extend(self.set.images.iter().cloned().zip(capture.patterns));
+        Ok(all)
+    }
+}
+
+fn hash(path: &Path) -> Result<Input> {
+    Input::of(path).with_context(|| format!("{}: cannot be read", shown(path)))
+}
+
+/// The mesh files that were asked for.
+pub(crate) fn mesh_files(formats: &[MeshFormat]) -> MeshFiles {
+    let has = |format| formats.contains(&format);
+    MeshFiles { obj: has(MeshFormat::Obj), stl: has(MeshFormat::Stl), glb: has(MeshFormat::Glb) }
+}
+
+/// Runs a job and prints its answer.
+pub(crate) fn answer(job: &Job<'_>, context: &Context) -> Result<()> {
+    let summary = job.run(context)?;
+    context.answer(&serde_json::json!({ "result": job.output, "summary": summary }), || {
+        let metrics = summary.metrics.as_ref().map(|m| format!("\n{m}")).unwrap_or_default();
+        format!(
+            "{} of {} pixels have a depth\n{metrics}result  {}\nreport  {}",
+            summary.pixels.kept,
+            summary.pixels.total,
+            shown(&job.output),
+            shown(&job.output.join("report.html"))
+        )
+    })
+}
