@@ -59,6 +59,7 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
         Command::Reconstruct(a) => commands::reconstruct::run(a, &context),
         Command::Decode(a) => commands::decode::run(a, &context),
         Command::Evaluate(a) => commands::evaluate::run(a, &context),
+        Command::Table(a) => commands::table::run(a, &context),
         Command::Bench(a) => commands::bench::run(a, &context),
     }
 }

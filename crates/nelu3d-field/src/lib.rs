@@ -12,6 +12,7 @@
 //! | losses | [`loss`] | NeLU3D, Eq. 2, 3, 5, 6 |
 //! | weight normalization | [`mlp::weight_norm`] | Salimans & Kingma 2016, Eq. 2, 3 |
 //! | occupancy grid | [`occupancy`] | Müller et al. 2022, Sec. 5.1 |
+//! | nearest codewords of a table | [`nearest`] | |
 //! | optimizer | [`adam`] | Kingma & Ba 2015, Alg. 1 |
 //!
 //! Two things are made of them: [`field::HashField`], a regression (one flat parameter buffer, one training step, one
@@ -28,6 +29,7 @@ pub mod loss;
 mod memory;
 pub mod mlp;
 pub mod occupancy;
+pub mod nearest;
 mod prefetch;
 mod real;
 mod reduce;

@@ -9,6 +9,7 @@ pub(crate) mod evaluate;
 pub(crate) mod job;
 pub(crate) mod reconstruct;
 pub(crate) mod simulate;
+pub(crate) mod table;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -14,6 +14,7 @@
 mod captured;
 mod code;
 mod gray;
+pub mod lookup3d;
 mod triangulate;
 
 use std::path::PathBuf;
@@ -37,13 +38,28 @@ use triangulate::Geometry;
 pub enum Method {
     /// Binary codes (Gray, binary, XOR), with or without inverses; edges between stripes found to sub-pixel.
     Gray,
+    /// LookUp3D: the nearest codeword of the sweep's table; needs no projector.
+    #[cfg_attr(feature = "clap", value(name = "lookup3d"))]
+    #[serde(rename = "lookup3d")]
+    Lookup3d,
+    /// LookUp3D with the table as products of factors.
+    #[cfg_attr(feature = "clap", value(name = "lookup3d-lowrank"))]
+    #[serde(rename = "lookup3d-lowrank")]
+    Lookup3dLowrank,
 }
 
 impl Method {
+    /// Whether it triangulates with a calibrated projector.
+    pub fn needs_projector(self) -> bool {
+        !matches!(self, Method::Lookup3d | Method::Lookup3dLowrank)
+    }
+
     /// Its name on the command line and in results.
     pub fn name(self) -> &'static str {
         match self {
             Method::Gray => "gray",
+            Method::Lookup3d => "lookup3d",
+            Method::Lookup3dLowrank => "lookup3d-lowrank",
         }
     }
 }
@@ -68,12 +84,16 @@ pub struct Options {
     /// Smallest connected piece of surface that is kept, px
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 40))]
     pub min_component: usize,
+    /// Of LookUp3D.
+    #[cfg_attr(feature = "clap", command(flatten))]
+    #[serde(default)]
+    pub lookup3d: lookup3d::Options,
 }
 
 impl Options {
     /// The default settings of a method.
     pub fn new(method: Method) -> Self {
-        Self { method, depth: None, gamma: 1.0, min_contrast: 0.02, min_component: 40 }
+        Self { method, depth: None, gamma: 1.0, min_contrast: 0.02, min_component: 40, lookup3d: Default::default() }
     }
 }
 
@@ -83,6 +103,9 @@ pub enum Error {
     /// The rig folder or one of its images.
     #[error(transparent)]
     Rig(#[from] RigError),
+    /// The lookup table.
+    #[error(transparent)]
+    Lookup3d(#[from] lookup3d::Error),
     /// A file that the decoder needs is missing or does not fit.
     #[error("{}: {problem}; {remedy}", path.display())]
     File {
@@ -167,6 +190,9 @@ pub fn run(
     let mut clock = StageClock::new(progress);
     let stop = || if progress.cancelled() { Err(Error::Cancelled) } else { Ok(()) };
     check(opts)?;
+    if !opts.method.needs_projector() {
+        return lookup3d::run(rig, set, shot, opts, progress);
+    }
     clock.begin("read the projected patterns");
     let projector = rig.projector.as_ref().ok_or_else(|| {
         Error::file(
@@ -189,6 +215,7 @@ pub fn run(
     clock.begin("decode");
     let decoded = match opts.method {
         Method::Gray => gray::decode(&captured, &code, set)?,
+        Method::Lookup3d | Method::Lookup3dLowrank => unreachable!("decoded above, without a projector"),
     };
     stop()?;
 
