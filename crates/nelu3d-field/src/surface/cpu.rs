@@ -4,7 +4,8 @@
 //! is 2 values per level and point, with one s and one u per point. Then every part of the table is scattered into and
 //! updated by its one owner ([`crate::field::table`]).
 
-use super::{NeuralSurface, SurfaceBatch, SurfaceConfig, SurfaceLosses, blocks};
+use super::codeword::Codewords;
+use super::{NeuralSurface, RayGradient, RayLoss, RayScratch, SurfaceBatch, SurfaceConfig, SurfaceLosses, blocks};
 use crate::adam;
 use crate::encoding::hash_grid::{HashGrid, cpu as hash_grid};
 use crate::field::table::Part;
@@ -13,7 +14,6 @@ use crate::loss::cpu as loss;
 use crate::mlp::cpu::{MlpGradient, PackedMlp, padded, rows};
 use crate::mlp::gradient::{self, GradientScratch};
 use crate::reduce::dot;
-use crate::volrend::cpu as volrend;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -42,7 +42,9 @@ struct Chunk {
     gradient: MlpGradient,
     losses: SurfaceLosses,
     d_inv_s: f64,
-    d_ambient: Vec<f32>,
+    /// What the rays, and their samples, send back to the caller.
+    ray_outputs: Vec<f32>,
+    sample_outputs: Vec<f32>,
     /// Gradients of the signed distance by the features, `[level][point][feature]`.
     d_features: Vec<f32>,
     /// s = ∂L/∂f of every point.
@@ -59,11 +61,11 @@ struct Chunk {
     /// What the eikonal loss sends along them, `[row][stride]`.
     tangents: Vec<f32>,
     sdf: Vec<f32>,
-    weights: Vec<f32>,
-    d_weights: Vec<f32>,
+    /// Gradients of f in space, of the eikonal points, and what the loss sends to them.
+    g: Vec<[f32; 3]>,
+    d_g: Vec<[f32; 3]>,
     /// Of one ray.
-    steps: Vec<volrend::Step>,
-    image: Vec<f32>,
+    ray: RayScratch,
     network: GradientScratch,
 }
 
@@ -74,7 +76,8 @@ impl Chunk {
             gradient: MlpGradient::new(packed),
             losses: SurfaceLosses::default(),
             d_inv_s: 0.0,
-            d_ambient: Vec::new(),
+            ray_outputs: Vec::new(),
+            sample_outputs: Vec::new(),
             d_features: Vec::new(),
             s: Vec::new(),
             u: Default::default(),
@@ -83,10 +86,9 @@ impl Chunk {
             jacobian: Vec::new(),
             tangents: Vec::new(),
             sdf: Vec::new(),
-            weights: Vec::new(),
-            d_weights: Vec::new(),
-            steps: Vec::new(),
-            image: Vec::new(),
+            g: Vec::new(),
+            d_g: Vec::new(),
+            ray: RayScratch::default(),
             network: GradientScratch::default(),
         }
     }
@@ -109,21 +111,44 @@ impl NeuralSurface {
     /// If a length does not fit.
     pub fn train_step(&mut self, batch: &SurfaceBatch, d_ambient: &mut [f32]) -> SurfaceLosses {
         batch.check(d_ambient);
-        if batch.n_rays() == 0 {
+        let settings = self.config.loss.clone();
+        let loss = Codewords { batch, settings: &settings };
+        self.step(batch.offsets, batch.points, &loss, d_ambient, &mut [])
+    }
+
+    /// One step of the optimizer for another image formation. `offsets` and `points` as in [`SurfaceBatch`]; what the loss
+    /// sends back goes to `ray_outputs`, `[ray][value]`, and `sample_outputs`, `[sample][value]` (empty: not wanted).
+    ///
+    /// # Panics
+    /// If a length does not fit, or if the loss needs gradients of which only some are computed.
+    pub fn step<L: RayLoss>(
+        &mut self,
+        offsets: &[usize],
+        points: &[[f32; 3]],
+        loss: &L,
+        ray_outputs: &mut [f32],
+        sample_outputs: &mut [f32],
+    ) -> SurfaceLosses {
+        let n_rays = offsets.len() - 1;
+        assert!(offsets[0] == 0 && offsets[n_rays] == points.len() && offsets.is_sorted());
+        assert!(ray_outputs.is_empty() || ray_outputs.len() == n_rays * loss.n_ray_outputs());
+        assert!(sample_outputs.is_empty() || sample_outputs.len() == points.len() * loss.n_sample_outputs());
+        assert!(!L::NEEDS_GRADIENTS || self.config.loss.eikonal_every == 1);
+        if n_rays == 0 {
             return SurfaceLosses::default();
         }
         let inv_s = self.inv_s();
         let Self { config, field, sharpness, sharpness_moments, scratch } = self;
         let StepScratch { blocks: all_blocks, chunks } = scratch;
         all_blocks.clear();
-        all_blocks.extend(blocks(batch.offsets));
+        all_blocks.extend(blocks(offsets));
         let n_chunks = all_blocks.len().div_ceil(BLOCKS);
         if chunks.len() < n_chunks {
             chunks.resize_with(n_chunks, || Chunk::new(&field.packed));
         }
         let chunks = &mut chunks[..n_chunks];
         let every = config.loss.eikonal_every;
-        let samples_of = |rays: &Range<usize>| batch.offsets[rays.end] - batch.offsets[rays.start];
+        let samples_of = |rays: &Range<usize>| offsets[rays.end] - offsets[rays.start];
         let n_eikonal: usize =
             if every == 0 { 0 } else { all_blocks.iter().map(|b| samples_of(b).div_ceil(every)).sum() };
 
@@ -131,14 +156,21 @@ impl NeuralSurface {
         training.prepare(&config.field.training, &field.mlp, &field.params);
         let (grid, packed) = (&field.grid, &field.packed);
         let (table, network) = field.params.split_at_mut(grid.n_params());
-        let shared = Shared { config, grid, table, packed, inv_s, n_eikonal, batch };
+        let shared = Shared { config, grid, table, packed, inv_s, n_eikonal, offsets, points, loss };
         chunks.par_iter_mut().zip(all_blocks.par_chunks(BLOCKS)).for_each(|(chunk, blocks)| {
             Arch::new().dispatch(ChunkStep { shared: &shared, blocks, chunk });
         });
 
         let mut losses = SurfaceLosses::default();
         let mut d_inv_s = 0.0;
-        let mut rest = d_ambient;
+        let (mut rays_left, mut samples_left) = (ray_outputs, sample_outputs);
+        let copy = |left: &mut &mut [f32], from: &[f32]| {
+            if !left.is_empty() {
+                let (mine, tail) = std::mem::take(left).split_at_mut(from.len());
+                mine.copy_from_slice(from);
+                *left = tail;
+            }
+        };
         training.network_gradient.fill(0.0);
         for chunk in &*chunks {
             chunk.gradient.add_to(packed, &mut training.network_gradient);
@@ -147,11 +179,8 @@ impl NeuralSurface {
             losses.eikonal += chunk.losses.eikonal;
             losses.sparsity += chunk.losses.sparsity;
             d_inv_s += chunk.d_inv_s;
-            if !rest.is_empty() {
-                let (mine, tail) = rest.split_at_mut(chunk.d_ambient.len());
-                mine.copy_from_slice(&chunk.d_ambient);
-                rest = tail;
-            }
+            copy(&mut rays_left, &chunk.ray_outputs);
+            copy(&mut samples_left, &chunk.sample_outputs);
         }
         let weights = &config.loss;
         losses.total = losses.image
@@ -165,7 +194,7 @@ impl NeuralSurface {
             let n = chunk.samples.len();
             let d = &chunk.d_features[..n * grid.n_features()];
             let u = chunk.u.each_ref().map(|u| if every == 0 { &[] } else { &u[..n] });
-            Part { points: &batch.points[chunk.samples.clone()], d, s: &chunk.s[..n], u }
+            Part { points: &points[chunk.samples.clone()], d, s: &chunk.s[..n], u }
         };
         let (settings, step) = (&config.field.training, training.n_steps);
         Update { settings, grid, mlp: &field.mlp, part: &part, n_parts: n_chunks }.run(table, network, training);
@@ -187,35 +216,38 @@ impl NeuralSurface {
 }
 
 /// What all chunks of a step read.
-struct Shared<'a> {
+struct Shared<'a, L> {
     config: &'a SurfaceConfig,
     grid: &'a HashGrid<3>,
     table: &'a [f32],
     packed: &'a PackedMlp,
     inv_s: f64,
     n_eikonal: usize,
-    batch: &'a SurfaceBatch<'a>,
+    offsets: &'a [usize],
+    points: &'a [[f32; 3]],
+    loss: &'a L,
 }
 
-struct ChunkStep<'a> {
-    shared: &'a Shared<'a>,
+struct ChunkStep<'a, L> {
+    shared: &'a Shared<'a, L>,
     blocks: &'a [Range<usize>],
     chunk: &'a mut Chunk,
 }
 
-impl WithSimd for ChunkStep<'_> {
+impl<L: RayLoss> WithSimd for ChunkStep<'_, L> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { shared, blocks, chunk } = self;
-        let Shared { grid, batch, .. } = *shared;
+        let Shared { grid, offsets, loss, .. } = *shared;
         let rays = blocks[0].start..blocks[blocks.len() - 1].end;
-        chunk.samples = batch.offsets[rays.start]..batch.offsets[rays.end];
+        chunk.samples = offsets[rays.start]..offsets[rays.end];
         let n = chunk.samples.len();
         reserve(&mut chunk.d_features, n * grid.n_features());
         reserve(&mut chunk.s, n);
         chunk.u.iter_mut().for_each(|u| reserve(u, n));
-        chunk.d_ambient.resize(rays.len() * batch.k(), 0.0);
+        chunk.ray_outputs.resize(rays.len() * loss.n_ray_outputs(), 0.0);
+        chunk.sample_outputs.resize(n * loss.n_sample_outputs(), 0.0);
         chunk.gradient.clear();
         chunk.losses = SurfaceLosses::default();
         chunk.d_inv_s = 0.0;
@@ -227,17 +259,17 @@ impl WithSimd for ChunkStep<'_> {
 
 /// One block of rays, from its points to its gradients.
 #[inline(always)]
-fn work<S: Simd>(simd: S, shared: &Shared, chunk: &mut Chunk, first_ray: usize, rays: Range<usize>) {
-    let Shared { config, grid, table, packed, n_eikonal, batch, .. } = *shared;
+fn work<S: Simd, L: RayLoss>(simd: S, shared: &Shared<L>, chunk: &mut Chunk, first_ray: usize, rays: Range<usize>) {
+    let Shared { config, grid, table, packed, n_eikonal, offsets, .. } = *shared;
     let settings = &config.loss;
     let every = settings.eikonal_every;
-    let samples = batch.offsets[rays.start]..batch.offsets[rays.end];
+    let samples = offsets[rays.start]..offsets[rays.end];
     let n = samples.len();
     if n == 0 {
         // Rays without samples still have a mask and an image of nothing.
         return render(shared, chunk, first_ray, rays, 0);
     }
-    let points = &batch.points[samples.clone()];
+    let points = &shared.points[samples.clone()];
     let n_features = grid.n_features();
     let n_inputs = n_features + if config.field.append_position { 3 } else { 0 };
     let stride = padded(n_inputs);
@@ -248,9 +280,9 @@ fn work<S: Simd>(simd: S, shared: &Shared, chunk: &mut Chunk, first_ray: usize, 
     reserve(&mut chunk.d_x, rows(n) * stride);
     reserve(&mut chunk.jacobian, n_tangents * 3 * stride);
     reserve(&mut chunk.tangents, rows(n_tangents) * stride);
-    for values in [&mut chunk.sdf, &mut chunk.weights, &mut chunk.d_weights] {
-        reserve(values, n);
-    }
+    reserve(&mut chunk.sdf, n);
+    chunk.g.resize(n_tangents, [0.0; 3]);
+    chunk.d_g.resize(n_tangents, [0.0; 3]);
     chunk.network.reserve(packed, n);
 
     // Features and slopes, signed distances and their gradients by the features.
@@ -266,10 +298,20 @@ fn work<S: Simd>(simd: S, shared: &Shared, chunk: &mut Chunk, first_ray: usize, 
     gradient::forward(simd, packed, x, n, &mut chunk.network, &mut chunk.sdf[..n], &mut chunk.d_x);
     Columns::new(grid, &mut chunk.d_features, chunk.samples.len()).write(at, &chunk.d_x[..n * stride], stride);
 
+    for (t, g) in chunk.g.iter_mut().enumerate() {
+        let d = &chunk.d_x[t * every * stride..][..stride];
+        let jacobian = &chunk.jacobian[t * 3 * stride..][..3 * stride];
+        for a in 0..3 {
+            let along = dot(&d[..n_features], &jacobian[a * stride..][..n_features]);
+            let own = if config.field.append_position { d[n_features + a] } else { 0.0 };
+            g[a] = (along + own) / config.extent[a];
+        }
+    }
+
     // What volume rendering and the losses send back to the distances.
     render(shared, chunk, first_ray, rays, n);
     let s = &mut chunk.s[at..at + n];
-    let sparsity_scale = 1.0 / batch.points.len() as f64;
+    let sparsity_scale = 1.0 / shared.points.len() as f64;
     let sparsity_weight = (settings.sparsity_weight * sparsity_scale) as f32;
     let mut sparsity = 0.0;
     for (s, &f) in s.iter_mut().zip(&chunk.sdf[..n]) {
@@ -288,18 +330,11 @@ fn work<S: Simd>(simd: S, shared: &Shared, chunk: &mut Chunk, first_ray: usize, 
         let mut eikonal = 0.0;
         for (t, tangent) in chunk.tangents.chunks_exact_mut(stride).enumerate().take(n_tangents) {
             let p = t * every;
-            let d = &chunk.d_x[p * stride..][..stride];
             let jacobian = &chunk.jacobian[t * 3 * stride..][..3 * stride];
-            let mut g: [f32; 3] = std::array::from_fn(|a| dot(&d[..n_features], &jacobian[a * stride..][..n_features]));
-            for a in 0..3 {
-                if config.field.append_position {
-                    g[a] += d[n_features + a];
-                }
-                g[a] /= config.extent[a];
-            }
-            let (value, slope) = loss::eikonal_at(g);
+            let given = if L::NEEDS_GRADIENTS { chunk.d_g[t] } else { [0.0; 3] };
+            let (value, slope) = loss::eikonal_at(chunk.g[t]);
             eikonal += value as f64;
-            let u: [f32; 3] = std::array::from_fn(|a| weight * slope[a] / config.extent[a]);
+            let u: [f32; 3] = std::array::from_fn(|a| (weight * slope[a] + given[a]) / config.extent[a]);
             let [j0, j1, j2] = std::array::from_fn(|a| &jacobian[a * stride..][..n_features]);
             for (i, tangent) in tangent[..n_features].iter_mut().enumerate() {
                 *tangent = j0[i] * u[0] + j1[i] * u[1] + j2[i] * u[2];
@@ -317,67 +352,29 @@ fn work<S: Simd>(simd: S, shared: &Shared, chunk: &mut Chunk, first_ray: usize, 
     let (x, s, v) = (&mut chunk.x[..], &chunk.s[at..at + n], &chunk.tangents[..]);
     gradient::accumulate(simd, packed, x, s, every, v, &mut chunk.network, &mut chunk.gradient);
 
-    /// Compositing and the losses of rays, forward and backward: writes s of their `n` samples.
+    /// The losses of rays, forward and backward: writes s of their `n` samples.
     #[inline(always)]
-    fn render(shared: &Shared, chunk: &mut Chunk, first_ray: usize, rays: Range<usize>, n: usize) {
-        let Shared { config, inv_s, batch, .. } = *shared;
-        let settings = &config.loss;
-        let k = batch.k();
-        let n_rays = batch.n_rays();
-        let image_scale = 1.0 / (n_rays * k).max(1) as f64;
-        let alpha = settings.lookup_loss_weight as f32;
-        let mask_scale = 1.0 / n_rays as f64;
-        let d_mask = (settings.mask_weight * mask_scale) as f32;
-        let start = batch.offsets[rays.start];
+    fn render<L: RayLoss>(shared: &Shared<L>, chunk: &mut Chunk, first_ray: usize, rays: Range<usize>, n: usize) {
+        let Shared { inv_s, offsets, loss, .. } = *shared;
+        let start = offsets[rays.start];
         let at = start - chunk.samples.start;
         let s = &mut chunk.s[at..at + n];
-        let (mut image_loss, mut mask_loss) = (0.0, 0.0);
-        chunk.image.resize(k, 0.0);
+        let (n_ray, n_sample) = (loss.n_ray_outputs(), loss.n_sample_outputs());
         for r in rays {
-            let here = batch.offsets[r] - start..batch.offsets[r + 1] - start;
-            let sdf = &chunk.sdf[here.clone()];
-            let weights = &mut chunk.weights[here.clone()];
-            volrend::forward_ray(sdf, inv_s, weights, &mut chunk.steps);
-            let colors = &batch.colors[batch.offsets[r] * k..batch.offsets[r + 1] * k];
-            chunk.image.fill(0.0);
-            let mut opacity = 0.0f64;
-            for (&w, colors) in weights.iter().zip(colors.chunks_exact(k.max(1))) {
-                opacity += w as f64;
-                chunk.image.iter_mut().zip(colors).for_each(|(sum, c)| *sum += w * c);
+            let here = offsets[r] - start..offsets[r + 1] - start;
+            let (mut gradients, mut d_gradients): (&[[f32; 3]], &mut [[f32; 3]]) = (&[], &mut []);
+            if L::NEEDS_GRADIENTS {
+                (gradients, d_gradients) = (&chunk.g[here.clone()], &mut chunk.d_g[here.clone()]);
             }
-            let d_ambient = &mut chunk.d_ambient[(r - first_ray) * k..][..k];
-            for (c, image) in chunk.image.iter_mut().enumerate() {
-                let i = r * k + c;
-                let a = batch.ambient.get(i).copied().unwrap_or(0.0);
-                let white = batch.white.get(i).copied().unwrap_or(1.0);
-                let residual = *image * (1.0 - a) + a - batch.measured[i];
-                let (lookup, d_lookup) = loss::robust_at(settings.norms, residual);
-                let (pattern, d_pattern) = loss::robust_at(settings.norms, white * residual);
-                image_loss += (batch.mask[r] * ((1.0 - alpha) * pattern + alpha * lookup)) as f64;
-                let scale = batch.mask[r] * image_scale as f32;
-                let d = ((1.0 - alpha) * white * d_pattern + alpha * d_lookup) * scale;
-                d_ambient[c] = d * (1.0 - *image);
-                // From here on its gradient.
-                *image = d * (1.0 - a);
-            }
-            let (value, slope, d_log_transmittance) = if settings.clamped_mask {
-                let (value, slope) = loss::mask_at(opacity as f32, batch.mask[r]);
-                (value as f64, slope, 0.0)
-            } else {
-                let log_transmittance = volrend::log_transmittance(&chunk.steps);
-                let (value, slope) = loss::mask_log_at(log_transmittance, batch.mask[r] as f64);
-                (value, 0.0, d_mask as f64 * slope)
+            let out = RayGradient {
+                losses: &mut chunk.losses,
+                d_inv_s: &mut chunk.d_inv_s,
+                d_sdf: &mut s[here.clone()],
+                d_gradients,
+                ray: &mut chunk.ray_outputs[(r - first_ray) * n_ray..][..n_ray],
+                samples: &mut chunk.sample_outputs[(at + here.start) * n_sample..][..here.len() * n_sample],
             };
-            mask_loss += value;
-            let d_weights = &mut chunk.d_weights[here.clone()];
-            for (d, colors) in d_weights.iter_mut().zip(colors.chunks_exact(k.max(1))) {
-                *d = d_mask * slope + chunk.image.iter().zip(colors).map(|(d, c)| d * c).sum::<f32>();
-            }
-            let d_sdf = &mut s[here];
-            chunk.d_inv_s +=
-                volrend::backward_ray(sdf, inv_s, weights, &chunk.steps, d_weights, d_log_transmittance, d_sdf);
+            loss.ray(r, &chunk.sdf[here], gradients, inv_s, &mut chunk.ray, out);
         }
-        chunk.losses.image += image_loss * image_scale;
-        chunk.losses.mask += mask_loss * mask_scale;
     }
 }

@@ -11,8 +11,10 @@
 //! [`eikonal_samples`]. The color field c is frozen, so the samples' codewords come with the batch, whoever knows them;
 //! likewise the ambient light, whose gradient goes back to the caller.
 //!
-//! [`mod@reference`] is the plain form; [`NeuralSurface::train_step`] the fast one.
+//! [`mod@reference`] is the plain form; [`NeuralSurface::train_step`] the fast one. A method with another image formation
+//! brings its own [`RayLoss`] to [`NeuralSurface::step`]; L_eik and L_sp, the field and the optimizer stay the same.
 
+mod codeword;
 mod cpu;
 pub mod reference;
 
@@ -21,6 +23,7 @@ use crate::field::{FieldError, HashField, HashFieldConfig};
 use crate::loss::Norms;
 use crate::mlp::Activation;
 use crate::mlp::cpu::BLOCK;
+use crate::volrend::cpu::Step;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -133,6 +136,57 @@ impl SurfaceBatch<'_> {
         assert!(self.ambient.is_empty() || self.ambient.len() == n_rays * k);
         assert!(d_ambient.is_empty() || d_ambient.len() == n_rays * k);
     }
+}
+
+/// What a ray's samples should be, apart from a distance: an image formation and its losses.
+pub trait RayLoss: Sync {
+    /// Whether it looks at the distances' gradients. They are then computed for every sample, and
+    /// [`SurfaceLoss::eikonal_every`] must be 1.
+    const NEEDS_GRADIENTS: bool;
+
+    /// Values per ray that it sends back to the caller.
+    fn n_ray_outputs(&self) -> usize;
+
+    /// Values per sample that it sends back to the caller.
+    fn n_sample_outputs(&self) -> usize;
+
+    /// Loss of ray `ray` and its gradients. `sdf` are the signed distances of its samples, front to back, `gradients` their
+    /// gradients in space (empty unless [`Self::NEEDS_GRADIENTS`]). Called within a SIMD dispatch: mark it
+    /// `#[inline(always)]`.
+    fn ray(
+        &self,
+        ray: usize,
+        sdf: &[f32],
+        gradients: &[[f32; 3]],
+        inv_s: f64,
+        scratch: &mut RayScratch,
+        out: RayGradient<'_>,
+    );
+}
+
+/// Where a [`RayLoss`] puts what it found.
+#[derive(Debug)]
+pub struct RayGradient<'a> {
+    /// Losses of the step so far, image and mask: to be added to, already divided by the number of rays.
+    pub losses: &'a mut SurfaceLosses,
+    /// Gradient by inv_s, to be added to.
+    pub d_inv_s: &'a mut f64,
+    /// By the distances, to be written.
+    pub d_sdf: &'a mut [f32],
+    /// By their gradients, to be written; empty unless [`RayLoss::NEEDS_GRADIENTS`].
+    pub d_gradients: &'a mut [[f32; 3]],
+    /// The ray's values for the caller, to be written.
+    pub ray: &'a mut [f32],
+    /// Its samples' values for the caller, `[sample][value]`, to be written.
+    pub samples: &'a mut [f32],
+}
+
+/// Memory that a [`RayLoss`] finds again at the next ray.
+#[derive(Debug, Default)]
+pub struct RayScratch {
+    /// For whatever.
+    pub buffers: [Vec<f32>; 4],
+    pub(crate) steps: Vec<Step>,
 }
 
 /// Losses of one step, before their weights, and the whole.

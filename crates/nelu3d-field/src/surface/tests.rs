@@ -257,3 +257,75 @@ fn finds_a_surface_from_codewords() {
     assert!(mean < 0.003, "{mean}");
     assert_close(&[distance.iter().sum::<f32>() / 200.0], &[0.0], 0.002);
 }
+
+/// The eikonal loss, written as if it were an image formation's.
+struct Unit {
+    n: usize,
+}
+
+impl RayLoss for Unit {
+    const NEEDS_GRADIENTS: bool = true;
+
+    fn n_ray_outputs(&self) -> usize {
+        1
+    }
+
+    fn n_sample_outputs(&self) -> usize {
+        2
+    }
+
+    #[inline(always)]
+    fn ray(&self, r: usize, sdf: &[f32], g: &[[f32; 3]], _: f64, _: &mut RayScratch, out: RayGradient<'_>) {
+        out.d_sdf.fill(0.0);
+        for (j, g) in g.iter().enumerate() {
+            let (value, slope) = crate::loss::cpu::eikonal_at(*g);
+            out.losses.image += value as f64 / self.n as f64;
+            out.d_gradients[j] = slope.map(|s| s / self.n as f32);
+            out.samples[2 * j] = r as f32;
+            out.samples[2 * j + 1] = sdf[j];
+        }
+        out.ray[0] = sdf.len() as f32;
+    }
+}
+
+#[test]
+fn a_loss_of_ones_own_sees_gradients_and_sends_them_back() {
+    let lengths: Vec<usize> = (0..150).map(|r| [16, 1, 0, 7, 32][r % 5]).chain([300, 5, 97]).collect();
+    let rays = Rays::new(&lengths);
+    let n = rays.points.len();
+    let mut config = config(true);
+    // Nothing but L_eik, once as the engine's and once as a ray loss.
+    config.loss = SurfaceLoss { eikonal_weight: 0.0, mask_weight: 0.0, sparsity_weight: 0.0, ..config.loss };
+    config.loss.eikonal_every = 1;
+    let mut own = surface(config.clone());
+    let (mut per_ray, mut per_sample) = (vec![0.0; lengths.len()], vec![0.0; 2 * n]);
+    let found = own.step(&rays.offsets, &rays.points, &Unit { n }, &mut per_ray, &mut per_sample);
+    struct Nothing;
+    impl RayLoss for Nothing {
+        const NEEDS_GRADIENTS: bool = false;
+        fn n_ray_outputs(&self) -> usize {
+            0
+        }
+        fn n_sample_outputs(&self) -> usize {
+            0
+        }
+        #[inline(always)]
+        fn ray(&self, _: usize, _: &[f32], _: &[[f32; 3]], _: f64, _: &mut RayScratch, out: RayGradient<'_>) {
+            out.d_sdf.fill(0.0);
+        }
+    }
+    config.loss.eikonal_weight = 1.0;
+    let mut engine = surface(config);
+    let expected = engine.step(&rays.offsets, &rays.points, &Nothing, &mut [], &mut []);
+    assert!((found.image - expected.eikonal).abs() < 1e-6 * expected.eikonal, "{found:?} {expected:?}");
+    assert_close(&gradients(&own), &gradients(&engine), 64.0 * f32::EPSILON);
+    // What it sends back arrives where it belongs.
+    for (r, n) in lengths.iter().enumerate() {
+        assert_eq!(per_ray[r], *n as f32);
+        assert!((rays.offsets[r]..rays.offsets[r + 1]).all(|j| per_sample[2 * j] == r as f32));
+    }
+    let mut sdf = vec![0.0; n];
+    surface(engine.config).field.query(&rays.points, &mut sdf);
+    let sent: Vec<f32> = per_sample.iter().skip(1).step_by(2).copied().collect();
+    assert_close(&sent, &sdf, 64.0 * f32::EPSILON);
+}
