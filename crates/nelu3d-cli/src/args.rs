@@ -57,6 +57,8 @@ pub(crate) enum Command {
     Reconstruct(Reconstruct),
     /// Decode a scene with a method that knows the projector: what NeLU3D is compared with.
     Decode(Decode),
+    /// Calibrate the projector from the sweep, if it has Gray-code images along x and y; only `decode` needs it.
+    Projector(Projector),
     /// Judge a result: against the truth, or against another result.
     Evaluate(Evaluate),
     /// Measure this machine, and how close the kernels and training steps come to what it allows.
@@ -157,6 +159,25 @@ pub(crate) struct Decode {
     /// Settings of the method.
     #[command(flatten)]
     pub options: nelu3d::decode::Options,
+}
+
+/// `nelu3d projector`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Projector {
+    /// Rig folder, or its rig.toml.
+    pub rig: PathBuf,
+    /// Pattern set: binary codes along x and y (default: the first such).
+    #[arg(long, value_name = "NAME")]
+    pub set: Option<String>,
+    /// File to write (default: RIG/projector.json).
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace the file if it exists.
+    #[arg(long)]
+    pub force: bool,
+    /// Settings of the calibration.
+    #[command(flatten)]
+    pub options: nelu3d::decode::projector::Options,
 }
 
 /// Mesh files besides mesh.ply.

@@ -22,6 +22,13 @@ impl Images {
         let capture = capture?;
         Ok(Self { white: capture.white, black: capture.black, patterns: capture.patterns, inverse: inverse? })
     }
+
+    /// Reads a board position: it must have a black image.
+    pub(super) fn read_position(rig: &Rig, shot: &Shot, set: &PatternSet) -> Result<Self, RigError> {
+        let capture = rig.read_shot(shot, set, Need::Calibration)?;
+        let inverse = rig.read_inverse(shot, set)?;
+        Ok(Self { white: capture.white, black: capture.black, patterns: capture.patterns, inverse })
+    }
 }
 
 /// One image, or one channel of one.
