@@ -4,6 +4,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
+use nelu3d::decode::lookup3d::Rank;
 
 /// What scripts can rely on.
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed or stopped by Ctrl-C, 2 wrong usage. What fails says so in one \
@@ -61,6 +62,8 @@ pub(crate) enum Command {
     Projector(Projector),
     /// Judge a result: against the truth, or against another result.
     Evaluate(Evaluate),
+    /// Lookup tables of the sweep, in the files of the LookUp3D tools.
+    Table(Table),
     /// Measure this machine, and how close the kernels and training steps come to what it allows.
     Bench(Bench),
 }
@@ -209,6 +212,57 @@ pub(crate) struct Evaluate {
     /// Rig folder whose projector to use for that.
     #[arg(long, value_name = "RIG")]
     pub rig: Option<PathBuf>,
+}
+
+/// `nelu3d table`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Table {
+    /// What to do with it.
+    #[command(subcommand)]
+    pub command: TableCommand,
+}
+
+/// What is done with lookup tables.
+#[derive(Debug, Subcommand)]
+pub(crate) enum TableCommand {
+    /// Write the table of a rig's sweep: .npy, or .npz with --low-rank.
+    Export(TableExport),
+    /// Say what is in a file.
+    Info(TableInfo),
+}
+
+/// `nelu3d table export`
+#[derive(Debug, clap::Args)]
+pub(crate) struct TableExport {
+    /// Rig folder, or its rig.toml.
+    pub rig: PathBuf,
+    /// Pattern set (default: the rig's first).
+    #[arg(long, value_name = "NAME")]
+    pub set: Option<String>,
+    /// File to write.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Keep every Nth pixel and row only.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub stride: usize,
+    /// Write factors of so many terms per channel instead; "auto": as few as lose no more than the table's own noise.
+    #[arg(long, value_name = "R|auto", value_parser = rank)]
+    pub low_rank: Option<Rank>,
+}
+
+/// `nelu3d table info`
+#[derive(Debug, clap::Args)]
+pub(crate) struct TableInfo {
+    /// The file, .npy or .npz.
+    pub file: PathBuf,
+}
+
+fn rank(text: &str) -> Result<Rank, String> {
+    match text.parse() {
+        Ok(rank @ 1..) => Ok(Rank::Fixed(rank)),
+        _ if text == "auto" => Ok(Rank::Auto),
+        _ => Err("a number from 1, or \"auto\"".into()),
+    }
 }
 
 /// `nelu3d bench`

@@ -60,6 +60,7 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
         Command::Decode(a) => commands::decode::run(a, &context),
         Command::Projector(a) => commands::projector::run(a, &context),
         Command::Evaluate(a) => commands::evaluate::run(a, &context),
+        Command::Table(a) => commands::table::run(a, &context),
         Command::Bench(a) => commands::bench::run(a, &context),
     }
 }

@@ -121,7 +121,10 @@ fn correlation_searches_as_told() {
     let windows = decode("random", "zncc", &["--window", "5", "--depth", "560", "840"]);
     for s in [all, windows] {
         let body = &s["metrics"]["body"];
-        assert!(body["depth_mm"]["median"].as_f64().unwrap() < 0.08 && body["coverage"].as_f64().unwrap() > 0.9, "{body}");
+        assert!(
+            body["depth_mm"]["median"].as_f64().unwrap() < 0.08 && body["coverage"].as_f64().unwrap() > 0.9,
+            "{body}"
+        );
     }
     let rig = rig().to_str().unwrap();
     let out = nelu3d(&["decode", rig, "sphere", "--set", "random", "--method", "zncc", "--window", "4"]);
@@ -152,7 +155,10 @@ fn what_cannot_be_decoded_says_why() {
     let scene = format!("{rig}/scenes/sphere");
     let run = || stderr(&nelu3d(&["decode", bare.to_str().unwrap(), &scene, "--set", "gray", "--method", "gray"]));
     let text = run();
-    assert!(text.contains("gray_x_00.png") && text.contains("put the images that were projected into patterns/"), "{text}");
+    assert!(
+        text.contains("gray_x_00.png") && text.contains("put the images that were projected into patterns/"),
+        "{text}"
+    );
     std::fs::remove_file(bare.join("projector.json")).unwrap();
     let text = run();
     assert!(text.contains("projector.json") && text.contains("nelu3d projector"), "{text}");

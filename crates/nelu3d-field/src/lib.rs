@@ -10,6 +10,9 @@
 //! | multilayer perceptron | [`mlp`] | |
 //! | compositing of signed distances | [`volrend`] | Wang et al. 2021, *NeuS*, Eq. 13 |
 //! | losses | [`loss`] | NeLU3D, Eq. 2, 3, 5, 6 |
+//! | weight normalization | [`mlp::weight_norm`] | Salimans & Kingma 2016, Eq. 2, 3 |
+//! | occupancy grid | [`occupancy`] | Müller et al. 2022, Sec. 5.1 |
+//! | nearest codewords of a table | [`nearest`] | |
 //! | optimizer | [`adam`] | Kingma & Ba 2015, Alg. 1 |
 //!
 //! Two things are made of them: [`field::HashField`], a regression (one flat parameter buffer, one training step, one
@@ -25,6 +28,8 @@ pub mod field;
 pub mod loss;
 mod memory;
 pub mod mlp;
+pub mod nearest;
+pub mod occupancy;
 mod prefetch;
 mod real;
 mod reduce;

@@ -51,6 +51,7 @@ pub mod evaluate;
 pub mod progress;
 pub mod reconstruct;
 pub mod result;
+pub mod sdf;
 
 pub use progress::Progress;
 pub use result::{Left, Reconstruction};

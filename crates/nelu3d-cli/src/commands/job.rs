@@ -125,6 +125,9 @@ impl Job<'_> {
         let mut paths = vec![rig.root.join(nelu3d_scan::rig::RIG_FILE), rig.root.join(&rig.camera_file)];
         match &self.work {
             Work::Reconstruct { field, .. } => paths.push(field.clone()),
+            Work::Decode(options) if !options.method.needs_projector() => {
+                paths.extend(options.lookup3d.table.clone());
+            }
             Work::Decode(_) => {
                 paths.push(rig.root.join(nelu3d_scan::rig::PROJECTOR_FILE));
                 paths.extend(self.set.images.iter().map(|name| rig.projected(name)));

@@ -10,6 +10,7 @@ pub(crate) mod job;
 pub(crate) mod projector;
 pub(crate) mod reconstruct;
 pub(crate) mod simulate;
+pub(crate) mod table;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

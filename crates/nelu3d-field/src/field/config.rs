@@ -75,6 +75,8 @@ pub struct TrainConfig {
     pub network_learning_rate: f64,
     /// Factor on both, by step.
     pub schedule: Schedule,
+    /// Whether the optimizer sees the network through [`crate::mlp::weight_norm`].
+    pub weight_normalization: bool,
 }
 
 impl Default for TrainConfig {
@@ -87,6 +89,7 @@ impl Default for TrainConfig {
             encoding_learning_rate: 1e-2,
             network_learning_rate: 3e-3,
             schedule: Schedule::default(),
+            weight_normalization: false,
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Fast form: parallel over fixed parts, sums in double precision. Same arguments as [`super::reference`].
 
-use super::{MASK_CLAMP, Norms};
-use crate::Real;
+use super::{LEAST_OPACITY, MASK_CLAMP, Norms};
 use crate::reduce::fill_and_sum;
 
 #[inline(always)]
@@ -41,6 +40,14 @@ pub(crate) fn mask_at(opacity: f32, mask: f32) -> (f32, f32) {
     (-(mask * o.ln() + (1.0 - mask) * (1.0 - o).ln()), slope)
 }
 
+/// The same by log T, unclamped towards O = 1, and its derivative.
+#[inline(always)]
+pub(crate) fn mask_log_at(log_transmittance: f64, mask: f64) -> (f64, f64) {
+    let o = -log_transmittance.exp_m1();
+    let slope = if o > LEAST_OPACITY { mask * log_transmittance.exp() / o } else { 0.0 };
+    (-(mask * o.max(LEAST_OPACITY).ln() + (1.0 - mask) * log_transmittance), slope - (1.0 - mask))
+}
+
 /// (|g| − 1)² and its gradient, 0 at g = 0.
 #[inline(always)]
 pub(crate) fn eikonal_at(g: [f32; 3]) -> (f32, [f32; 3]) {
@@ -77,12 +84,12 @@ pub fn mask(opacity: &[f32], mask: &[f32], d: &mut [f32]) -> f64 {
     mean(opacity.len(), d, |i| mask_at(opacity[i], mask[i]))
 }
 
-/// Eq. 5 for opacities given as logits, O = sigmoid(x): never saturates, needs no clamp.
-pub fn mask_logits(logits: &[f32], mask: &[f32], d: &mut [f32]) -> f64 {
-    assert_eq!(logits.len(), mask.len());
-    mean(logits.len(), d, |i| {
-        let (x, m) = (logits[i], mask[i]);
-        (-x.log_sigmoid() + (1.0 - m) * x, x.sigmoid() - m)
+/// Eq. 5 for opacities given as O = 1 − T by log T, unclamped towards 1.
+pub fn mask_log(log_transmittance: &[f32], mask: &[f32], d: &mut [f32]) -> f64 {
+    assert_eq!(log_transmittance.len(), mask.len());
+    mean(mask.len(), d, |i| {
+        let (value, slope) = mask_log_at(log_transmittance[i] as f64, mask[i] as f64);
+        (value as f32, slope as f32)
     })
 }
 

@@ -1,6 +1,6 @@
 //! Plain form: each function returns the loss and writes its gradient.
 
-use super::{MASK_CLAMP, Norms};
+use super::{LEAST_OPACITY, MASK_CLAMP, Norms};
 use crate::Real;
 
 fn sign<T: Real>(x: T) -> T {
@@ -59,13 +59,17 @@ pub fn mask<T: Real>(opacity: &[T], mask: &[T], d: &mut [T]) -> T {
     })
 }
 
-/// Eq. 5 for opacities given as logits, O = sigmoid(x): never saturates, needs no clamp.
-pub fn mask_logits<T: Real>(logits: &[T], mask: &[T], d: &mut [T]) -> T {
-    assert_eq!(logits.len(), mask.len());
-    mean(logits.len(), d, |i| {
-        let (x, m) = (logits[i], mask[i]);
-        // −m log σ(x) − (1 − m) log σ(−x), and log σ(−x) = log σ(x) − x
-        (-x.log_sigmoid() + (T::of(1.0) - m) * x, x.sigmoid() - m)
+/// Eq. 5 for opacities given as O = 1 − T by log T, unclamped towards 1: it never saturates where a ray is blocked. O is kept
+/// above [`LEAST_OPACITY`]; no gradient below.
+pub fn mask_log<T: Real>(log_transmittance: &[T], mask: &[T], d: &mut [T]) -> T {
+    assert_eq!(log_transmittance.len(), mask.len());
+    let one = T::of(1.0);
+    mean(mask.len(), d, |i| {
+        let (x, m) = (log_transmittance[i], mask[i]);
+        let o = -x.exp_m1();
+        let least = T::of(LEAST_OPACITY);
+        let slope = if o > least { m * x.exp() / o } else { T::of(0.0) };
+        (-(m * o.max(least).ln() + (one - m) * x), slope - (one - m))
     })
 }
 

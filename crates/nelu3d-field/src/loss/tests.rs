@@ -18,7 +18,7 @@ const LOSSES: [(&str, Slow, Fast, (f64, f64)); 5] = [
         (-1.0, 1.0),
     ),
     ("mask", reference::mask, cpu::mask, (0.01, 0.99)),
-    ("mask_logits", reference::mask_logits, cpu::mask_logits, (-5.0, 5.0)),
+    ("mask_log", reference::mask_log, cpu::mask_log, (-5.0, -0.01)),
     ("sparsity", |x, _, d| reference::sparsity(x, d), |x, _, d| cpu::sparsity(x, d), (-3.0, 3.0)),
 ];
 
@@ -71,9 +71,10 @@ fn cpu_matches_reference() {
 #[test]
 fn extremes_are_finite() {
     let mut d = [0.0f32; 3];
-    let loss = cpu::mask_logits(&[-1e4, 0.0, 1e4], &[1.0, 0.5, 0.0], &mut d);
-    assert!((loss - (2e4 + std::f64::consts::LN_2) / 3.0).abs() < 1e-2, "{loss}");
-    assert_close(&d, &[-1.0 / 3.0, 0.0, 1.0 / 3.0], 1e-7);
+    // Blocked background is as wrong as it is opaque; nothing there at all has no gradient.
+    let loss = cpu::mask_log(&[-1e4, -1e4, 0.0], &[0.0, 1.0, 1.0], &mut d);
+    assert!((loss - (1e4 - LEAST_OPACITY.ln()) / 3.0).abs() < 1e-2, "{loss}");
+    assert_close(&d, &[-1.0 / 3.0, 0.0, 0.0], 1e-7);
     // The clamped form: finite, and without a gradient where it saturates.
     let loss = cpu::mask(&[0.0, 1.0, 0.5], &[1.0, 0.0, 1.0], &mut d);
     assert!(loss.is_finite() && d[0] == 0.0 && d[1] == 0.0 && d[2] < 0.0);

@@ -6,6 +6,7 @@ pub mod cpu;
 mod gemm;
 pub(crate) mod gradient;
 pub mod reference;
+pub mod weight_norm;
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};

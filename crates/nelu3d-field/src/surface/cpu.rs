@@ -128,7 +128,7 @@ impl NeuralSurface {
             if every == 0 { 0 } else { all_blocks.iter().map(|b| samples_of(b).div_ceil(every)).sum() };
 
         let training = &mut **field.training.get_or_insert_default();
-        training.resize(field.params.len(), field.mlp.n_params());
+        training.prepare(&config.field.training, &field.mlp, &field.params);
         let (grid, packed) = (&field.grid, &field.packed);
         let (table, network) = field.params.split_at_mut(grid.n_params());
         let shared = Shared { config, grid, table, packed, inv_s, n_eikonal, batch };
@@ -168,8 +168,7 @@ impl NeuralSurface {
             Part { points: &batch.points[chunk.samples.clone()], d, s: &chunk.s[..n], u }
         };
         let (settings, step) = (&config.field.training, training.n_steps);
-        let update = Update { settings, grid, step, part: &part, n_parts: n_chunks };
-        update.run(table, network, &mut training.moments, &training.network_gradient, &training.table);
+        Update { settings, grid, mlp: &field.mlp, part: &part, n_parts: n_chunks }.run(table, network, training);
         field.packed.pack(network);
         if config.sharpness_learning_rate > 0.0 {
             let rate = config.sharpness_learning_rate * settings.schedule.factor(step);
@@ -183,7 +182,6 @@ impl NeuralSurface {
                 &[d_sharpness],
             );
         }
-        training.n_steps += 1;
         losses
     }
 }
@@ -355,19 +353,29 @@ fn work<S: Simd>(simd: S, shared: &Shared, chunk: &mut Chunk, first_ray: usize, 
                 let residual = *image * (1.0 - a) + a - batch.measured[i];
                 let (lookup, d_lookup) = loss::robust_at(settings.norms, residual);
                 let (pattern, d_pattern) = loss::robust_at(settings.norms, white * residual);
-                image_loss += ((1.0 - alpha) * pattern + alpha * lookup) as f64;
-                let d = ((1.0 - alpha) * white * d_pattern + alpha * d_lookup) * image_scale as f32;
+                image_loss += (batch.mask[r] * ((1.0 - alpha) * pattern + alpha * lookup)) as f64;
+                let scale = batch.mask[r] * image_scale as f32;
+                let d = ((1.0 - alpha) * white * d_pattern + alpha * d_lookup) * scale;
                 d_ambient[c] = d * (1.0 - *image);
                 // From here on its gradient.
                 *image = d * (1.0 - a);
             }
-            let (value, slope) = loss::mask_at(opacity as f32, batch.mask[r]);
-            mask_loss += value as f64;
+            let (value, slope, d_log_transmittance) = if settings.clamped_mask {
+                let (value, slope) = loss::mask_at(opacity as f32, batch.mask[r]);
+                (value as f64, slope, 0.0)
+            } else {
+                let log_transmittance = volrend::log_transmittance(&chunk.steps);
+                let (value, slope) = loss::mask_log_at(log_transmittance, batch.mask[r] as f64);
+                (value, 0.0, d_mask as f64 * slope)
+            };
+            mask_loss += value;
             let d_weights = &mut chunk.d_weights[here.clone()];
             for (d, colors) in d_weights.iter_mut().zip(colors.chunks_exact(k.max(1))) {
                 *d = d_mask * slope + chunk.image.iter().zip(colors).map(|(d, c)| d * c).sum::<f32>();
             }
-            chunk.d_inv_s += volrend::backward_ray(sdf, inv_s, weights, &chunk.steps, d_weights, &mut s[here]);
+            let d_sdf = &mut s[here];
+            chunk.d_inv_s +=
+                volrend::backward_ray(sdf, inv_s, weights, &chunk.steps, d_weights, d_log_transmittance, d_sdf);
         }
         chunk.losses.image += image_loss * image_scale;
         chunk.losses.mask += mask_loss * mask_scale;

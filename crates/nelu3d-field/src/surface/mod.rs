@@ -7,7 +7,7 @@
 //! (1 − α) L_pattern + α L_lookup + mask_weight L_mask + eikonal_weight L_eik + sparsity_weight L_sp
 //! ```
 //!
-//! each as in [`crate::loss`]: image losses a mean over rays and channels, L_mask over rays, L_sp over samples, and L_eik over
+//! each as in [`crate::loss`]: image losses a mean over rays and channels (0 for a background ray, which has no codeword), L_mask over rays, L_sp over samples, and L_eik over
 //! [`eikonal_samples`]. The color field c is frozen, so the samples' codewords come with the batch, whoever knows them;
 //! likewise the ambient light, whose gradient goes back to the caller.
 //!
@@ -34,6 +34,9 @@ pub struct SurfaceLoss {
     pub lookup_loss_weight: f64,
     /// Weight of Eq. 5.
     pub mask_weight: f64,
+    /// Whether the opacity of Eq. 5 is clamped to [1e-3, 1 − 1e-3], as published. A ray that is blocked for certain then has
+    /// no gradient at all: a background ray behind which a start lies is never carved.
+    pub clamped_mask: bool,
     /// Weight of L_eik, Eq. 6.
     pub eikonal_weight: f64,
     /// Weight of L_sp, Eq. 6.
@@ -48,6 +51,7 @@ impl Default for SurfaceLoss {
             norms: Norms::default(),
             lookup_loss_weight: 0.1,
             mask_weight: 0.1,
+            clamped_mask: true,
             eikonal_weight: 0.1,
             sparsity_weight: 0.01,
             eikonal_every: 1,
@@ -197,6 +201,15 @@ impl NeuralSurface {
             sharpness_moments: MomentBuffers::new(1),
             scratch: cpu::StepScratch::default(),
         })
+    }
+
+    /// A surface whose field has given parameters, in the order of [`HashField::params`].
+    ///
+    /// # Errors
+    /// [`SurfaceError`] for a configuration out of range, or parameters that do not belong to it.
+    pub fn from_params(config: SurfaceConfig, params: Vec<f32>) -> Result<Self, SurfaceError> {
+        let field = HashField::from_params(config.field.clone(), params)?;
+        Ok(Self { field, ..Self::new(config, 0)? })
     }
 
     /// The configuration.

@@ -77,15 +77,25 @@ pub fn loss_and_gradient<T: Real>(
         opacity[r] = ray.iter().copied().sum();
     }
     let one = T::of(1.0);
-    let residual: Vec<T> = (0..n_rays * k).map(|i| image[i] * (one - ambient[i]) + ambient[i] - measured[i]).collect();
+    // A background ray has no codeword.
+    let lit = mask.clone();
+    let residual: Vec<T> =
+        (0..n_rays * k).map(|i| lit[i / k] * (image[i] * (one - ambient[i]) + ambient[i] - measured[i])).collect();
 
     // Losses.
     let alpha = T::of(settings.lookup_loss_weight);
     let (mut d_lookup, mut d_pattern) = (vec![zero; n_rays * k], vec![zero; n_rays * k]);
     let lookup = loss::reference::lookup(settings.norms, &residual, &mut d_lookup);
     let pattern = loss::reference::pattern(settings.norms, &residual, &white, &mut d_pattern);
-    let mut d_opacity = vec![zero; n_rays];
-    let mask = loss::reference::mask(&opacity, &mask, &mut d_opacity);
+    let (mut d_opacity, mut d_log_transmittance) = (vec![zero; n_rays], vec![zero; n_rays]);
+    let mask = if settings.clamped_mask {
+        loss::reference::mask(&opacity, &mask, &mut d_opacity)
+    } else {
+        let rays = batch.offsets.windows(2);
+        let log_transmittance: Vec<T> =
+            rays.map(|r| volrend::reference::log_transmittance(&sdf[r[0]..r[1]], inv_s)).collect();
+        loss::reference::mask_log(&log_transmittance, &mask, &mut d_log_transmittance)
+    };
     let mut d_sparsity = vec![zero; n];
     let sparsity = loss::reference::sparsity(&sdf, &mut d_sparsity);
     let eikonal_samples: Vec<usize> = eikonal_samples(batch.offsets, settings.eikonal_every).collect();
@@ -119,7 +129,7 @@ pub fn loss_and_gradient<T: Real>(
         let mut d_image = vec![zero; k];
         for (c, d_image) in d_image.iter_mut().enumerate() {
             let i = r * k + c;
-            let d_residual = (one - alpha) * d_pattern[i] + alpha * d_lookup[i];
+            let d_residual = lit[r] * ((one - alpha) * d_pattern[i] + alpha * d_lookup[i]);
             *d_image = d_residual * (one - ambient[i]);
             out.ambient[i] = d_residual * (one - image[i]);
         }
@@ -134,7 +144,9 @@ pub fn loss_and_gradient<T: Real>(
             &mut frozen,
         );
         let mut d_ray = vec![zero; samples.len()];
-        let d_inv_s = volrend::reference::render_weights_backward(&sdf[samples.clone()], inv_s, &d_weights, &mut d_ray);
+        let d_log = T::of(settings.mask_weight) * d_log_transmittance[r];
+        let sdf = &sdf[samples.clone()];
+        let d_inv_s = volrend::reference::render_weights_backward(sdf, inv_s, &d_weights, d_log, &mut d_ray);
         out.sharpness += T::of(10.0) * inv_s * d_inv_s;
         d_sdf[samples].iter_mut().zip(d_ray).for_each(|(d, more)| *d += more);
     }

@@ -93,8 +93,9 @@ fn gradients(surface: &NeuralSurface) -> Vec<f32> {
 
 #[test]
 fn reference_gradients_match_central_differences() {
-    for append in [false, true] {
-        let config = config(append);
+    for (append, clamped_mask) in [(false, true), (true, false)] {
+        let mut config = config(append);
+        config.loss.clamped_mask = clamped_mask;
         let (grid, network) = config.field.build().unwrap();
         let rays = Rays::new(&[7, 1, 5, 0, 9]);
         let params = uniform(5, grid.n_params() + network.n_params(), -0.4, 0.4);
@@ -117,6 +118,7 @@ fn a_step_follows_the_reference_gradient() {
         for every in [0, 1, 2, 8] {
             let mut config = config(append);
             config.loss.eikonal_every = every;
+            config.loss.clamped_mask = every == 1;
             // More than one chunk of eight blocks, rays longer than a block, empty ones and single samples.
             let lengths: Vec<usize> = (0..150).map(|r| [16, 1, 0, 7, 32][r % 5]).chain([300, 5, 97]).collect();
             let rays = Rays::new(&lengths);

@@ -59,7 +59,14 @@ pub(crate) fn forward_ray(sdf: &[f32], inv_s: f64, weights: &mut [f32], steps: &
     }
 }
 
-/// Writes the gradient of one ray's signed distances and returns that of `inv_s`, given that of the weights.
+/// log T behind a ray's last sample, no less than that of the smallest normal number.
+#[inline(always)]
+pub(crate) fn log_transmittance(steps: &[Step]) -> f64 {
+    steps.last().map_or(0.0, |s| s.transmittance.max(f64::MIN_POSITIVE).ln())
+}
+
+/// Writes the gradient of one ray's signed distances and returns that of `inv_s`, given that of the weights and that of
+/// [`log_transmittance`].
 #[inline(always)]
 pub(crate) fn backward_ray(
     sdf: &[f32],
@@ -67,6 +74,7 @@ pub(crate) fn backward_ray(
     weights: &[f32],
     steps: &[Step],
     d_weights: &[f32],
+    d_log_transmittance: f64,
     d_sdf: &mut [f32],
 ) -> f64 {
     // Σ_{l>j} w_l g_l, back to front, and ∂L/∂Δ of the interval that a sample opens and of the one it closes.
@@ -78,7 +86,7 @@ pub(crate) fn backward_ray(
             after += weights[j] as f64 * d_weights[j] as f64;
             // No gradient where the clamp to alpha >= 0 acts.
             if steps[j - 1].passed < 1.0 {
-                closed = after - steps[j - 1].transmittance * d_weights[j - 1] as f64;
+                closed = after - steps[j - 1].transmittance * d_weights[j - 1] as f64 + d_log_transmittance;
             }
         }
         let slope = (closed - opened) * steps[j].phi.complement;
@@ -161,7 +169,7 @@ pub fn render_weights_backward(
             let (sdf, d_weights) = (&s.sdf[range.clone()], &s.d_weights[range.clone()]);
             again.resize(sdf.len(), 0.0);
             forward_ray(sdf, s.inv_s, &mut again, &mut steps);
-            d_inv_s += backward_ray(sdf, s.inv_s, &s.weights[range], &steps, d_weights, d_sdf);
+            d_inv_s += backward_ray(sdf, s.inv_s, &s.weights[range], &steps, d_weights, 0.0, d_sdf);
         }
         d_inv_s
     }

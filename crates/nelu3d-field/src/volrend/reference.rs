@@ -20,8 +20,20 @@ pub fn render_weights<T: Real>(sdf: &[T], inv_s: T, weights: &mut [T]) {
     }
 }
 
-/// Writes the gradient of one ray's signed distances and returns that of `inv_s`, given that of the weights.
-pub fn render_weights_backward<T: Real>(sdf: &[T], inv_s: T, d_weights: &[T], d_sdf: &mut [T]) -> T {
+/// log T behind a ray's last sample, Σ_j Δ_j.
+pub fn log_transmittance<T: Real>(sdf: &[T], inv_s: T) -> T {
+    sdf.windows(2).map(|f| log_ratio(f[0], f[1], inv_s).0).sum()
+}
+
+/// Writes the gradient of one ray's signed distances and returns that of `inv_s`, given that of the weights and that of
+/// [`log_transmittance`].
+pub fn render_weights_backward<T: Real>(
+    sdf: &[T],
+    inv_s: T,
+    d_weights: &[T],
+    d_log_transmittance: T,
+    d_sdf: &mut [T],
+) -> T {
     assert!(sdf.len() == d_weights.len() && sdf.len() == d_sdf.len());
     let zero = T::of(0.0);
     d_sdf.fill(zero);
@@ -38,7 +50,7 @@ pub fn render_weights_backward<T: Real>(sdf: &[T], inv_s: T, d_weights: &[T], d_
     let mut d_inv_s = zero;
     for j in (0..n).rev() {
         if !log_ratio(sdf[j], sdf[j + 1], inv_s).1 {
-            let d_delta = after - log_transmittance[j].exp() * d_weights[j];
+            let d_delta = after - log_transmittance[j].exp() * d_weights[j] + d_log_transmittance;
             for (i, sign) in [(j + 1, T::of(1.0)), (j, T::of(-1.0))] {
                 // 1 − Φ(f) = sigmoid(−inv_s f)
                 let slope = sign * d_delta * (-(inv_s * sdf[i])).sigmoid();

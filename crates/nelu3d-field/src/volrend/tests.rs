@@ -34,14 +34,15 @@ fn reference_gradients_match_central_differences() {
             reference::render_weights(sdf, inv_s, &mut weights);
             let mut out = vec![0.0; k];
             reference::accumulate(&weights, values, &mut out);
-            out.iter().zip(&d_out).map(|(a, b)| a * b).sum::<f64>()
+            let image: f64 = out.iter().zip(&d_out).map(|(a, b)| a * b).sum();
+            image + 0.7 * reference::log_transmittance(sdf, inv_s)
         };
         let mut weights = vec![0.0; sdf.len()];
         reference::render_weights(&sdf, inv_s, &mut weights);
         let (mut d_weights, mut d_values) = (vec![0.0; sdf.len()], vec![0.0; values.len()]);
         reference::accumulate_backward(&weights, &values, &d_out, &mut d_weights, &mut d_values);
         let mut d_sdf = vec![0.0; sdf.len()];
-        let d_inv_s = reference::render_weights_backward(&sdf, inv_s, &d_weights, &mut d_sdf);
+        let d_inv_s = reference::render_weights_backward(&sdf, inv_s, &d_weights, 0.7, &mut d_sdf);
         assert_gradient(&sdf, &d_sdf, 1e-5, |f| loss(f, inv_s, &values));
         assert_gradient(&[inv_s], &[d_inv_s], 1e-4, |s| loss(&sdf, s[0], &values));
         assert_gradient(&values, &d_values, 1e-3, |v| loss(&sdf, inv_s, v));
@@ -69,7 +70,7 @@ fn backward_equals_the_published_form() {
         transmittance *= 1.0 - alpha;
     }
     let mut d_sdf = vec![0.0; 16];
-    reference::render_weights_backward(&sdf, inv_s, &g, &mut d_sdf);
+    reference::render_weights_backward(&sdf, inv_s, &g, 0.0, &mut d_sdf);
     for (a, b) in d_sdf.iter().zip(&expected) {
         assert!((a - b).abs() < 1e-12);
     }
@@ -113,7 +114,7 @@ fn cpu_matches_reference_on_packed_rays_of_any_length() {
         assert_close(&[opacity[r]], &[w.iter().sum::<f64>() as f32], eps);
         let (mut dw, mut dc, mut df) = (vec![0.0; f.len()], vec![0.0; c.len()], vec![0.0; f.len()]);
         reference::accumulate_backward(&w, &c, &wide(&d_out[r * k..][..k]), &mut dw, &mut dc);
-        expected_d_inv_s += reference::render_weights_backward(&f, inv_s as f64, &dw, &mut df);
+        expected_d_inv_s += reference::render_weights_backward(&f, inv_s as f64, &dw, 0.0, &mut df);
         assert_close(&d_weights[s.clone()], &narrow(&dw), eps);
         assert_close(&d_values[v], &narrow(&dc), eps);
         assert_close(&d_sdf[s], &narrow(&df), eps * inv_s);
@@ -133,7 +134,7 @@ fn extreme_distances_stay_finite_and_opaque() {
         assert!(d.is_finite() && d_sdf.iter().all(|x| x.is_finite()), "{d} {d_sdf:?}");
         let wide = sdf.map(|x| x as f64);
         let mut d_wide = [0.0; 5];
-        let d = reference::render_weights_backward(&wide, inv_s as f64, &[1.0, -2.0, 3.0, 4.0, 5.0], &mut d_wide);
+        let d = reference::render_weights_backward(&wide, inv_s as f64, &[1.0, -2.0, 3.0, 4.0, 5.0], 0.0, &mut d_wide);
         assert!(d.is_finite() && d_wide.iter().all(|x| x.is_finite()));
     }
 }

@@ -193,6 +193,25 @@ pub fn run(rig: &Rig, set: &PatternSet, opts: &Options, progress: &Progress) -> 
         return projector::run(rig, set, opts, progress);
     }
     let mut clock = StageClock::new(progress);
+    let (mut placed, trajectory, dark) = place(rig, set, opts, progress, &mut clock)?;
+    let (mut field, mut report) = from_sweep(&mut placed, rig, opts, progress, &mut clock)?;
+    field.about.dark = dark;
+    field.about.rig = rig.name.clone();
+    field.about.set = set.name.clone();
+    field.about.images = set.images.clone();
+    report.trajectory = Some(trajectory);
+    report.stages = clock.finish();
+    Ok((field, report))
+}
+
+/// Finds the boards of a sweep and where they were; and on the way what is seen without the light.
+pub(crate) fn place<'a>(
+    rig: &'a Rig,
+    set: &'a PatternSet,
+    opts: &Options,
+    progress: &Progress,
+    clock: &mut StageClock<'_>,
+) -> Result<(Placed<'a>, Trajectory, Vec<DarkLevel>), Error> {
     let board = rig.board.as_ref().ok_or_else(|| Error::NoBoard(rig.root.join("rig.toml")))?;
     let detector = Detector::new(board)
         .map_err(|source| Error::Board { path: rig.root.join("rig.toml"), source })?
@@ -230,15 +249,7 @@ pub fn run(rig: &Rig, set: &PatternSet, opts: &Options, progress: &Progress) -> 
     if progress.cancelled() {
         return Err(Error::Cancelled);
     }
-    let mut placed = Placed::new(sweep, &poses, rig.camera.clone(), board.extent_mm);
-    let (mut field, mut report) = from_sweep(&mut placed, rig, opts, progress, &mut clock)?;
-    field.about.dark = dark;
-    field.about.rig = rig.name.clone();
-    field.about.set = set.name.clone();
-    field.about.images = set.images.clone();
-    report.trajectory = Some(trajectory);
-    report.stages = clock.finish();
-    Ok((field, report))
+    Ok((Placed::new(sweep, &poses, rig.camera.clone(), board.extent_mm), trajectory, dark))
 }
 
 /// What detection said of each position.

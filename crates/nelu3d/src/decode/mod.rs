@@ -14,6 +14,7 @@
 mod captured;
 mod code;
 mod gray;
+pub mod lookup3d;
 mod mps;
 mod phase;
 pub mod projector;
@@ -48,6 +49,14 @@ pub enum Method {
     Mps,
     /// Zero-mean normalized cross-correlation with the codewords of the columns: any patterns, three images or more.
     Zncc,
+    /// LookUp3D: the nearest codeword of the sweep's table; needs no projector.
+    #[cfg_attr(feature = "clap", value(name = "lookup3d"))]
+    #[serde(rename = "lookup3d")]
+    Lookup3d,
+    /// LookUp3D with the table as products of factors.
+    #[cfg_attr(feature = "clap", value(name = "lookup3d-lowrank"))]
+    #[serde(rename = "lookup3d-lowrank")]
+    Lookup3dLowrank,
 }
 
 /// Which columns a codeword is compared with.
@@ -62,6 +71,11 @@ pub enum Search {
 }
 
 impl Method {
+    /// Whether it triangulates with a calibrated projector.
+    pub fn needs_projector(self) -> bool {
+        !matches!(self, Method::Lookup3d | Method::Lookup3dLowrank)
+    }
+
     /// Its name on the command line and in results.
     pub fn name(self) -> &'static str {
         match self {
@@ -69,6 +83,8 @@ impl Method {
             Method::Phase => "phase",
             Method::Mps => "mps",
             Method::Zncc => "zncc",
+            Method::Lookup3d => "lookup3d",
+            Method::Lookup3dLowrank => "lookup3d-lowrank",
         }
     }
 }
@@ -108,6 +124,10 @@ pub struct Options {
     /// Smallest connected piece of surface that is kept, px
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 40))]
     pub min_component: usize,
+    /// Of LookUp3D.
+    #[cfg_attr(feature = "clap", command(flatten))]
+    #[serde(default)]
+    pub lookup3d: lookup3d::Options,
 }
 
 impl Options {
@@ -123,6 +143,7 @@ impl Options {
             gamma: None,
             min_contrast: 0.02,
             min_component: 40,
+            lookup3d: Default::default(),
         }
     }
 }
@@ -133,6 +154,9 @@ pub enum Error {
     /// The rig folder or one of its images.
     #[error(transparent)]
     Rig(#[from] RigError),
+    /// The lookup table.
+    #[error(transparent)]
+    Lookup3d(#[from] lookup3d::Error),
     /// A file that the decoder needs is missing or does not fit.
     #[error("{}: {problem}; {remedy}", path.display())]
     File {
@@ -217,6 +241,9 @@ pub fn run(
     let mut clock = StageClock::new(progress);
     let stop = || if progress.cancelled() { Err(Error::Cancelled) } else { Ok(()) };
     check(opts)?;
+    if !opts.method.needs_projector() {
+        return lookup3d::run(rig, set, shot, opts, progress);
+    }
     clock.begin("read the projected patterns");
     let projector = rig.projector.as_ref().ok_or_else(|| {
         Error::file(
@@ -244,6 +271,7 @@ pub fn run(
         Method::Phase => phase::decode(&captured, &code, set, &geometry)?,
         Method::Mps => mps::decode(&captured, &code, set, &geometry, opts.search)?,
         Method::Zncc => zncc::decode(&captured, &code, set, &geometry, opts)?,
+        Method::Lookup3d | Method::Lookup3dLowrank => unreachable!("decoded above, without a projector"),
     };
     stop()?;
 

@@ -80,16 +80,19 @@ impl Observer for Trace<'_> {
         let judged = Judged { depth, normals: None, sigma: None };
         let m = evaluate(&judged, self.truth, &self.regions, self.camera, None::<&Projector>);
         let whole = m.whole.depth_mm;
+        let body_median = m.body.depth_mm.median;
+        let (mae, rmse, coverage) = (whole.mae, whole.rmse, m.whole.coverage);
+        tracing::info!(?stage, iteration, cpu_secs, coverage, mae, rmse, body_median, "traced");
         self.points.push(TracePoint {
             stage,
             iteration,
             cpu_secs,
             wall_secs,
-            coverage: m.whole.coverage,
-            mae: whole.mae,
-            rmse: whole.rmse,
+            coverage,
+            mae,
+            rmse,
             bias: whole.bias,
-            body_median: m.body.depth_mm.median,
+            body_median,
         });
         self.leave_out(wall, cpu);
     }

@@ -1,4 +1,4 @@
-//! From a color field and the captures of a scene to a surface: recipe `fast`.
+//! From a color field and the captures of a scene to a surface. Recipe [`paper`] is the published one; recipe `fast` is:
 //!
 //! Measure (normalize, mask) → decode (cost volume, aggregation) → refine (narrow-band volume rendering) → filter → surface.
 
@@ -9,6 +9,7 @@ mod indirect;
 pub mod lookup;
 pub mod measure;
 mod observer;
+pub mod paper;
 pub mod refine;
 mod shares;
 mod smooth;
@@ -43,8 +44,10 @@ use surface::Links;
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Recipe {
-    /// Cost volume, then narrow-band volume rendering.
+    /// Cost volume, then narrow-band volume rendering
     Fast,
+    /// As published: a hash-encoded signed distance field trained from scratch, 10,000 iterations
+    Paper,
 }
 
 /// Settings of a reconstruction.
@@ -61,7 +64,7 @@ pub struct Options {
     /// How much work to put in
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Effort::Normal))]
     pub effort: Effort,
-    /// Steps of the narrow-band refinement (default: by effort)
+    /// Steps of the narrow-band refinement (default: by effort), or iterations of recipe `paper` (default: 10000)
     #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
     pub steps: Option<usize>,
     /// Most depth labels of the cost volume
@@ -74,6 +77,9 @@ pub struct Options {
     /// Smallest connected piece of surface that is kept, px
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 40))]
     pub min_component: usize,
+    /// Settings of recipe `paper`.
+    #[cfg_attr(feature = "clap", command(flatten))]
+    pub paper: paper::PaperOptions,
 }
 
 impl Default for Options {
@@ -86,6 +92,7 @@ impl Default for Options {
             max_labels: 512,
             roughness: 0.14,
             min_component: 40,
+            paper: paper::PaperOptions::default(),
         }
     }
 }
@@ -157,8 +164,12 @@ pub fn run_observed(
     let mut clock = StageClock::new(progress);
     clock.begin("read the scene");
     let capture = rig.read_shot(shot, set, nelu3d_scan::rig::Need::Scene)?;
-    let mut out = reconstruct(&capture, &rig.camera, field, opts, progress, &mut clock, observer)
-        .map_err(|reason| reason.at(shot))?;
+    let recipe = match opts.recipe {
+        Recipe::Fast => reconstruct,
+        Recipe::Paper => paper::reconstruct,
+    };
+    let mut out =
+        recipe(&capture, &rig.camera, field, opts, progress, &mut clock, observer).map_err(|reason| reason.at(shot))?;
     out.stages = clock.finish();
     Ok(out)
 }

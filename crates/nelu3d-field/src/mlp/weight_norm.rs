@@ -1,0 +1,111 @@
+//! Weight normalization (Salimans & Kingma 2016, Eq. 2, 3): a unit's weights are w = g v / |v|, and g and v are learned.
+//!
+//! It is a change of variables between optimizer and network, so the network's kernels do not know of it. The raw parameters
+//! are those of the network with v in the place of w, then g of every unit, layer by layer.
+
+use super::MlpConfig;
+use crate::Real;
+
+/// Number of raw parameters.
+pub fn n_raw(config: &MlpConfig) -> usize {
+    config.n_params() + config.layers().map(|(_, n_out)| n_out).sum::<usize>()
+}
+
+/// Raw parameters of given weights: v = w, g = |w|.
+pub fn from_weights<T: Real>(config: &MlpConfig, params: &[T]) -> Vec<T> {
+    let mut raw = params.to_vec();
+    for_each_unit(config, |weights, _| raw.push(norm(&params[weights])));
+    raw
+}
+
+/// Weights of raw parameters.
+pub fn to_weights<T: Real>(config: &MlpConfig, raw: &[T], params: &mut [T]) {
+    let (v, g) = raw.split_at(config.n_params());
+    params.copy_from_slice(v);
+    for_each_unit(config, |weights, unit| {
+        let scale = g[unit] / norm(&v[weights.clone()]);
+        params[weights].iter_mut().for_each(|w| *w = *w * scale);
+    });
+}
+
+/// Gradient by the raw parameters, given that by the weights (Eq. 3).
+pub fn backward<T: Real>(config: &MlpConfig, raw: &[T], d_params: &[T], d_raw: &mut [T]) {
+    let (v, g) = raw.split_at(config.n_params());
+    let (d_v, d_g) = d_raw.split_at_mut(config.n_params());
+    d_v.copy_from_slice(d_params);
+    for_each_unit(config, |weights, unit| {
+        let v = &v[weights.clone()];
+        let length = norm(v);
+        let along = v.iter().zip(&d_params[weights.clone()]).map(|(&v, &d)| v * d).sum::<T>() / length;
+        d_g[unit] = along;
+        let scale = g[unit] / length;
+        for (d, &v) in d_v[weights].iter_mut().zip(v) {
+            *d = scale * (*d - along * v / length);
+        }
+    });
+}
+
+/// A unit whose weights are all zero has no direction; it keeps none.
+fn norm<T: Real>(v: &[T]) -> T {
+    let square = v.iter().map(|&x| x * x).sum::<T>();
+    let tiny = T::of(1e-30);
+    if square > tiny { square.sqrt() } else { tiny.sqrt() }
+}
+
+/// Calls `f` with the place of every unit's weights, and the unit's number.
+fn for_each_unit(config: &MlpConfig, mut f: impl FnMut(std::ops::Range<usize>, usize)) {
+    let (mut at, mut unit) = (0, 0);
+    for (n_in, n_out) in config.layers() {
+        for _ in 0..n_out {
+            f(at..at + n_in, unit);
+            at += n_in;
+            unit += 1;
+        }
+        at += n_out;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Activation;
+    use super::*;
+    use crate::check::{assert_gradient, uniform};
+
+    fn config() -> MlpConfig {
+        MlpConfig { n_inputs: 5, n_outputs: 2, width: 7, n_hidden_layers: 2, output_activation: Activation::Linear }
+    }
+
+    #[test]
+    fn weights_survive() {
+        let config = config();
+        let params = uniform(1, config.n_params(), -1.0, 1.0);
+        let raw = from_weights(&config, &params);
+        assert_eq!(raw.len(), n_raw(&config));
+        let mut back = vec![0.0; params.len()];
+        to_weights(&config, &raw, &mut back);
+        assert!(params.iter().zip(&back).all(|(a, b)| (a - b).abs() < 1e-14));
+        // A unit without weights stays one.
+        let zero = vec![0.0; params.len()];
+        to_weights(&config, &from_weights(&config, &zero), &mut back);
+        assert!(back.iter().all(|w| *w == 0.0));
+    }
+
+    #[test]
+    fn gradients_match_central_differences() {
+        let config = config();
+        let raw = uniform(2, n_raw(&config), -1.0, 1.0);
+        // Any smooth function of the weights.
+        let slopes = uniform(3, config.n_params(), -1.0, 1.0);
+        let loss = |raw: &[f64]| {
+            let mut params = vec![0.0; config.n_params()];
+            to_weights(&config, raw, &mut params);
+            params.iter().zip(&slopes).map(|(w, s)| s * w + 0.5 * w * w).sum::<f64>()
+        };
+        let mut params = vec![0.0; config.n_params()];
+        to_weights(&config, &raw, &mut params);
+        let d_params: Vec<f64> = params.iter().zip(&slopes).map(|(w, s)| s + w).collect();
+        let mut d_raw = vec![0.0; raw.len()];
+        backward(&config, &raw, &d_params, &mut d_raw);
+        assert_gradient(&raw, &d_raw, 1e-6, loss);
+    }
+}

@@ -1,0 +1,89 @@
+//! Where the cube of a signed distance field lies.
+
+use nalgebra::{Point3, Vector3};
+
+/// Side of the cube, in units.
+pub const SIDE: f64 = 3.0;
+
+/// A cube in the camera's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Its center, mm.
+    pub center: Point3<f64>,
+    /// The unit of its distances, mm: a third of its side.
+    pub unit_mm: f64,
+}
+
+impl Bounds {
+    /// The smallest cube around points, a little enlarged; `None` for none.
+    pub fn around(points: impl IntoIterator<Item = Point3<f64>>) -> Option<Self> {
+        let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for p in points {
+            for a in 0..3 {
+                lo[a] = lo[a].min(p[a]);
+                hi[a] = hi[a].max(p[a]);
+            }
+        }
+        let longest = (0..3).map(|a| hi[a] - lo[a]).fold(f64::NEG_INFINITY, f64::max);
+        let center = Point3::from(std::array::from_fn::<f64, 3, _>(|a| 0.5 * (lo[a] + hi[a])));
+        (longest > 0.0 && longest.is_finite()).then(|| Self { center, unit_mm: 1.02 * longest / SIDE })
+    }
+
+    /// Side of the cube, mm.
+    pub fn side_mm(&self) -> f64 {
+        SIDE * self.unit_mm
+    }
+
+    /// Coordinates of a point in the unit cube.
+    pub fn to_cube(&self, x: &Point3<f64>) -> [f32; 3] {
+        let p = (x - self.center) / self.side_mm();
+        std::array::from_fn(|a| (p[a] + 0.5) as f32)
+    }
+
+    /// The point with given coordinates in the unit cube, mm.
+    pub fn from_cube(&self, q: [f32; 3]) -> Point3<f64> {
+        self.center + Vector3::from(q.map(|q| f64::from(q) - 0.5)) * self.side_mm()
+    }
+
+    /// Where a ray is inside: `[near, far]`, in its parameter; near > far if never.
+    pub fn clip(&self, origin: &Point3<f64>, dir: &Vector3<f64>, [mut near, mut far]: [f64; 2]) -> [f64; 2] {
+        let half = 0.5 * self.side_mm();
+        for a in 0..3 {
+            let from_center = origin[a] - self.center[a];
+            let (t0, t1) = ((-half - from_center) / dir[a], (half - from_center) / dir[a]);
+            // Along a face both are infinite or NaN; NaN leaves the range as it is.
+            near = near.max(t0.min(t1));
+            far = far.min(t0.max(t1));
+        }
+        [near, far]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn holds_its_points_and_clips_rays() {
+        let points = [Point3::new(-50.0, 10.0, 600.0), Point3::new(70.0, -40.0, 700.0)];
+        let b = Bounds::around(points).unwrap();
+        assert!((b.side_mm() - 122.4).abs() < 1e-9);
+        for p in points {
+            let q = b.to_cube(&p);
+            assert!(q.iter().all(|q| (0.0..=1.0).contains(q)));
+            assert!((b.from_cube(q) - p).norm() < 1e-4);
+        }
+        let dir = Vector3::new(0.02, 0.01, 1.0).normalize();
+        let [near, far] = b.clip(&Point3::origin(), &dir, [0.0, 1e9]);
+        for t in [near, far] {
+            let q = b.to_cube(&(Point3::origin() + dir * t));
+            assert!(q.iter().any(|q| q.abs() < 1e-5 || (q - 1.0).abs() < 1e-5), "{q:?}");
+        }
+        assert!(near < far);
+        let [near, far] = b.clip(&Point3::origin(), &Vector3::x(), [0.0, 1e9]);
+        assert!(near > far);
+        let [near, far] = b.clip(&Point3::new(10.0, -15.0, 0.0), &Vector3::z(), [0.0, 1e9]);
+        assert!(near < far && near > 500.0);
+        assert!(Bounds::around([]).is_none() && Bounds::around([Point3::origin()]).is_none());
+    }
+}
