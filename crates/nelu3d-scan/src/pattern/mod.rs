@@ -3,23 +3,40 @@
 //! Every family promises: images of the asked size, one channel ([`Rgb`] three), values in `[0, 1]` linear in light, the
 //! same images for the same settings. To add one, write its file, add it to [`Pattern`] and to the tests' list.
 
+mod binary;
+mod bits;
+mod codewords;
 mod gray;
+mod hilbert;
+mod mps;
+mod noise;
+mod phase;
 mod ramp;
 mod random;
 mod rgb;
 mod sinusoid;
 mod triangle;
+mod wave;
+mod xor;
 
 use std::collections::HashMap;
 
 use serde::{Deserialize, Serialize};
 
+pub use binary::{Binary, decode_binary};
+pub use bits::BitCode;
+pub use codewords::Codewords;
 pub use gray::{Gray, decode_gray};
+pub use hilbert::{Hilbert, hilbert_codewords};
+pub use mps::{Mps, MpsDecoder};
+pub use phase::{Decoded, PhaseDecoder, PhaseShift};
 pub use ramp::Ramp;
 pub use random::Random;
 pub use rgb::Rgb;
 pub use sinusoid::Sinusoid;
 pub use triangle::Triangle;
+pub use wave::{FittedWave, Wave};
+pub use xor::{Xor, decode_xor};
 
 use crate::image::Image;
 
@@ -51,6 +68,14 @@ pub enum PatternError {
     Parts {
         /// Images of each part.
         counts: [usize; 3],
+    },
+    /// Images that are no code of a family.
+    #[error("these images are no code of the family {family}: {problem}")]
+    Code {
+        /// The family.
+        family: &'static str,
+        /// What is wrong.
+        problem: &'static str,
     },
     /// Only some of a set's patterns have inverses.
     #[error("some patterns of the set have inverse images and some have none; give all of them inverses, or none")]
@@ -103,6 +128,16 @@ pub enum Pattern {
     Random(Random),
     /// Gray code, one bit an image.
     Gray(Gray),
+    /// Binary code, one bit an image.
+    Binary(Binary),
+    /// Gray code without wide stripes.
+    Xor(Xor),
+    /// Phase shifting of one or several periods.
+    Phase(PhaseShift),
+    /// Micro phase shifting.
+    Mps(Mps),
+    /// Points of a Hilbert curve.
+    Hilbert(Hilbert),
     /// Three patterns as the channels of one.
     Rgb(Rgb),
 }
@@ -146,6 +181,11 @@ impl Pattern {
             Pattern::Ramp(p) => [p.generate(width, height), Vec::new()],
             Pattern::Random(p) => [p.generate(width, height)?, Vec::new()],
             Pattern::Gray(p) => p.generate(width, height),
+            Pattern::Binary(p) => p.generate(width, height),
+            Pattern::Xor(p) => p.generate(width, height)?,
+            Pattern::Phase(p) => [p.generate(width, height)?, Vec::new()],
+            Pattern::Mps(p) => [p.generate(width, height)?, Vec::new()],
+            Pattern::Hilbert(p) => [p.generate(width, height)?, Vec::new()],
             Pattern::Rgb(p) => [p.generate(width, height)?, Vec::new()],
         })
     }
@@ -157,6 +197,11 @@ impl Pattern {
             Pattern::Ramp(_) => "ramp".into(),
             Pattern::Random(_) => "random".into(),
             Pattern::Gray(p) => format!("gray_{}", p.axis.letter()),
+            Pattern::Binary(p) => format!("binary_{}", p.axis.letter()),
+            Pattern::Xor(p) => format!("xor_{}", p.axis.letter()),
+            Pattern::Phase(p) => format!("phase_{}", p.axis.letter()),
+            Pattern::Mps(p) => format!("mps_{}", p.axis.letter()),
+            Pattern::Hilbert(p) => format!("hilbert_{}", p.axis.letter()),
             Pattern::Rgb(_) => "rgb".into(),
         }
     }
