@@ -5,6 +5,7 @@ pub(crate) mod calibrate;
 pub(crate) mod check;
 pub(crate) mod demo;
 pub(crate) mod evaluate;
+pub(crate) mod patterns;
 pub(crate) mod reconstruct;
 pub(crate) mod simulate;
 

@@ -3,6 +3,34 @@
 use super::Axis;
 use crate::image::Image;
 
+/// How an image changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stripes {
+    /// Not at all.
+    Constant,
+    /// Along one axis only.
+    Along(Axis),
+    /// Along both.
+    Both,
+}
+
+impl Stripes {
+    /// Of an image whose values may differ by `tolerance` without being different.
+    pub fn of(image: &Image, tolerance: f32) -> Self {
+        let (w, c) = (image.width, image.channels);
+        let differ = |a: f32, b: f32| (a - b).abs() > tolerance;
+        let first_row = &image.data[..w * c];
+        let y = image.data.chunks_exact(w * c).any(|row| row.iter().zip(first_row).any(|(&a, &b)| differ(a, b)));
+        let x = image.data.chunks_exact(w * c).any(|row| (c..w * c).any(|i| differ(row[i], row[i % c])));
+        match (x, y) {
+            (false, false) => Stripes::Constant,
+            (true, false) => Stripes::Along(Axis::X),
+            (false, true) => Stripes::Along(Axis::Y),
+            (true, true) => Stripes::Both,
+        }
+    }
+}
+
 /// One codeword a column (or row): the images' values there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Codewords {
@@ -109,6 +137,18 @@ mod tests {
         assert_eq!(x.word(3), [3.0, 9.0, 10.0, 11.0]);
         let y = Codewords::of_images(&images, Axis::Y);
         assert_eq!((y.len(), y.word(0)[0], y.word(1)[1]), (2, 2.0, 6.0));
+    }
+
+    #[test]
+    fn the_direction_of_stripes_is_seen() {
+        let image = |f: &dyn Fn(usize, usize) -> f32| Image {
+            data: (0..5 * 4 * 3).map(|i| f(i / 3 % 5, i / 15)).collect(),
+            ..Image::new(5, 4, 3)
+        };
+        assert_eq!(Stripes::of(&image(&|_, _| 0.3), 0.01), Stripes::Constant);
+        assert_eq!(Stripes::of(&image(&|x, _| x as f32 / 4.0), 0.01), Stripes::Along(Axis::X));
+        assert_eq!(Stripes::of(&image(&|x, y| y as f32 / 4.0 + x as f32 / 1e3), 0.01), Stripes::Along(Axis::Y));
+        assert_eq!(Stripes::of(&image(&|x, y| (x * y) as f32), 0.01), Stripes::Both);
     }
 
     #[test]

@@ -11,16 +11,21 @@ use crate::image::Image;
 /// A sum of cosines with random phases whose frequencies fill the band evenly, stretched to `[0, 1]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "clap", derive(clap::Args))]
 pub struct Random {
     /// Direction of change.
     #[serde(default)]
+    #[cfg_attr(feature = "clap", arg(skip))]
     pub axis: Axis,
     /// Shortest period in it, px.
+    #[cfg_attr(feature = "clap", arg(long = "min-period", value_name = "PX", default_value_t = 40.0))]
     pub min_period_px: f64,
     /// Longest period in it, px.
+    #[cfg_attr(feature = "clap", arg(long = "max-period", value_name = "PX", default_value_t = 320.0))]
     pub max_period_px: f64,
     /// Seed; the same seed gives the same pattern.
     #[serde(default)]
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = 0))]
     pub seed: u64,
 }
 
