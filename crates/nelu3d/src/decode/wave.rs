@@ -10,6 +10,9 @@ use super::code::{AxisCode, Line};
 /// Largest RMS misfit of a sinusoid, as a share of full scale.
 const MAX_MISFIT: f64 = 0.01;
 
+/// Least amplitude of a sinusoid, as a share of full scale.
+const LEAST_AMPLITUDE: f64 = 0.05;
+
 /// Images whose frequencies differ by less than this, in cycles over the whole image, share one.
 const SAME: f64 = 0.05;
 
@@ -52,22 +55,24 @@ impl Group {
 /// Fits a sinusoid to every image and groups them by frequency, the highest first.
 pub(super) fn learn(code: &AxisCode, set: &PatternSet, method: &'static str) -> Result<Vec<Group>, Error> {
     let n = code.len() as f64;
-    let mut waves = Vec::new();
+    let mut waves: Vec<(&Line, f64, f64)> = Vec::new();
     for line in &code.lines {
-        let frequency = frequency(&line.values).filter(|f| fit(&line.values, *f).1 <= MAX_MISFIT).ok_or_else(|| {
-            Error::Unsuited {
+        let fitted = nelu3d_scan::pattern::Wave::fit(&line.values)
+            .filter(|f| f.rms <= MAX_MISFIT && (LEAST_AMPLITUDE..1.0).contains(&f.amplitude))
+            .ok_or_else(|| Error::Unsuited {
                 set: set.name.clone(),
                 method,
                 problem: format!("{} is not a sinusoid", line.path.display()),
                 remedy:
                     "use --method zncc or gray, or give the projector's --gamma if the images are not linear in light"
                         .into(),
-            }
-        })?;
-        waves.push((line, frequency));
+            })?;
+        // The phase in the middle of the image: there it hardly depends on the frequency.
+        let frequency = 1.0 / fitted.wave.period_px;
+        waves.push((line, frequency, TAU * (0.5 * n * frequency - fitted.wave.shift)));
     }
     waves.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut groups: Vec<Vec<(&Line, f64)>> = Vec::new();
+    let mut groups: Vec<Vec<(&Line, f64, f64)>> = Vec::new();
     for wave in waves {
         match groups.last_mut() {
             Some(g) if (g[0].1 - wave.1).abs() * n < SAME => g.push(wave),
@@ -79,54 +84,11 @@ pub(super) fn learn(code: &AxisCode, set: &PatternSet, method: &'static str) -> 
         .map(|mut members| {
             members.sort_by_key(|m| m.0.image);
             let frequency = members.iter().map(|m| m.1).sum::<f64>() / members.len() as f64;
-            let wave = |m: &(&Line, f64)| {
-                let ([_, c, s], _) = fit(&m.0.values, frequency);
-                Wave { image: m.0.image, phase: s.atan2(c) }
-            };
-            Group { frequency, waves: members.iter().map(wave).collect() }
+            let phase = |middle: f64| (TAU * 0.5 * n * frequency - middle).rem_euclid(TAU);
+            let waves = members.iter().map(|m| Wave { image: m.0.image, phase: phase(m.2) }).collect();
+            Group { frequency, waves }
         })
         .collect())
-}
-
-/// Least squares of `o + C cos 2πfu + S sin 2πfu`: its three coefficients and the RMS misfit.
-fn fit(values: &[f32], f: f64) -> ([f64; 3], f64) {
-    let mut normal = nalgebra::Matrix3::zeros();
-    let mut rhs = nalgebra::Vector3::zeros();
-    let mut square = 0.0;
-    // cos and sin of a growing angle by rotation.
-    let (step_s, step_c) = (TAU * f).sin_cos();
-    let (mut s, mut c) = (0.0, 1.0);
-    for v in values {
-        let v = f64::from(*v);
-        let row = nalgebra::Vector3::new(1.0, c, s);
-        normal += row * row.transpose();
-        rhs += row * v;
-        square += v * v;
-        (s, c) = (s * step_c + c * step_s, c * step_c - s * step_s);
-    }
-    let Some(inverse) = normal.try_inverse() else { return ([0.0; 3], f64::INFINITY) };
-    let x = inverse * rhs;
-    let rms = ((square - x.dot(&rhs)).max(0.0) / values.len() as f64).sqrt();
-    (x.into(), rms)
-}
-
-/// The frequency that explains a line best, cycles per px; `None` for a line without one. A search over half-cycle steps of
-/// the whole image, then golden sections.
-fn frequency(values: &[f32]) -> Option<f64> {
-    let n = values.len() as f64;
-    let (low, high) = values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
-    if values.len() < 8 || high - low < 0.05 {
-        return None;
-    }
-    let candidates = (1..values.len()).map(|k| 0.5 * k as f64 / n);
-    let best = candidates.map(|f| (fit(values, f).1, f)).min_by(|a, b| a.0.total_cmp(&b.0))?.1;
-    let (mut a, mut b) = ((best - 0.5 / n).max(0.2 / n), (best + 0.5 / n).min(0.5));
-    const GOLDEN: f64 = 0.618_033_988_749_895;
-    for _ in 0..40 {
-        let (p, q) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));
-        if fit(values, p).1 < fit(values, q).1 { b = q } else { a = p }
-    }
-    Some(0.5 * (a + b))
 }
 
 /// An angle in −π to π.
