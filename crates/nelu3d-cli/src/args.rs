@@ -5,6 +5,9 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 use nelu3d::decode::lookup3d::Rank;
+use nelu3d_scan::pattern::{
+    Alacarte, Binary, Film, Gray, Hilbert, Mps, PhaseShift, Ramp, Random, Sinusoid, Triangle, Xor,
+};
 
 /// What scripts can rely on.
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed or stopped by Ctrl-C, 2 wrong usage. What fails says so in one \
@@ -50,6 +53,9 @@ pub(crate) enum Command {
     Demo(Demo),
     /// Write the rig folder of a virtual scanner, with exact truth.
     Simulate(Simulate),
+    /// Make the images a light source shows, or judge such images as a code.
+    #[command(subcommand)]
+    Patterns(Patterns),
     /// List everything that is wrong with a rig folder, in one go.
     Check(Check),
     /// Turn the board sweep of a rig into a color field.
@@ -58,6 +64,8 @@ pub(crate) enum Command {
     Reconstruct(Reconstruct),
     /// Decode a scene with a method that knows the projector: what NeLU3D is compared with.
     Decode(Decode),
+    /// Calibrate the projector from the sweep, if it has Gray-code images along x and y; only `decode` needs it.
+    Projector(Projector),
     /// Judge a result: against the truth, or against another result.
     Evaluate(Evaluate),
     /// Lookup tables of the sweep, in the files of the LookUp3D tools.
@@ -83,6 +91,228 @@ pub(crate) struct Simulate {
     /// Rig folder to write.
     #[arg(short, long, value_name = "RIG")]
     pub output: PathBuf,
+}
+
+/// `nelu3d patterns`
+#[derive(Debug, Subcommand)]
+pub(crate) enum Patterns {
+    /// One sinusoid, shifted in phase.
+    #[command(alias = "sine")]
+    Sinusoid {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: Sinusoid,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// A triangle wave.
+    Triangle {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: Triangle,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// One ramp from dark to bright.
+    Ramp {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: Ramp,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// Smooth noise of a limited band.
+    Random {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: Random,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// Gray code.
+    Gray {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: Gray,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// Binary code.
+    Binary {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: Binary,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// Gray code without wide stripes (XOR-02, XOR-04).
+    Xor {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: Xor,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// Phase shifting of one or several periods.
+    Phase {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: PhaseShift,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// Micro phase shifting.
+    Mps {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: Mps,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// Points of a Hilbert curve.
+    Hilbert {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: Hilbert,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// Patterns optimized for decoding by normalized cross-correlation.
+    Alacarte {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: Alacarte,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// A sinusoid, a triangle wave and smooth noise as red, green and blue.
+    Rgb {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: RgbParts,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// A strip of color film, or a print on transparency.
+    Film {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: Film,
+        /// The images.
+        #[command(flatten)]
+        sheet: Sheet,
+    },
+    /// Judge images as a code: how well it tells its columns apart.
+    Score(PatternScore),
+}
+
+/// What the images of any family are.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Images")]
+pub(crate) struct Sheet {
+    /// Columns and rows of the light source's image.
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub size: [usize; 2],
+    /// Direction in which the images change.
+    #[arg(long, value_enum, default_value_t = Axes::X)]
+    pub axis: Axes,
+    /// Bits of a pixel.
+    #[arg(long, value_name = "8|16", default_value_t = 8, value_parser = bits)]
+    pub bits: u8,
+    /// Gamma of the light source, whose inverse is applied to the codes: it shows code^G.
+    #[arg(long, value_name = "G", default_value_t = 1.0, value_parser = gamma)]
+    pub gamma: f64,
+    /// Folder to write, new or left by an earlier call.
+    #[arg(short, long, value_name = "DIR", default_value = "nelu3d-patterns")]
+    pub output: PathBuf,
+}
+
+/// Directions of change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Axes {
+    /// From column to column.
+    X,
+    /// From row to row.
+    Y,
+    /// The images of x, then those of y.
+    Both,
+}
+
+/// What red, green and blue show.
+#[derive(Debug, clap::Args)]
+pub(crate) struct RgbParts {
+    /// Length of a period in red, px.
+    #[arg(long, value_name = "PX", default_value_t = 20.0)]
+    pub period: f64,
+    /// Length of a period in green, px.
+    #[arg(long, value_name = "PX", default_value_t = 200.0)]
+    pub triangle_period: f64,
+    /// Smooth noise in blue.
+    #[command(flatten)]
+    pub random: Random,
+}
+
+/// `nelu3d patterns score`
+#[derive(Debug, clap::Args)]
+pub(crate) struct PatternScore {
+    /// Folder of pattern images; white.png, black.png and inverse images (`_inv` in their names) are left aside.
+    pub dir: PathBuf,
+    /// Picture to write: the distance in code space of every two columns (.png).
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Columns further apart than each of these are far, px.
+    #[arg(long, value_name = "PX", value_delimiter = ',', default_value = "2,10,50")]
+    pub beyond: Vec<usize>,
+    /// Noise: standard deviation of a normalized intensity.
+    #[arg(long, value_name = "SIGMA", default_value_t = 0.02, value_parser = sigma)]
+    pub noise: f64,
+    /// Noisy pixels to decode for each column.
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub samples: u32,
+    /// Seed of the noise.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+}
+
+fn size(text: &str) -> Result<[usize; 2], String> {
+    let sides =
+        text.split_once(['x', 'X', '×']).and_then(|(w, h)| Some([w.trim().parse().ok()?, h.trim().parse().ok()?]));
+    sides.ok_or_else(|| "columns and rows, as 1280x800".into())
+}
+
+fn bits(text: &str) -> Result<u8, String> {
+    match text {
+        "8" => Ok(8),
+        "16" => Ok(16),
+        _ => Err("8 or 16".into()),
+    }
+}
+
+fn gamma(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(gamma) if (0.1..=10.0).contains(&gamma) => Ok(gamma),
+        _ => Err("a number from 0.1 to 10".into()),
+    }
+}
+
+fn sigma(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(sigma) if (0.0..=1.0).contains(&sigma) => Ok(sigma),
+        _ => Err("a number from 0 to 1".into()),
+    }
 }
 
 /// `nelu3d check`
@@ -160,6 +390,25 @@ pub(crate) struct Decode {
     /// Settings of the method.
     #[command(flatten)]
     pub options: nelu3d::decode::Options,
+}
+
+/// `nelu3d projector`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Projector {
+    /// Rig folder, or its rig.toml.
+    pub rig: PathBuf,
+    /// Pattern set: binary codes along x and y (default: the first such).
+    #[arg(long, value_name = "NAME")]
+    pub set: Option<String>,
+    /// File to write (default: RIG/projector.json).
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace the file if it exists.
+    #[arg(long)]
+    pub force: bool,
+    /// Settings of the calibration.
+    #[command(flatten)]
+    pub options: nelu3d::decode::projector::Options,
 }
 
 /// Mesh files besides mesh.ply.

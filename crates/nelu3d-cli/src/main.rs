@@ -54,10 +54,12 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
     match args.command {
         Command::Demo(a) => commands::demo::run(a, &context),
         Command::Simulate(a) => commands::simulate::run(a, &context),
+        Command::Patterns(a) => commands::patterns::run(a, &context),
         Command::Check(a) => commands::check::run(a, &context),
         Command::Calibrate(a) => commands::calibrate::run(a, &context),
         Command::Reconstruct(a) => commands::reconstruct::run(a, &context),
         Command::Decode(a) => commands::decode::run(a, &context),
+        Command::Projector(a) => commands::projector::run(a, &context),
         Command::Evaluate(a) => commands::evaluate::run(a, &context),
         Command::Table(a) => commands::table::run(a, &context),
         Command::Bench(a) => commands::bench::run(a, &context),

@@ -46,8 +46,12 @@ impl OccupancyGrid {
     pub fn new(config: OccupancyConfig, exists: impl Fn([f32; 3]) -> bool) -> Self {
         let n = config.resolution;
         assert!((1..=1024).contains(&n), "an occupancy grid has 1 to 1024 cells per axis, not {n}");
-        let mut grid =
-            Self { config, cells: Vec::new(), values: vec![0.0; n * n * n], occupied: vec![0; (n * n * n).div_ceil(64)] };
+        let mut grid = Self {
+            config,
+            cells: Vec::new(),
+            values: vec![0.0; n * n * n],
+            occupied: vec![0; (n * n * n).div_ceil(64)],
+        };
         grid.cells = (0..(n * n * n) as u32).filter(|&c| exists(grid.point(c, [0.5; 3]))).collect();
         for &c in &grid.cells {
             grid.occupied[c as usize / 64] |= 1 << (c % 64);

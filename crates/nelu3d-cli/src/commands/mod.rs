@@ -7,6 +7,8 @@ pub(crate) mod decode;
 pub(crate) mod demo;
 pub(crate) mod evaluate;
 pub(crate) mod job;
+pub(crate) mod patterns;
+pub(crate) mod projector;
 pub(crate) mod reconstruct;
 pub(crate) mod simulate;
 pub(crate) mod table;

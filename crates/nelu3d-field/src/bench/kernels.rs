@@ -205,7 +205,15 @@ fn compositing(shape: &StepShape) -> Case {
             for ray in offsets.windows(2).map(|r| r[0]..r[1]) {
                 let (sdf, weights) = (&sdf[ray.clone()], &mut weights[ray.clone()]);
                 volrend::forward_ray(sdf, 200.0, weights, &mut steps);
-                black_box(volrend::backward_ray(sdf, 200.0, weights, &steps, &d_weights[ray.clone()], 0.0, &mut d_sdf[ray]));
+                black_box(volrend::backward_ray(
+                    sdf,
+                    200.0,
+                    weights,
+                    &steps,
+                    &d_weights[ray.clone()],
+                    0.0,
+                    &mut d_sdf[ray],
+                ));
             }
         }),
     }

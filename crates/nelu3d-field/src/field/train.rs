@@ -8,8 +8,8 @@ use super::table::{Part, Scratch, TableStep};
 use super::{HashField, RegressionLoss, TrainConfig};
 use crate::adam::{self, MomentBuffers};
 use crate::encoding::hash_grid::{HashGrid, cpu as hash_grid};
-use crate::mlp::{MlpConfig, weight_norm};
 use crate::mlp::cpu::{self as mlp, BLOCK, MlpGradient, MlpScratch, PackedMlp, padded};
+use crate::mlp::{MlpConfig, weight_norm};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 

@@ -79,9 +79,8 @@ pub fn loss_and_gradient<T: Real>(
     let one = T::of(1.0);
     // A background ray has no codeword.
     let lit = mask.clone();
-    let residual: Vec<T> = (0..n_rays * k)
-        .map(|i| lit[i / k] * (image[i] * (one - ambient[i]) + ambient[i] - measured[i]))
-        .collect();
+    let residual: Vec<T> =
+        (0..n_rays * k).map(|i| lit[i / k] * (image[i] * (one - ambient[i]) + ambient[i] - measured[i])).collect();
 
     // Losses.
     let alpha = T::of(settings.lookup_loss_weight);

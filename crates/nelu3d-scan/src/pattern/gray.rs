@@ -2,70 +2,39 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Axis, along};
+use super::Axis;
+use super::bits::BitCode;
 use crate::image::Image;
 
 /// One image per bit of the reflected binary code, the most significant first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "clap", derive(clap::Args))]
 pub struct Gray {
     /// Direction of change.
     #[serde(default)]
+    #[cfg_attr(feature = "clap", arg(skip))]
     pub axis: Axis,
-    /// Whether to make the inverse of every image too.
+    /// Make the inverse of every image, too.
     #[serde(default)]
+    #[cfg_attr(feature = "clap", arg(long))]
     pub inverse: bool,
 }
 
 impl Gray {
     pub(super) fn generate(&self, width: usize, height: usize) -> [Vec<Image>; 2] {
-        let bits = n_bits(self.axis.length(width, height));
-        let bit = |b: u32, u: usize| ((u ^ (u >> 1)) >> b & 1) as f64;
-        let images = (0..bits).rev().map(|b| along(self.axis, width, height, |u| bit(b, u))).collect();
-        let inverse = if self.inverse {
-            (0..bits).rev().map(|b| along(self.axis, width, height, |u| 1.0 - bit(b, u))).collect()
-        } else {
-            Vec::new()
-        };
-        [images, inverse]
+        BitCode::Gray.generate(self.axis, self.inverse, width, height)
     }
 }
 
-/// Bits needed to number `n` columns; at least one.
-fn n_bits(n: usize) -> u32 {
-    usize::BITS - n.saturating_sub(1).max(1).leading_zeros()
-}
-
-/// The column (or row) of the light source's image that every pixel saw, `height × width`.
-///
-/// `images` are captures, normalized by white and black, in [`Gray`]'s order; `inverse` those of the inverse images, or
-/// empty, in which case ½ is the threshold. A pixel is `None` where any bit differs from its threshold by less than
-/// `min_contrast` (in units of white; with inverses: the difference of the two images).
+/// The column (or row) of the light source's image that every pixel saw, `height × width`: [`BitCode::decode_images`] of
+/// [`BitCode::Gray`].
 ///
 /// # Panics
 ///
-/// If there are no images, more than 32, images of several channels, or images of different sizes.
+/// As [`BitCode::decode_images`].
 pub fn decode_gray(images: &[Image], inverse: &[Image], min_contrast: f32) -> Vec<Option<u32>> {
-    assert!((1..=32).contains(&images.len()), "Gray code of {} bits", images.len());
-    assert!(inverse.is_empty() || inverse.len() == images.len(), "one inverse per image, or none");
-    let n = images[0].width * images[0].height;
-    assert!(images.iter().chain(inverse).all(|i| i.channels == 1 && i.data.len() == n), "images of one size, gray");
-    (0..n)
-        .map(|i| {
-            let (mut code, mut binary_bit) = (0, 0);
-            for (b, image) in images.iter().enumerate() {
-                let difference = image.data[i] - inverse.get(b).map_or(0.5, |inverse| inverse.data[i]);
-                // NaN must not decode.
-                if difference.abs() < min_contrast || difference.is_nan() {
-                    return None;
-                }
-                // Each bit of the number is the exclusive or of all bits of the code down to it.
-                binary_bit ^= u32::from(difference > 0.0);
-                code = code << 1 | binary_bit;
-            }
-            Some(code)
-        })
-        .collect()
+    BitCode::Gray.decode_images(images, inverse, min_contrast)
 }
 
 #[cfg(test)]
@@ -86,15 +55,6 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn weak_and_absent_bits_do_not_decode() {
-        let [mut images, _] = Gray { axis: Axis::X, inverse: false }.generate(64, 1);
-        images[2].data[10] = 0.55;
-        images[4].data[11] = f32::NAN;
-        let got = decode_gray(&images, &[], 0.1);
-        assert_eq!((got[9], got[10], got[11], got[12]), (Some(9), None, None, Some(12)));
     }
 
     #[test]

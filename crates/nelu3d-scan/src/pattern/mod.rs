@@ -1,25 +1,48 @@
 //! Projected patterns: what to show, as pure functions of a size. One file per family.
 //!
-//! Every family promises: images of the asked size, one channel ([`Rgb`] three), values in `[0, 1]` linear in light, the
+//! Every family promises: images of the asked size, one channel ([`Rgb`] and [`Film`] three), values in `[0, 1]` linear in light, the
 //! same images for the same settings. To add one, write its file, add it to [`Pattern`] and to the tests' list.
 
+mod alacarte;
+mod binary;
+mod bits;
+mod codewords;
+mod film;
 mod gray;
+mod hilbert;
+mod mps;
+mod noise;
+mod phase;
 mod ramp;
 mod random;
 mod rgb;
+mod score;
 mod sinusoid;
 mod triangle;
+mod wave;
+mod xor;
 
 use std::collections::HashMap;
 
 use serde::{Deserialize, Serialize};
 
+pub use alacarte::Alacarte;
+pub use binary::{Binary, decode_binary};
+pub use bits::BitCode;
+pub use codewords::{Codewords, Stripes};
+pub use film::Film;
 pub use gray::{Gray, decode_gray};
+pub use hilbert::{Hilbert, hilbert_codewords};
+pub use mps::{Mps, MpsDecoder};
+pub use phase::{Decoded, PhaseDecoder, PhaseShift};
 pub use ramp::Ramp;
 pub use random::Random;
 pub use rgb::Rgb;
+pub use score::{DecodingErrors, Score, ScoreOptions, Sensitivity, Separation, confusion_matrix, score};
 pub use sinusoid::Sinusoid;
 pub use triangle::Triangle;
+pub use wave::{FittedWave, Wave};
+pub use xor::{Xor, decode_xor};
 
 use crate::image::Image;
 
@@ -52,6 +75,14 @@ pub enum PatternError {
         /// Images of each part.
         counts: [usize; 3],
     },
+    /// Images that are no code of a family.
+    #[error("these images are no code of the family {family}: {problem}")]
+    Code {
+        /// The family.
+        family: &'static str,
+        /// What is wrong.
+        problem: &'static str,
+    },
     /// Only some of a set's patterns have inverses.
     #[error("some patterns of the set have inverse images and some have none; give all of them inverses, or none")]
     PartialInverse,
@@ -73,7 +104,7 @@ pub enum Axis {
 
 impl Axis {
     /// Its letter, as in `gray_x_00.png`.
-    fn letter(self) -> char {
+    pub fn letter(self) -> char {
         match self {
             Axis::X => 'x',
             Axis::Y => 'y',
@@ -103,8 +134,22 @@ pub enum Pattern {
     Random(Random),
     /// Gray code, one bit an image.
     Gray(Gray),
+    /// Binary code, one bit an image.
+    Binary(Binary),
+    /// Gray code without wide stripes.
+    Xor(Xor),
+    /// Phase shifting of one or several periods.
+    Phase(PhaseShift),
+    /// Micro phase shifting.
+    Mps(Mps),
+    /// Points of a Hilbert curve.
+    Hilbert(Hilbert),
+    /// Optimized for decoding by ZNCC.
+    Alacarte(Alacarte),
     /// Three patterns as the channels of one.
     Rgb(Rgb),
+    /// A strip of color film.
+    Film(Film),
 }
 
 /// One image to project.
@@ -135,6 +180,33 @@ impl Pattern {
         generate(std::slice::from_ref(self), width, height)
     }
 
+    /// Whether its images have three channels, which only a color camera can tell apart.
+    pub fn is_color(&self) -> bool {
+        matches!(self, Pattern::Rgb(_) | Pattern::Film(_))
+    }
+
+    /// The same pattern along another axis.
+    #[must_use]
+    pub fn along(&self, axis: Axis) -> Self {
+        let mut pattern = self.clone();
+        match &mut pattern {
+            Pattern::Sinusoid(p) => p.axis = axis,
+            Pattern::Triangle(p) => p.axis = axis,
+            Pattern::Ramp(p) => p.axis = axis,
+            Pattern::Random(p) => p.axis = axis,
+            Pattern::Gray(p) => p.axis = axis,
+            Pattern::Binary(p) => p.axis = axis,
+            Pattern::Xor(p) => p.axis = axis,
+            Pattern::Phase(p) => p.axis = axis,
+            Pattern::Mps(p) => p.axis = axis,
+            Pattern::Hilbert(p) => p.axis = axis,
+            Pattern::Alacarte(p) => p.axis = axis,
+            Pattern::Rgb(p) => p.parts.iter_mut().for_each(|part| **part = part.along(axis)),
+            Pattern::Film(p) => p.axis = axis,
+        }
+        pattern
+    }
+
     /// Images, and inverses if the family has them, without names.
     fn images(&self, width: usize, height: usize) -> Result<[Vec<Image>; 2], PatternError> {
         if !(1..=MAX_SIDE_PX).contains(&width) || !(1..=MAX_SIDE_PX).contains(&height) {
@@ -146,7 +218,14 @@ impl Pattern {
             Pattern::Ramp(p) => [p.generate(width, height), Vec::new()],
             Pattern::Random(p) => [p.generate(width, height)?, Vec::new()],
             Pattern::Gray(p) => p.generate(width, height),
+            Pattern::Binary(p) => p.generate(width, height),
+            Pattern::Xor(p) => p.generate(width, height)?,
+            Pattern::Phase(p) => [p.generate(width, height)?, Vec::new()],
+            Pattern::Mps(p) => [p.generate(width, height)?, Vec::new()],
+            Pattern::Hilbert(p) => [p.generate(width, height)?, Vec::new()],
+            Pattern::Alacarte(p) => [p.generate(width, height)?, Vec::new()],
             Pattern::Rgb(p) => [p.generate(width, height)?, Vec::new()],
+            Pattern::Film(p) => [p.generate(width, height)?, Vec::new()],
         })
     }
 
@@ -157,7 +236,14 @@ impl Pattern {
             Pattern::Ramp(_) => "ramp".into(),
             Pattern::Random(_) => "random".into(),
             Pattern::Gray(p) => format!("gray_{}", p.axis.letter()),
+            Pattern::Binary(p) => format!("binary_{}", p.axis.letter()),
+            Pattern::Xor(p) => format!("xor_{}", p.axis.letter()),
+            Pattern::Phase(p) => format!("phase_{}", p.axis.letter()),
+            Pattern::Mps(p) => format!("mps_{}", p.axis.letter()),
+            Pattern::Hilbert(p) => format!("hilbert_{}", p.axis.letter()),
+            Pattern::Alacarte(p) => format!("alacarte_{}", p.axis.letter()),
             Pattern::Rgb(_) => "rgb".into(),
+            Pattern::Film(_) => "film".into(),
         }
     }
 }
@@ -222,6 +308,13 @@ mod tests {
             Pattern::Ramp(Ramp { axis: Axis::X }),
             Pattern::Random(random),
             Pattern::Gray(Gray { axis: Axis::X, inverse: false }),
+            Pattern::Binary(Binary { axis: Axis::Y, inverse: false }),
+            Pattern::Xor(Xor { axis: Axis::X, base_px: 2, inverse: true }),
+            Pattern::Phase(PhaseShift { axis: Axis::X, periods_px: vec![20.0, 50.0], steps: vec![3, 4] }),
+            Pattern::Mps(Mps { frequencies: 3, ..Mps::default() }),
+            Pattern::Hilbert(Hilbert { axis: Axis::X, count: 3 }),
+            Pattern::Alacarte(Alacarte { max_frequency: 2.0, iterations: 3, ..Alacarte::default() }),
+            Pattern::Film(Film::default()),
             Pattern::Rgb(Rgb {
                 parts: [
                     Box::new(Pattern::Triangle(triangle)),

@@ -8,9 +8,11 @@ use crate::image::Image;
 /// 0 at the first pixel, 1 at the last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "clap", derive(clap::Args))]
 pub struct Ramp {
     /// Direction of change.
     #[serde(default)]
+    #[cfg_attr(feature = "clap", arg(skip))]
     pub axis: Axis,
 }
 

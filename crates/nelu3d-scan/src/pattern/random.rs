@@ -4,22 +4,28 @@ use std::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
+use super::noise::SplitMix;
 use super::{Axis, PatternError, along, check_period};
 use crate::image::Image;
 
 /// A sum of cosines with random phases whose frequencies fill the band evenly, stretched to `[0, 1]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "clap", derive(clap::Args))]
 pub struct Random {
     /// Direction of change.
     #[serde(default)]
+    #[cfg_attr(feature = "clap", arg(skip))]
     pub axis: Axis,
     /// Shortest period in it, px.
+    #[cfg_attr(feature = "clap", arg(long = "min-period", value_name = "PX", default_value_t = 40.0))]
     pub min_period_px: f64,
     /// Longest period in it, px.
+    #[cfg_attr(feature = "clap", arg(long = "max-period", value_name = "PX", default_value_t = 320.0))]
     pub max_period_px: f64,
     /// Seed; the same seed gives the same pattern.
     #[serde(default)]
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = 0))]
     pub seed: u64,
 }
 
@@ -35,13 +41,13 @@ impl Random {
             let value = self.max_period_px;
             return Err(PatternError::Setting { family: "random", key: "max_period_px", value, remedy });
         }
-        let mut state = self.seed;
+        let mut random = SplitMix(self.seed);
         let (low, high) = (1.0 / self.max_period_px, 1.0 / self.min_period_px);
         // One frequency from each of N_WAVES equal parts of the band.
         let waves: Vec<[f64; 2]> = (0..N_WAVES)
             .map(|i| {
-                let frequency = low + (high - low) * (i as f64 + uniform(&mut state)) / N_WAVES as f64;
-                [frequency, uniform(&mut state)]
+                let frequency = low + (high - low) * (i as f64 + random.uniform()) / N_WAVES as f64;
+                [frequency, random.uniform()]
             })
             .collect();
         let n = self.axis.length(width, height);
@@ -52,16 +58,6 @@ impl Random {
         let range = (max - min).max(1e-12);
         Ok(vec![along(self.axis, width, height, |u| (sums[u] - min) / range)])
     }
-}
-
-/// The next of SplitMix64's numbers, in `[0, 1)` (Steele, Lea and Flood, OOPSLA 2014): a pattern must stay the same when a
-/// random number library changes.
-fn uniform(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
 #[cfg(test)]

@@ -10,14 +10,18 @@ use crate::image::Image;
 /// `½ + ½ cos 2π(u / period − i / steps)` for image i of `steps`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "clap", derive(clap::Args))]
 pub struct Sinusoid {
     /// Direction of change.
     #[serde(default)]
+    #[cfg_attr(feature = "clap", arg(skip))]
     pub axis: Axis,
     /// Length of a period, px.
+    #[cfg_attr(feature = "clap", arg(long = "period", value_name = "PX", default_value_t = 20.0))]
     pub period_px: f64,
     /// Number of images, shifted evenly over one period.
     #[serde(default = "one")]
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = 4))]
     pub steps: usize,
 }
 

@@ -8,11 +8,14 @@ use crate::image::Image;
 /// 0 at the first pixel, 1 half a period later, 0 a period later.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "clap", derive(clap::Args))]
 pub struct Triangle {
     /// Direction of change.
     #[serde(default)]
+    #[cfg_attr(feature = "clap", arg(skip))]
     pub axis: Axis,
     /// Length of a period, px.
+    #[cfg_attr(feature = "clap", arg(long = "period", value_name = "PX", default_value_t = 200.0))]
     pub period_px: f64,
 }
 

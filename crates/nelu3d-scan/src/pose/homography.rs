@@ -11,14 +11,20 @@ pub(crate) fn homography_4pt(from: &[[f64; 2]; 4], to: &[[f64; 2]; 4]) -> Option
 
 /// A plane-to-plane map fitted to points.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Homography {
-    pub(crate) matrix: Matrix3<f64>,
+pub struct Homography {
+    /// Takes homogeneous points of the one plane to those of the other.
+    pub matrix: Matrix3<f64>,
 }
 
 impl Homography {
     /// Least median of squares over random quadruples (seeded: the same points give the same answer), then least squares
-    /// over the inliers. Survives almost half of the points being wrong.
-    pub(crate) fn robust(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Self> {
+    /// over the inliers. Survives almost half of the points being wrong. `None` for fewer than four points, or points on a
+    /// line.
+    ///
+    /// # Panics
+    ///
+    /// If the lists differ in length.
+    pub fn robust(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Self> {
         assert_eq!(from.len(), to.len());
         let n = from.len();
         if n < 4 {
@@ -59,7 +65,8 @@ impl Homography {
         Some(Self { matrix })
     }
 
-    pub(crate) fn apply(&self, p: [f64; 2]) -> [f64; 2] {
+    /// Where a point of the one plane is in the other.
+    pub fn apply(&self, p: [f64; 2]) -> [f64; 2] {
         apply(&self.matrix, p)
     }
 }

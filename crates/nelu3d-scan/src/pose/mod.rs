@@ -14,4 +14,5 @@ pub use error::PoseError;
 pub use pnp::{PoseFit, solve_pnp};
 pub use trajectory::{Position, Rejected, Steps, Trajectory, TrajectoryModel};
 
-pub(crate) use homography::{Homography, homography_4pt};
+pub use homography::Homography;
+pub(crate) use homography::homography_4pt;

@@ -183,7 +183,7 @@ impl Spec {
                     let made = pattern::generate(&set.patterns, p.width, 1)
                         .map_err(|source| SpecError::Pattern { set: set.name.clone(), source })?;
                     check(!made.images.is_empty(), "pattern_sets.patterns", "empty", "give the set a pattern")?;
-                    let rgb = set.patterns.iter().any(|p| matches!(p, Pattern::Rgb(_)));
+                    let rgb = set.patterns.iter().any(Pattern::is_color);
                     check(
                         color || !rgb,
                         "pattern_sets.patterns",

@@ -22,6 +22,13 @@ impl Images {
         let capture = capture?;
         Ok(Self { white: capture.white, black: capture.black, patterns: capture.patterns, inverse: inverse? })
     }
+
+    /// Reads a board position: it must have a black image.
+    pub(super) fn read_position(rig: &Rig, shot: &Shot, set: &PatternSet) -> Result<Self, RigError> {
+        let capture = rig.read_shot(shot, set, Need::Calibration)?;
+        let inverse = rig.read_inverse(shot, set)?;
+        Ok(Self { white: capture.white, black: capture.black, patterns: capture.patterns, inverse })
+    }
 }
 
 /// One image, or one channel of one.
@@ -58,6 +65,9 @@ pub(super) struct Captured {
 /// The largest standard deviation of the normalized intensity with which an image still tells something.
 const MAX_SIGMA: f32 = 0.12;
 
+/// Pixels that are worked on together: their values in all images fit the cache.
+const CHUNK: usize = 4096;
+
 impl Captured {
     /// Normalizes. Without a black image, there is taken to be no ambient light.
     pub(super) fn new(images: &Images, rig: &Rig, min_contrast: f32) -> Self {
@@ -66,18 +76,32 @@ impl Captured {
         let mut estimator = NoiseEstimator::default();
         [white].into_iter().chain(images.patterns.iter().take(3)).for_each(|image| estimator.add(image));
         let noise = estimator.finish((1.0 / (rig.saturation - rig.black_level).max(1e-9)) as f32);
-        let black_at = |j: usize| images.black.as_ref().map_or(0.0, |b| b.data[j]);
+        let none = if images.black.is_none() { vec![0.0; n * c] } else { Vec::new() };
+        let dark: &[f32] = images.black.as_ref().map_or(&none, |b| &b.data);
+        let mut scale = vec![0.0; n * c];
+        scale.par_iter_mut().zip(&white.data).zip(dark).for_each(|((s, w), b)| *s = 1.0 / (w - b).max(1e-4));
         let mean = |f: &(dyn Fn(usize) -> f32 + Sync)| -> Vec<f32> {
             (0..n).into_par_iter().map(|i| (i * c..(i + 1) * c).map(f).sum::<f32>() / c as f32).collect()
         };
-        let black = mean(&black_at);
-        let contrast = mean(&|j| white.data[j] - black_at(j));
+        let black = mean(&|j| dark[j]);
+        let contrast = mean(&|j| white.data[j] - dark[j]);
         let plane = |image: &Image, ch: usize| -> Vec<f32> {
-            let one = |i: usize| {
-                let j = i * c + ch;
-                (image.data[j] - black_at(j)) / (white.data[j] - black_at(j)).max(1e-4)
-            };
-            (0..n).into_par_iter().map(one).collect()
+            let mut out = vec![0.0; n];
+            out.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, out)| {
+                let at = chunk * CHUNK * c;
+                let (image, dark, scale) = (&image.data[at..], &dark[at..], &scale[at..]);
+                if c == 1 {
+                    for (((o, v), b), s) in out.iter_mut().zip(image).zip(dark).zip(scale) {
+                        *o = (v - b) * s;
+                    }
+                } else {
+                    for (i, o) in out.iter_mut().enumerate() {
+                        let j = i * c + ch;
+                        *o = (image[j] - dark[j]) * scale[j];
+                    }
+                }
+            });
+            out
         };
         let planes = (0..images.patterns.len())
             .flat_map(|image| (0..c).map(move |channel| (image, channel)))
@@ -88,17 +112,20 @@ impl Captured {
                 inverse: images.inverse.get(image).map_or_else(Vec::new, |inverse| plane(inverse, channel)),
             })
             .collect();
-        let clipped = |i: usize| {
-            [white]
-                .into_iter()
-                .chain(&images.patterns)
-                .chain(&images.inverse)
-                .any(|image| image.data[i * c..(i + 1) * c].iter().any(|v| *v >= 1.0))
-        };
+        // The brightest value of a pixel in any image and channel.
+        let mut brightest = vec![f32::NEG_INFINITY; n];
+        brightest.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, out)| {
+            for image in [white].into_iter().chain(&images.patterns).chain(&images.inverse) {
+                for ch in 0..c {
+                    let values = image.data[chunk * CHUNK * c + ch..].iter().step_by(c);
+                    out.iter_mut().zip(values).for_each(|(o, v)| *o = o.max(*v));
+                }
+            }
+        });
         let left = (0..n)
             .into_par_iter()
             .map(|i| {
-                if clipped(i) {
+                if brightest[i] >= 1.0 {
                     Left::Clipped
                 } else if contrast[i] < min_contrast
                     || noise.normalized_variance(0.5, contrast[i], black[i]) > MAX_SIGMA * MAX_SIGMA
@@ -130,11 +157,10 @@ impl Captured {
 
     /// The mean over channels of an image's plane, for codes without color.
     pub(super) fn gray(&self, image: usize, inverse: bool) -> std::borrow::Cow<'_, [f32]> {
-        let of = |p: &'_ Plane| -> usize { p.image };
         let mine: Vec<&[f32]> = self
             .planes
             .iter()
-            .filter(|p| of(p) == image)
+            .filter(|p| p.image == image)
             .map(|p| if inverse { &p.inverse[..] } else { &p.p[..] })
             .collect();
         match mine.as_slice() {

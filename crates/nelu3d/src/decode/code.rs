@@ -7,9 +7,30 @@ use nelu3d_scan::rig::PatternSet;
 use nelu3d_scan::{Image, Projector, Rig};
 
 use super::Error;
+use super::projector::Response;
 
 /// How much an image may vary across its axis, as a share of full scale: a code of eight bits and a half.
 const FLAT: f32 = 1.5 / 255.0;
+
+/// How much light a projected value makes.
+#[derive(Clone, Debug, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Light {
+    /// The value to a power.
+    Power(f32),
+    /// As it was measured.
+    Response(Response),
+}
+
+impl Light {
+    /// Light, 0 to 1, of a value 0 to 1.
+    fn of(&self, value: f32) -> f32 {
+        match self {
+            Light::Power(gamma) => value.max(0.0).powf(*gamma),
+            Light::Response(response) => response.light_of(value),
+        }
+    }
+}
 
 /// The values of one projected image along its axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,9 +75,9 @@ impl Code {
     /// # Errors
     ///
     /// One is missing, cannot be read, has another size than the projector, or changes along both axes.
-    pub(super) fn read(rig: &Rig, set: &PatternSet, projector: &Projector, gamma: f32) -> Result<Self, Error> {
+    pub(super) fn read(rig: &Rig, set: &PatternSet, projector: &Projector, light: &Light) -> Result<Self, Error> {
         let size = [projector.optics.width, projector.optics.height];
-        Self::read_sized(rig, set, Some(size), gamma)
+        Self::read_sized(rig, set, Some(size), light)
     }
 
     /// The same where the projector's size is not known yet: all images must have one.
@@ -64,7 +85,7 @@ impl Code {
         rig: &Rig,
         set: &PatternSet,
         mut size: Option<[usize; 2]>,
-        gamma: f32,
+        light: &Light,
     ) -> Result<Self, Error> {
         let mut all = Vec::new();
         for (i, name) in set.images.iter().enumerate() {
@@ -85,7 +106,7 @@ impl Code {
                     "use the images as they were projected, and the projector.json made for them",
                 ));
             }
-            all.push(lines(image, &path, i, gamma)?);
+            all.push(lines(image, &path, i, light)?);
         }
         let colored = all.iter().any(|(_, lines)| lines.len() > 1);
         // An image that shows the same everywhere goes with its neighbors in the set.
@@ -117,7 +138,7 @@ impl Code {
 
 /// The axis along which an image changes (none if it does not change at all) and its values along it, one line per color
 /// channel, or one if the channels are the same.
-fn lines(image: Image, path: &Path, index: usize, gamma: f32) -> Result<(Option<Axis>, Vec<Line>), Error> {
+fn lines(image: Image, path: &Path, index: usize, light: &Light) -> Result<(Option<Axis>, Vec<Line>), Error> {
     let (w, h, c) = (image.width, image.height, image.channels);
     let gray = image.data.chunks_exact(c).all(|p| p.iter().all(|v| *v == p[0]));
     let channels = if gray { 1 } else { c };
@@ -150,7 +171,7 @@ fn lines(image: Image, path: &Path, index: usize, gamma: f32) -> Result<(Option<
             _ => image.data[i * c + channel],
         };
         let n = if axis == Some(Axis::Y) { h } else { w };
-        let values = (0..n).map(|i| value(i).max(0.0).powf(gamma)).collect();
+        let values = (0..n).map(|i| light.of(value(i))).collect();
         Line { image: index, channel, path: path.to_path_buf(), values }
     };
     Ok((axis, (0..channels).map(line).collect()))
@@ -170,7 +191,7 @@ mod tests {
     use super::*;
 
     fn read(image: Image) -> Result<(Option<Axis>, Vec<Line>), Error> {
-        lines(image, Path::new("p.png"), 0, 1.0)
+        lines(image, Path::new("p.png"), 0, &Light::Power(1.0))
     }
 
     #[test]

@@ -154,19 +154,10 @@ impl<'a> Bit<'a> {
 
 /// First and last column of every pixel's codeword; first > last where there is none.
 fn columns(captured: &Captured, table: &Table, bits: &[Bit<'_>]) -> Vec<[u16; 2]> {
-    let one = |i: usize| -> [u16; 2] {
-        const NONE: [u16; 2] = [1, 0];
-        if captured.left[i] != Left::Kept {
-            return NONE;
-        }
-        let limit = bits[0].sigma(captured.variance(i, 0.5).sqrt()) * CERTAIN;
-        let limit = limit.max(LEAST);
-        let (mut word, mut uncertain) = (0u32, 0u32);
-        for bit in bits {
-            let d = bit.at(i);
-            word = word << 1 | u32::from(d > 0.0);
-            uncertain = uncertain << 1 | u32::from(d.abs() < limit);
-        }
+    const NONE: [u16; 2] = [1, 0];
+    /// Pixels at a time: bit after bit, so that a pass over them is one over an image.
+    const CHUNK: usize = 2048;
+    let resolve = |word: u32, uncertain: u32| -> [u16; 2] {
         let Some(found) = table.get(word) else { return NONE };
         match uncertain.count_ones() {
             0 => found,
@@ -179,7 +170,38 @@ fn columns(captured: &Captured, table: &Table, bits: &[Bit<'_>]) -> Vec<[u16; 2]
             _ => NONE,
         }
     };
-    (0..captured.left.len()).into_par_iter().map(one).collect()
+    let mut out = vec![NONE; captured.left.len()];
+    out.par_chunks_mut(CHUNK).enumerate().for_each_init(
+        || (vec![0.0f32; CHUNK], vec![0u32; CHUNK], vec![0u32; CHUNK]),
+        |(limits, words, uncertain), (chunk, out)| {
+            let (first, n) = (chunk * CHUNK, out.len());
+            let kept = |k: usize| captured.left[first + k] == Left::Kept;
+            for k in 0..n {
+                let noise = if kept(k) { captured.variance(first + k, 0.5).sqrt() } else { 0.0 };
+                limits[k] = (bits[0].sigma(noise) * CERTAIN).max(LEAST);
+            }
+            words.fill(0);
+            uncertain.fill(0);
+            for bit in bits {
+                let mut add = |k: usize, d: f32| {
+                    words[k] = words[k] << 1 | u32::from(d > 0.0);
+                    uncertain[k] = uncertain[k] << 1 | u32::from(d.abs() < limits[k]);
+                };
+                let p = &bit.p[first..first + n];
+                match &bit.inverse {
+                    Some(inverse) => {
+                        let inverse = &inverse[first..first + n];
+                        (0..n).for_each(|k| add(k, 0.5 * (p[k] - inverse[k])));
+                    }
+                    None => (0..n).for_each(|k| add(k, p[k] - 0.5)),
+                }
+            }
+            for k in (0..n).filter(|k| kept(*k)) {
+                out[k] = resolve(words[k], uncertain[k]);
+            }
+        },
+    );
+    out
 }
 
 /// Where light comes from the border of two columns: position along the scan line (camera px) and that border (projector px).

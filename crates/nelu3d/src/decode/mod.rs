@@ -7,7 +7,7 @@
 //!
 //! The code is learned from the *projected images*: no file says what family they are of, and none needs to. Every image
 //! must change along x or along y only. The projected values are taken to be linear in light; [`Options::gamma`] says
-//! otherwise. A calibrated projector is required (`nelu3d projector` makes one).
+//! otherwise, and so does the response that [`projector::calibrate`] measures. A calibrated projector is required (`nelu3d projector` makes one).
 //!
 //! To add a method: a file with a function that fills a [`Decoded`], a variant of [`Method`], an arm in [`run`].
 
@@ -15,7 +15,12 @@ mod captured;
 mod code;
 mod gray;
 pub mod lookup3d;
+mod mps;
+mod phase;
+pub mod projector;
 mod triangulate;
+mod wave;
+mod zncc;
 
 use std::path::PathBuf;
 
@@ -28,8 +33,8 @@ use crate::progress::Progress;
 use crate::reconstruct::assemble::{Maps, assemble, drop_small, image_plane};
 use crate::result::{Left, Reconstruction, StageClock};
 use captured::Captured;
-use code::Code;
-use triangulate::Geometry;
+use code::{Code, Light};
+use triangulate::{Geometry, Range};
 
 /// How the patterns are decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -38,6 +43,12 @@ use triangulate::Geometry;
 pub enum Method {
     /// Binary codes (Gray, binary, XOR), with or without inverses; edges between stripes found to sub-pixel.
     Gray,
+    /// Phase shifting: three or more shifts of each frequency, unwrapped over the frequencies.
+    Phase,
+    /// Micro phase shifting (Gupta & Nayar 2012): three shifts of one frequency, one image of each other.
+    Mps,
+    /// Zero-mean normalized cross-correlation with the codewords of the columns: any patterns, three images or more.
+    Zncc,
     /// LookUp3D: the nearest codeword of the sweep's table; needs no projector.
     #[cfg_attr(feature = "clap", value(name = "lookup3d"))]
     #[serde(rename = "lookup3d")]
@@ -46,6 +57,17 @@ pub enum Method {
     #[cfg_attr(feature = "clap", value(name = "lookup3d-lowrank"))]
     #[serde(rename = "lookup3d-lowrank")]
     Lookup3dLowrank,
+}
+
+/// Which columns a codeword is compared with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum Search {
+    /// Those along the pixel's epipolar line, within the depth range.
+    Epipolar,
+    /// All.
+    All,
 }
 
 impl Method {
@@ -58,6 +80,9 @@ impl Method {
     pub fn name(self) -> &'static str {
         match self {
             Method::Gray => "gray",
+            Method::Phase => "phase",
+            Method::Mps => "mps",
+            Method::Zncc => "zncc",
             Method::Lookup3d => "lookup3d",
             Method::Lookup3dLowrank => "lookup3d-lowrank",
         }
@@ -72,12 +97,27 @@ pub struct Options {
     /// How the patterns are decoded
     #[cfg_attr(feature = "clap", arg(long, value_enum))]
     pub method: Method,
-    /// Depth range in mm (default: any depth for codes that need none, else around where light and view cross)
+    /// Depth range in mm (default: that of RIG/fields/SET.safetensors if there is one, so that all methods have the same
+    /// volume, else any depth for codes that need no range, and around where light and view cross for the others)
     #[cfg_attr(feature = "clap", arg(long, num_args = 2, value_names = ["NEAR", "FAR"]))]
     pub depth: Option<Vec<f64>>,
-    /// Light that the projector makes of a value v of the projected images: v to this power
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = 1.0))]
-    pub gamma: f64,
+    /// Which columns a codeword is compared with (mps, zncc)
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Search::Epipolar))]
+    pub search: Search,
+    /// Side of the window over which correlations are summed, px, odd (zncc; default: 1 with six images or more and with
+    /// --search all, else 9)
+    #[cfg_attr(feature = "clap", arg(long, value_name = "PX"))]
+    pub window: Option<usize>,
+    /// Least correlation, -1 to 1 (zncc)
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = 0.9))]
+    pub min_score: f32,
+    /// Blur of the projected images on the scene, standard deviation in projector px (zncc; default: estimated)
+    #[cfg_attr(feature = "clap", arg(long, value_name = "PX"))]
+    pub blur: Option<f32>,
+    /// Light that the projector makes of a value v of the projected images: v to this power (default: the response that
+    /// `nelu3d projector` measured, if projector.json has one, else 1)
+    #[cfg_attr(feature = "clap", arg(long, value_name = "POWER"))]
+    pub gamma: Option<f64>,
     /// Least white − black of a pixel, as a share of full scale
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 0.02))]
     pub min_contrast: f32,
@@ -93,7 +133,18 @@ pub struct Options {
 impl Options {
     /// The default settings of a method.
     pub fn new(method: Method) -> Self {
-        Self { method, depth: None, gamma: 1.0, min_contrast: 0.02, min_component: 40, lookup3d: Default::default() }
+        Self {
+            method,
+            depth: None,
+            search: Search::Epipolar,
+            window: None,
+            min_score: 0.9,
+            blur: None,
+            gamma: None,
+            min_contrast: 0.02,
+            min_component: 40,
+            lookup3d: Default::default(),
+        }
     }
 }
 
@@ -201,7 +252,8 @@ pub fn run(
             "calibrate it with `nelu3d projector`, or reconstruct without one (`nelu3d calibrate`, `nelu3d reconstruct`)",
         )
     })?;
-    let code = Code::read(rig, set, projector, opts.gamma as f32)?;
+    let light = light(rig, opts)?;
+    let code = Code::read(rig, set, projector, &light)?;
 
     clock.begin("read the scene");
     let images = captured::Images::read(rig, shot, set)?;
@@ -210,11 +262,15 @@ pub fn run(
     clock.begin("normalize");
     let captured = Captured::new(&images, rig, opts.min_contrast);
     let plane = image_plane(&rig.camera);
-    let geometry = Geometry::new(&rig.camera, projector, &plane, opts.depth.as_deref())?;
+    let range = Range::new(rig, set, projector, opts)?;
+    let geometry = Geometry::new(projector, &plane, range);
 
     clock.begin("decode");
     let decoded = match opts.method {
         Method::Gray => gray::decode(&captured, &code, set)?,
+        Method::Phase => phase::decode(&captured, &code, set, &geometry)?,
+        Method::Mps => mps::decode(&captured, &code, set, &geometry, opts.search)?,
+        Method::Zncc => zncc::decode(&captured, &code, set, &geometry, opts)?,
         Method::Lookup3d | Method::Lookup3dLowrank => unreachable!("decoded above, without a projector"),
     };
     stop()?;
@@ -231,6 +287,8 @@ pub fn run(
     clock.begin("build the surface");
     let mut info = serde_json::Map::new();
     info.insert("settings".into(), serde_json::to_value(opts).expect("plain data serializes"));
+    info.insert("depth_range".into(), serde_json::to_value(range).expect("plain data serializes"));
+    info.insert("light".into(), serde_json::to_value(&light).expect("plain data serializes"));
     info.insert("images".into(), (set.images.len() + set.inverse.len() + 1 + usize::from(captured.has_black)).into());
     let ambient = vec![f32::NAN; depth.len()];
     let maps = Maps { depth, sigma: surface.sigma, left, residual, ambient };
@@ -239,16 +297,33 @@ pub fn run(
     Ok(out)
 }
 
+/// What a projected value becomes: by the settings, by the projector's measured response, or as it is.
+fn light(rig: &Rig, opts: &Options) -> Result<Light, Error> {
+    Ok(match opts.gamma {
+        Some(gamma) => Light::Power(gamma as f32),
+        None => projector::read_response(&rig.root.join(nelu3d_scan::rig::PROJECTOR_FILE))?
+            .map_or(Light::Power(1.0), Light::Response),
+    })
+}
+
 fn check(opts: &Options) -> Result<(), Error> {
-    if !(opts.gamma > 0.0 && opts.gamma.is_finite()) {
-        return Err(Error::Setting {
-            setting: "--gamma",
-            problem: format!("is {}: give a positive number", opts.gamma),
-        });
+    if let Some(gamma) = opts.gamma.filter(|g| !(*g > 0.0 && g.is_finite())) {
+        return Err(Error::Setting { setting: "--gamma", problem: format!("is {gamma}: give a positive number") });
     }
     if !(0.0..1.0).contains(&opts.min_contrast) {
         let problem = format!("is {}: give a number from 0 to below 1", opts.min_contrast);
         return Err(Error::Setting { setting: "--min-contrast", problem });
+    }
+    let longest = if opts.search == Search::All { 1 } else { 63 };
+    if let Some(window) = opts.window.filter(|w| w.is_multiple_of(2) || *w > longest) {
+        let problem = format!("is {window}: give an odd number of pixels up to 63, and 1 with --search all");
+        return Err(Error::Setting { setting: "--window", problem });
+    }
+    if !(-1.0..=1.0).contains(&opts.min_score) {
+        return Err(Error::Setting { setting: "--min-score", problem: format!("is {}: give -1 to 1", opts.min_score) });
+    }
+    if opts.blur.is_some_and(|b| !(0.0..=100.0).contains(&b)) {
+        return Err(Error::Setting { setting: "--blur", problem: "is no number of pixels from 0 to 100".into() });
     }
     Ok(())
 }

@@ -168,8 +168,8 @@ pub fn run_observed(
         Recipe::Fast => reconstruct,
         Recipe::Paper => paper::reconstruct,
     };
-    let mut out = recipe(&capture, &rig.camera, field, opts, progress, &mut clock, observer)
-        .map_err(|reason| reason.at(shot))?;
+    let mut out =
+        recipe(&capture, &rig.camera, field, opts, progress, &mut clock, observer).map_err(|reason| reason.at(shot))?;
     out.stages = clock.finish();
     Ok(out)
 }

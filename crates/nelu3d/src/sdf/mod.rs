@@ -62,13 +62,7 @@ pub fn surface_config(loss: SurfaceLoss, n_steps: usize) -> SurfaceConfig {
         append_position: true,
         training: TrainConfig { weight_normalization: true, ..training(LEARNING_RATE, n_steps) },
     };
-    SurfaceConfig {
-        field,
-        extent: [SIDE as f32; 3],
-        sharpness: 0.3,
-        sharpness_learning_rate: LEARNING_RATE,
-        loss,
-    }
+    SurfaceConfig { field, extent: [SIDE as f32; 3], sharpness: 0.3, sharpness_learning_rate: LEARNING_RATE, loss }
 }
 
 /// The published field over an image (ambient, albedo): 2^15 entries, 2 × 64, sigmoid, learning rate 8e-3.

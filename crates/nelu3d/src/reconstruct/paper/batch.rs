@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use super::ambient::{AmbientField, place};
 use super::{Background, Lookup, Measurements, Rays};
 use crate::result::Left;
-use crate::sdf::march::{March, Samples, march};
 use crate::sdf::Bounds;
+use crate::sdf::march::{March, Samples, march};
 
 /// The pixels that rays are drawn from.
 pub(super) struct Pixels {

@@ -15,16 +15,16 @@ use nelu3d_scan::rig::Capture;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use super::assemble::{Maps, assemble};
 use super::lookup::{Lookup, Rays};
 use super::measure::Measurements;
-use super::assemble::{Maps, assemble};
 use super::{Failure, Observer, Options, Stage, why_nothing};
 use crate::color_field::ColorField;
 use crate::progress::Progress;
 use crate::result::{Left, Reconstruction, StageClock};
 use crate::sdf::{self, Start, view};
-use ambient::AmbientField;
 pub use ambient::Ambient;
+use ambient::AmbientField;
 use batch::{Batch, Pixels};
 
 /// Iterations unless asked otherwise.
@@ -223,13 +223,7 @@ pub(super) fn reconstruct(
     );
     info.insert("losses".into(), serde_json::to_value(records).expect("plain data serializes"));
     let mut out = assemble(
-        Maps {
-            depth: seen.depth,
-            sigma: seen.spread,
-            left: m.left,
-            residual,
-            ambient: mean_ambient,
-        },
+        Maps { depth: seen.depth, sigma: seen.spread, left: m.left, residual, ambient: mean_ambient },
         camera,
         &rays.plane,
         &capture.white,

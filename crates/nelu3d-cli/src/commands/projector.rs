@@ -1,0 +1,47 @@
+//! `nelu3d projector`: the projector is calibrated from the rig's own sweep.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Result;
+use nelu3d::decode::projector::{self, Report};
+use nelu3d_scan::Rig;
+use nelu3d_scan::output::Place;
+use nelu3d_scan::rig::PROJECTOR_FILE;
+
+use super::{Context, shown};
+use crate::args;
+
+/// Runs the command.
+pub(crate) fn run(args: args::Projector, context: &Context) -> Result<ExitCode> {
+    let rig = Rig::open(&args.rig)?;
+    let output: PathBuf = args.output.unwrap_or_else(|| rig.root.join(PROJECTOR_FILE));
+    if output.exists() && !args.force {
+        anyhow::bail!("{}: exists; give --force to replace it, or another file with -o FILE", shown(&output));
+    }
+    // Before the work: it must not end at a file that cannot be written.
+    let _place = Place::new(&output)?;
+    let (projector, report) = projector::calibrate(&rig, args.set.as_deref(), &args.options, &context.progress)?;
+    context.stop_if_asked()?;
+    projector::write(&output, &projector, &report)?;
+    context.answer(&serde_json::json!({ "projector": output, "report": report }), || {
+        format!("{}projector {}", text(&report), shown(&output))
+    })?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The report for people.
+fn text(r: &Report) -> String {
+    let [x, y, z] = r.center_mm;
+    let [sx, sy, sz] = r.center_sigma_mm;
+    let [near, far] = r.depth_mm;
+    let mut text = format!(
+        "corners   {} at {} positions, {:.0} to {:.0} mm deep ({} left out)\nreproject {:.3} px RMS\ncenter    at \
+         ({x:.1} ± {sx:.1}, {y:.1} ± {sy:.1}, {z:.1} ± {sz:.1}) mm\n",
+        r.corners, r.positions, near, far, r.rejected, r.rms_px
+    );
+    if let Some(response) = &r.response {
+        text += &format!("response  about v^{:.2}, from {}\n", response.gamma, response.images.join(", "));
+    }
+    text
+}

@@ -1,0 +1,181 @@
+//! What Gray, binary and XOR codes share: a column's number as bits, one image a bit.
+
+use super::{Axis, PatternError, along};
+use crate::image::Image;
+
+/// How the bits of a column's number are shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BitCode {
+    /// The number itself.
+    Binary,
+    /// Reflected: neighbors differ in one bit (Gray 1953; Inokuchi, Sato and Matsuda 1984 for range finding).
+    Gray,
+    /// Gray, every bit but one XORed with that one, the base plane, so that no image has wide stripes (Gupta, Agrawal,
+    /// Veeraraghavan and Narasimhan, CVPR 2011). `base_bit` is the base plane's bit: 0 in XOR-02, 1 in XOR-04, after the
+    /// width in px of the base plane's stripes.
+    Xor {
+        /// The base plane, counted from the least significant bit.
+        base_bit: u32,
+    },
+}
+
+impl BitCode {
+    /// The code of column `u`, its bits in the order of significance; `u < 2^bits`.
+    pub fn word(self, u: u32, bits: u32) -> u32 {
+        let gray = u ^ (u >> 1);
+        match self {
+            BitCode::Binary => u,
+            BitCode::Gray => gray,
+            BitCode::Xor { base_bit } => gray ^ others(gray, base_bit, bits),
+        }
+    }
+
+    /// The inverse of [`BitCode::word`].
+    pub fn column(self, word: u32, bits: u32) -> u32 {
+        let gray = match self {
+            BitCode::Binary => return word,
+            BitCode::Gray => word,
+            BitCode::Xor { base_bit } => word ^ others(word, base_bit, bits),
+        };
+        // Each bit of the number is the exclusive or of all bits of the code down to it.
+        [1, 2, 4, 8, 16].into_iter().fold(gray, |u, shift| u ^ (u >> shift))
+    }
+
+    /// The column of one pixel from its normalized intensities, the most significant bit first; `inverse` are those of
+    /// the inverse images, or empty, in which case ½ is the threshold.
+    ///
+    /// `None` where any bit differs from its threshold by less than `min_contrast` (in units of white; with inverses:
+    /// the difference of the two images), or is no number. A column may lie beyond the images' last one: there are more
+    /// codes than columns.
+    ///
+    /// # Panics
+    ///
+    /// If there are no values, more than 32, or `inverse` has another length and is not empty.
+    pub fn decode(self, values: &[f32], inverse: &[f32], min_contrast: f32) -> Option<u32> {
+        assert!((1..=32).contains(&values.len()), "a code of {} bits", values.len());
+        assert!(inverse.is_empty() || inverse.len() == values.len(), "one inverse per image, or none");
+        let mut word = 0;
+        for (b, value) in values.iter().enumerate() {
+            let difference = value - inverse.get(b).unwrap_or(&0.5);
+            // NaN must not decode.
+            if difference.abs() < min_contrast || difference.is_nan() {
+                return None;
+            }
+            word = word << 1 | u32::from(difference > 0.0);
+        }
+        Some(self.column(word, values.len() as u32))
+    }
+
+    /// Images of all bits, the most significant first, and their inverses if asked for.
+    pub(super) fn generate(self, axis: Axis, inverse: bool, width: usize, height: usize) -> [Vec<Image>; 2] {
+        let bits = n_bits(axis.length(width, height));
+        let image =
+            |b: u32, flip: u32| along(axis, width, height, |u| f64::from((self.word(u as u32, bits) >> b & 1) ^ flip));
+        let images = (0..bits).rev().map(|b| image(b, 0)).collect();
+        let inverse = if inverse { (0..bits).rev().map(|b| image(b, 1)).collect() } else { Vec::new() };
+        [images, inverse]
+    }
+
+    /// [`BitCode::decode`] of every pixel; see there. Images of one size and channel.
+    ///
+    /// # Panics
+    ///
+    /// As [`BitCode::decode`], and if the images are of several channels or of different sizes.
+    pub fn decode_images(self, images: &[Image], inverse: &[Image], min_contrast: f32) -> Vec<Option<u32>> {
+        assert!(!images.is_empty(), "a code of 0 bits");
+        let n = images[0].width * images[0].height;
+        assert!(images.iter().chain(inverse).all(|i| i.channels == 1 && i.data.len() == n), "images of one size, gray");
+        let (mut values, mut inverses) = (vec![0.0; images.len()], vec![0.0; inverse.len()]);
+        (0..n)
+            .map(|i| {
+                values.iter_mut().zip(images).for_each(|(v, image)| *v = image.data[i]);
+                inverses.iter_mut().zip(inverse).for_each(|(v, image)| *v = image.data[i]);
+                self.decode(&values, &inverses, min_contrast)
+            })
+            .collect()
+    }
+}
+
+/// All bits but the base plane, if the base plane is set in `word`.
+fn others(word: u32, base_bit: u32, bits: u32) -> u32 {
+    let all = u32::MAX >> (32 - bits);
+    if word >> base_bit & 1 == 1 { all & !(1 << base_bit) } else { 0 }
+}
+
+/// Bits needed to number `n` columns; at least one.
+pub(super) fn n_bits(n: usize) -> u32 {
+    usize::BITS - n.saturating_sub(1).max(1).leading_zeros()
+}
+
+/// The base plane's bit for its stripes' width.
+pub(super) fn base_bit(base_px: u32, columns: usize) -> Result<u32, PatternError> {
+    let good = base_px >= 2 && base_px.is_power_of_two() && base_px.trailing_zeros() <= n_bits(columns);
+    if good {
+        return Ok(base_px.trailing_zeros() - 1);
+    }
+    let remedy = "give a power of 2 from 2 to the number of columns, as 2 (XOR-02) or 4 (XOR-04)";
+    Err(PatternError::Setting { family: "xor", key: "base_px", value: f64::from(base_px), remedy })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CODES: [BitCode; 5] = [
+        BitCode::Binary,
+        BitCode::Gray,
+        BitCode::Xor { base_bit: 0 },
+        BitCode::Xor { base_bit: 1 },
+        BitCode::Xor { base_bit: 4 },
+    ];
+
+    #[test]
+    fn words_are_columns_and_back() {
+        for code in CODES {
+            for bits in [5, 11, 31, 32] {
+                let mut seen = std::collections::HashSet::new();
+                let last = u32::MAX >> (32 - bits);
+                for u in (0..2000).map(|i| i * (last / 1999).max(1)).filter(|&u| u <= last) {
+                    let word = code.word(u, bits);
+                    assert!(word <= last && seen.insert(word), "{code:?}: word {word} of {u} twice");
+                    assert_eq!(code.column(word, bits), u, "{code:?} of {bits} bits");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn captures_with_gain_offset_codes_and_noise_decode() {
+        let mut random = super::super::noise::SplitMix(7);
+        for code in CODES {
+            for (axis, n) in [(Axis::X, 1280), (Axis::Y, 801), (Axis::X, 33)] {
+                let (w, h) = if axis == Axis::X { (n, 2) } else { (2, n) };
+                let [mut images, mut inverse] = code.generate(axis, true, w, h);
+                for image in images.iter_mut().chain(&mut inverse) {
+                    for v in &mut image.data {
+                        let seen = 0.7 * f64::from(*v) + 0.15 + 0.05 * random.normal();
+                        *v = ((seen * 255.0).round() / 255.0) as f32;
+                    }
+                }
+                for inverse in [inverse.as_slice(), &[]] {
+                    let got = code.decode_images(&images, inverse, 0.02);
+                    for (i, column) in got.iter().enumerate() {
+                        let expected = if axis == Axis::X { i % w } else { i / w };
+                        assert_eq!(*column, Some(expected as u32), "{code:?} of {n} along {axis:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn weak_and_absent_bits_do_not_decode() {
+        for code in CODES {
+            let [mut images, _] = code.generate(Axis::X, false, 64, 1);
+            images[2].data[10] = 0.55;
+            images[4].data[11] = f32::NAN;
+            let got = code.decode_images(&images, &[], 0.1);
+            assert_eq!((got[9], got[10], got[11], got[12]), (Some(9), None, None, Some(12)));
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! The codes of all columns: what a set of images shows along its axis.
+
+use super::Axis;
+use crate::image::Image;
+
+/// How an image changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stripes {
+    /// Not at all.
+    Constant,
+    /// Along one axis only.
+    Along(Axis),
+    /// Along both.
+    Both,
+}
+
+impl Stripes {
+    /// Of an image whose values may differ by `tolerance` without being different.
+    pub fn of(image: &Image, tolerance: f32) -> Self {
+        let (w, c) = (image.width, image.channels);
+        let differ = |a: f32, b: f32| (a - b).abs() > tolerance;
+        let first_row = &image.data[..w * c];
+        let y = image.data.chunks_exact(w * c).any(|row| row.iter().zip(first_row).any(|(&a, &b)| differ(a, b)));
+        let x = image.data.chunks_exact(w * c).any(|row| (c..w * c).any(|i| differ(row[i], row[i % c])));
+        match (x, y) {
+            (false, false) => Stripes::Constant,
+            (true, false) => Stripes::Along(Axis::X),
+            (false, true) => Stripes::Along(Axis::Y),
+            (true, true) => Stripes::Both,
+        }
+    }
+}
+
+/// One codeword a column (or row): the images' values there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Codewords {
+    /// Values of a codeword.
+    pub k: usize,
+    /// `columns × k` values in `[0, 1]`, column by column.
+    pub data: Vec<f32>,
+}
+
+impl Codewords {
+    /// From a table of `columns × k`.
+    ///
+    /// # Panics
+    ///
+    /// If `k` is 0 or does not divide the table's length.
+    pub fn new(k: usize, data: Vec<f32>) -> Self {
+        assert!(k > 0 && data.len().is_multiple_of(k), "codewords of {k} values in a table of {}", data.len());
+        Self { k, data }
+    }
+
+    /// The codewords of images that change along `axis`: each image's mean over the other direction, its channels one
+    /// after the other. Images of one size.
+    ///
+    /// # Panics
+    ///
+    /// If there are no images, or of different sizes.
+    pub fn of_images(images: &[Image], axis: Axis) -> Self {
+        assert!(!images.is_empty(), "codewords of no image");
+        let (w, h) = (images[0].width, images[0].height);
+        assert!(images.iter().all(|i| (i.width, i.height) == (w, h)), "images of one size");
+        let (n, across) = if axis == Axis::X { (w, h) } else { (h, w) };
+        let k: usize = images.iter().map(|i| i.channels).sum();
+        let mut data = Vec::with_capacity(n * k);
+        for u in 0..n {
+            for image in images {
+                for c in 0..image.channels {
+                    let at = |v: usize| if axis == Axis::X { image.pixel(u, v)[c] } else { image.pixel(v, u)[c] };
+                    data.push(((0..across).map(|v| f64::from(at(v))).sum::<f64>() / across as f64) as f32);
+                }
+            }
+        }
+        Self { k, data }
+    }
+
+    /// Number of columns.
+    pub fn len(&self) -> usize {
+        self.data.len() / self.k
+    }
+
+    /// Whether there are no columns.
+    pub fn is_empty(&self) -> bool {
+        self.data.is_empty()
+    }
+
+    /// The codeword of column `u`, k values.
+    pub fn word(&self, u: usize) -> &[f32] {
+        &self.data[u * self.k..(u + 1) * self.k]
+    }
+
+    /// The column whose codeword is nearest to a pixel's normalized intensities, and their Euclidean distance; the first
+    /// of several. `None` where a value is not finite, or there are no columns.
+    ///
+    /// # Panics
+    ///
+    /// If there are more or fewer values than a codeword has.
+    pub fn nearest(&self, values: &[f32]) -> Option<(usize, f32)> {
+        assert_eq!(values.len(), self.k, "one value per image");
+        let squared = |word: &[f32]| word.iter().zip(values).map(|(a, b)| (a - b) * (a - b)).sum::<f32>();
+        let (u, least) = self.data.chunks_exact(self.k).map(squared).enumerate().min_by(|a, b| a.1.total_cmp(&b.1))?;
+        least.is_finite().then(|| (u, least.sqrt()))
+    }
+
+    /// Codewords less their mean and scaled to length 1, so that their dot product is the zero-mean normalized
+    /// cross-correlation (ZNCC). Constant codewords become zeros.
+    pub fn normalized(&self) -> Self {
+        let mut data = self.data.clone();
+        data.chunks_exact_mut(self.k).for_each(normalize);
+        Self { k: self.k, data }
+    }
+}
+
+/// Less its mean, scaled to length 1; zeros if it is constant.
+pub(super) fn normalize(word: &mut [f32]) {
+    let mean = word.iter().sum::<f32>() / word.len() as f32;
+    word.iter_mut().for_each(|v| *v -= mean);
+    let length = word.iter().map(|v| v * v).sum::<f32>().sqrt();
+    let scale = if length > 1e-6 { 1.0 / length } else { 0.0 };
+    word.iter_mut().for_each(|v| *v *= scale);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_the_images_along_the_axis() {
+        let image = |channels: usize, f: &dyn Fn(usize) -> f32| Image {
+            data: (0..5 * 2 * channels).map(f).collect(),
+            ..Image::new(5, 2, channels)
+        };
+        let images = [image(1, &|i| (i % 5) as f32), image(3, &|i| (i % 15) as f32)];
+        let x = Codewords::of_images(&images, Axis::X);
+        assert_eq!((x.k, x.len()), (4, 5));
+        assert_eq!(x.word(3), [3.0, 9.0, 10.0, 11.0]);
+        let y = Codewords::of_images(&images, Axis::Y);
+        assert_eq!((y.len(), y.word(0)[0], y.word(1)[1]), (2, 2.0, 6.0));
+    }
+
+    #[test]
+    fn the_direction_of_stripes_is_seen() {
+        let image = |f: &dyn Fn(usize, usize) -> f32| Image {
+            data: (0..5 * 4 * 3).map(|i| f(i / 3 % 5, i / 15)).collect(),
+            ..Image::new(5, 4, 3)
+        };
+        assert_eq!(Stripes::of(&image(&|_, _| 0.3), 0.01), Stripes::Constant);
+        assert_eq!(Stripes::of(&image(&|x, _| x as f32 / 4.0), 0.01), Stripes::Along(Axis::X));
+        assert_eq!(Stripes::of(&image(&|x, y| y as f32 / 4.0 + x as f32 / 1e3), 0.01), Stripes::Along(Axis::Y));
+        assert_eq!(Stripes::of(&image(&|x, y| (x * y) as f32), 0.01), Stripes::Both);
+    }
+
+    #[test]
+    fn the_nearest_word_is_found() {
+        let words = Codewords::new(2, vec![0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+        assert_eq!(words.nearest(&[0.9, 0.0]).map(|w| w.0), Some(1));
+        assert_eq!(words.nearest(&[0.1, 0.5]).map(|w| w.0), Some(0));
+        assert_eq!(words.nearest(&[f32::NAN, 0.5]), None);
+        assert_eq!(words.normalized().word(0), [0.0, 0.0]);
+    }
+}

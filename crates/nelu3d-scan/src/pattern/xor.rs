@@ -1,0 +1,80 @@
+//! XOR codes: Gray code without wide stripes, so that light that bounces within the scene blurs to a constant in every
+//! image (Gupta, Agrawal, Veeraraghavan and Narasimhan, "Structured Light 3D Scanning in the Presence of Global
+//! Illumination", CVPR 2011).
+
+use serde::{Deserialize, Serialize};
+
+use super::bits::{BitCode, base_bit};
+use super::{Axis, PatternError};
+use crate::image::Image;
+
+/// Gray code whose images are all XORed with one of fine stripes, the base plane, which itself is shown as it is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "clap", derive(clap::Args))]
+pub struct Xor {
+    /// Direction of change.
+    #[serde(default)]
+    #[cfg_attr(feature = "clap", arg(skip))]
+    pub axis: Axis,
+    /// Width of the base plane's stripes, px: 2 is the paper's XOR-02, 4 its XOR-04.
+    #[serde(default = "two")]
+    #[cfg_attr(feature = "clap", arg(long = "base", value_name = "PX", default_value_t = 2))]
+    pub base_px: u32,
+    /// Make the inverse of every image, too.
+    #[serde(default)]
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub inverse: bool,
+}
+
+fn two() -> u32 {
+    2
+}
+
+impl Xor {
+    pub(super) fn generate(&self, width: usize, height: usize) -> Result<[Vec<Image>; 2], PatternError> {
+        let base_bit = base_bit(self.base_px, self.axis.length(width, height))?;
+        Ok(BitCode::Xor { base_bit }.generate(self.axis, self.inverse, width, height))
+    }
+}
+
+/// The column (or row) every pixel saw: [`BitCode::decode_images`] of [`BitCode::Xor`], whose base plane has stripes of
+/// `base_px`.
+///
+/// # Panics
+///
+/// As [`BitCode::decode_images`], and if `base_px` is no power of 2 from 2 up.
+pub fn decode_xor(images: &[Image], inverse: &[Image], base_px: u32, min_contrast: f32) -> Vec<Option<u32>> {
+    let base_bit = base_bit(base_px, 1 << images.len().min(31)).expect("a width that makes a base plane");
+    BitCode::Xor { base_bit }.decode_images(images, inverse, min_contrast)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_image_has_wide_stripes() {
+        for base_px in [2, 4, 8] {
+            let xor = Xor { axis: Axis::X, base_px, inverse: false };
+            let [images, _] = xor.generate(1024, 1).unwrap();
+            for (b, image) in images.iter().enumerate() {
+                let mut run = 1;
+                for u in 1..1024 {
+                    run = if image.data[u] == image.data[u - 1] { run + 1 } else { 1 };
+                    assert!(run <= 2 * base_px, "bit {b} of XOR-{base_px:02}");
+                }
+            }
+            let got = decode_xor(&images, &[], base_px, 0.1);
+            assert!(got.iter().enumerate().all(|(u, c)| *c == Some(u as u32)));
+        }
+    }
+
+    #[test]
+    fn other_widths_are_refused() {
+        for base_px in [0, 1, 3, 2048] {
+            assert!(Xor { axis: Axis::X, base_px, inverse: false }.generate(640, 4).is_err(), "{base_px}");
+        }
+        assert!(Xor { axis: Axis::X, base_px: 1024, inverse: false }.generate(640, 4).is_ok());
+    }
+}
