@@ -11,12 +11,17 @@ pub(super) struct Codewords<'a> {
 }
 
 impl RayLoss for Codewords<'_> {
-    const NEEDS_GRADIENTS: bool = false;
+    #[inline(always)]
+    fn needs_gradients(&self) -> bool {
+        false
+    }
 
+    #[inline(always)]
     fn n_ray_outputs(&self) -> usize {
         self.batch.k()
     }
 
+    #[inline(always)]
     fn n_sample_outputs(&self) -> usize {
         0
     }

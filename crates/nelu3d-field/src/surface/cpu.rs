@@ -113,7 +113,7 @@ impl NeuralSurface {
         batch.check(d_ambient);
         let settings = self.config.loss.clone();
         let loss = Codewords { batch, settings: &settings };
-        self.step(batch.offsets, batch.points, &loss, d_ambient, &mut [])
+        self.step_with(batch.offsets, batch.points, &loss, d_ambient, &mut [])
     }
 
     /// One step of the optimizer for another image formation. `offsets` and `points` as in [`SurfaceBatch`]; what the loss
@@ -121,7 +121,18 @@ impl NeuralSurface {
     ///
     /// # Panics
     /// If a length does not fit, or if the loss needs gradients of which only some are computed.
-    pub fn step<L: RayLoss>(
+    pub fn step(
+        &mut self,
+        offsets: &[usize],
+        points: &[[f32; 3]],
+        loss: &dyn RayLoss,
+        ray_outputs: &mut [f32],
+        sample_outputs: &mut [f32],
+    ) -> SurfaceLosses {
+        self.step_with(offsets, points, &Dynamic(loss), ray_outputs, sample_outputs)
+    }
+
+    fn step_with<L: RayLoss>(
         &mut self,
         offsets: &[usize],
         points: &[[f32; 3]],
@@ -133,7 +144,7 @@ impl NeuralSurface {
         assert!(offsets[0] == 0 && offsets[n_rays] == points.len() && offsets.is_sorted());
         assert!(ray_outputs.is_empty() || ray_outputs.len() == n_rays * loss.n_ray_outputs());
         assert!(sample_outputs.is_empty() || sample_outputs.len() == points.len() * loss.n_sample_outputs());
-        assert!(!L::NEEDS_GRADIENTS || self.config.loss.eikonal_every == 1);
+        assert!(!loss.needs_gradients() || self.config.loss.eikonal_every == 1);
         if n_rays == 0 {
             return SurfaceLosses::default();
         }
@@ -212,6 +223,35 @@ impl NeuralSurface {
             );
         }
         losses
+    }
+}
+
+/// Somebody else's loss: called, not inlined, so that the kernels are compiled here and only once for all of them.
+struct Dynamic<'a>(&'a dyn RayLoss);
+
+impl RayLoss for Dynamic<'_> {
+    fn needs_gradients(&self) -> bool {
+        self.0.needs_gradients()
+    }
+
+    fn n_ray_outputs(&self) -> usize {
+        self.0.n_ray_outputs()
+    }
+
+    fn n_sample_outputs(&self) -> usize {
+        self.0.n_sample_outputs()
+    }
+
+    fn ray(
+        &self,
+        ray: usize,
+        sdf: &[f32],
+        gradients: &[[f32; 3]],
+        inv_s: f64,
+        scratch: &mut RayScratch,
+        out: RayGradient<'_>,
+    ) {
+        self.0.ray(ray, sdf, gradients, inv_s, scratch, out);
     }
 }
 
@@ -331,7 +371,7 @@ fn work<S: Simd, L: RayLoss>(simd: S, shared: &Shared<L>, chunk: &mut Chunk, fir
         for (t, tangent) in chunk.tangents.chunks_exact_mut(stride).enumerate().take(n_tangents) {
             let p = t * every;
             let jacobian = &chunk.jacobian[t * 3 * stride..][..3 * stride];
-            let given = if L::NEEDS_GRADIENTS { chunk.d_g[t] } else { [0.0; 3] };
+            let given = if shared.loss.needs_gradients() { chunk.d_g[t] } else { [0.0; 3] };
             let (value, slope) = loss::eikonal_at(chunk.g[t]);
             eikonal += value as f64;
             let u: [f32; 3] = std::array::from_fn(|a| (weight * slope[a] + given[a]) / config.extent[a]);
@@ -363,7 +403,7 @@ fn work<S: Simd, L: RayLoss>(simd: S, shared: &Shared<L>, chunk: &mut Chunk, fir
         for r in rays {
             let here = offsets[r] - start..offsets[r + 1] - start;
             let (mut gradients, mut d_gradients): (&[[f32; 3]], &mut [[f32; 3]]) = (&[], &mut []);
-            if L::NEEDS_GRADIENTS {
+            if loss.needs_gradients() {
                 (gradients, d_gradients) = (&chunk.g[here.clone()], &mut chunk.d_g[here.clone()]);
             }
             let out = RayGradient {

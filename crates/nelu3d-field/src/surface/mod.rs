@@ -142,7 +142,7 @@ impl SurfaceBatch<'_> {
 pub trait RayLoss: Sync {
     /// Whether it looks at the distances' gradients. They are then computed for every sample, and
     /// [`SurfaceLoss::eikonal_every`] must be 1.
-    const NEEDS_GRADIENTS: bool;
+    fn needs_gradients(&self) -> bool;
 
     /// Values per ray that it sends back to the caller.
     fn n_ray_outputs(&self) -> usize;
@@ -151,8 +151,7 @@ pub trait RayLoss: Sync {
     fn n_sample_outputs(&self) -> usize;
 
     /// Loss of ray `ray` and its gradients. `sdf` are the signed distances of its samples, front to back, `gradients` their
-    /// gradients in space (empty unless [`Self::NEEDS_GRADIENTS`]). Called within a SIMD dispatch: mark it
-    /// `#[inline(always)]`.
+    /// gradients in space (empty unless [`Self::needs_gradients`]).
     fn ray(
         &self,
         ray: usize,
@@ -173,7 +172,7 @@ pub struct RayGradient<'a> {
     pub d_inv_s: &'a mut f64,
     /// By the distances, to be written.
     pub d_sdf: &'a mut [f32],
-    /// By their gradients, to be written; empty unless [`RayLoss::NEEDS_GRADIENTS`].
+    /// By their gradients, to be written; empty unless [`RayLoss::needs_gradients`].
     pub d_gradients: &'a mut [[f32; 3]],
     /// The ray's values for the caller, to be written.
     pub ray: &'a mut [f32],

@@ -264,7 +264,9 @@ struct Unit {
 }
 
 impl RayLoss for Unit {
-    const NEEDS_GRADIENTS: bool = true;
+    fn needs_gradients(&self) -> bool {
+        true
+    }
 
     fn n_ray_outputs(&self) -> usize {
         1
@@ -274,7 +276,6 @@ impl RayLoss for Unit {
         2
     }
 
-    #[inline(always)]
     fn ray(&self, r: usize, sdf: &[f32], g: &[[f32; 3]], _: f64, _: &mut RayScratch, out: RayGradient<'_>) {
         out.d_sdf.fill(0.0);
         for (j, g) in g.iter().enumerate() {
@@ -302,14 +303,15 @@ fn a_loss_of_ones_own_sees_gradients_and_sends_them_back() {
     let found = own.step(&rays.offsets, &rays.points, &Unit { n }, &mut per_ray, &mut per_sample);
     struct Nothing;
     impl RayLoss for Nothing {
-        const NEEDS_GRADIENTS: bool = false;
+        fn needs_gradients(&self) -> bool {
+            false
+        }
         fn n_ray_outputs(&self) -> usize {
             0
         }
         fn n_sample_outputs(&self) -> usize {
             0
         }
-        #[inline(always)]
         fn ray(&self, _: usize, _: &[f32], _: &[[f32; 3]], _: f64, _: &mut RayScratch, out: RayGradient<'_>) {
             out.d_sdf.fill(0.0);
         }

@@ -19,6 +19,7 @@ mod mps;
 mod phase;
 pub mod projector;
 mod triangulate;
+pub mod turbosl;
 mod wave;
 mod zncc;
 
@@ -34,7 +35,7 @@ use crate::reconstruct::assemble::{Maps, assemble, drop_small, image_plane};
 use crate::result::{Left, Reconstruction, StageClock};
 use captured::Captured;
 use code::{Code, Light};
-use triangulate::{Geometry, Range};
+use triangulate::{Surface, Geometry, Range};
 
 /// How the patterns are decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -49,6 +50,10 @@ pub enum Method {
     Mps,
     /// Zero-mean normalized cross-correlation with the codewords of the columns: any patterns, three images or more.
     Zncc,
+    /// TurboSL (Mirdehghan et al. 2024): a signed distance field, albedo, ambient light and blur by inverse rendering.
+    #[cfg_attr(feature = "clap", value(name = "turbosl"))]
+    #[serde(rename = "turbosl")]
+    TurboSl,
     /// LookUp3D: the nearest codeword of the sweep's table; needs no projector.
     #[cfg_attr(feature = "clap", value(name = "lookup3d"))]
     #[serde(rename = "lookup3d")]
@@ -83,6 +88,7 @@ impl Method {
             Method::Phase => "phase",
             Method::Mps => "mps",
             Method::Zncc => "zncc",
+            Method::TurboSl => "turbosl",
             Method::Lookup3d => "lookup3d",
             Method::Lookup3dLowrank => "lookup3d-lowrank",
         }
@@ -128,6 +134,10 @@ pub struct Options {
     #[cfg_attr(feature = "clap", command(flatten))]
     #[serde(default)]
     pub lookup3d: lookup3d::Options,
+    /// Of TurboSL.
+    #[cfg_attr(feature = "clap", command(flatten))]
+    #[serde(default)]
+    pub turbosl: turbosl::Options,
 }
 
 impl Options {
@@ -144,6 +154,7 @@ impl Options {
             min_contrast: 0.02,
             min_component: 40,
             lookup3d: Default::default(),
+            turbosl: Default::default(),
         }
     }
 }
@@ -266,33 +277,50 @@ pub fn run(
     let geometry = Geometry::new(projector, &plane, range);
 
     clock.begin("decode");
-    let decoded = match opts.method {
-        Method::Gray => gray::decode(&captured, &code, set)?,
-        Method::Phase => phase::decode(&captured, &code, set, &geometry)?,
-        Method::Mps => mps::decode(&captured, &code, set, &geometry, opts.search)?,
-        Method::Zncc => zncc::decode(&captured, &code, set, &geometry, opts)?,
-        Method::Lookup3d | Method::Lookup3dLowrank => unreachable!("decoded above, without a projector"),
-    };
-    stop()?;
+    let mut info = serde_json::Map::new();
+    let mut own_normals = Vec::new();
+    let maps = if opts.method == Method::TurboSl {
+        let (camera, patterns, settings) = (&rig.camera, &images.patterns, &opts.turbosl);
+        let found =
+            turbosl::decode(camera, projector, &plane, range.mm, patterns, &captured, &code, settings, progress)?;
+        info.extend(found.info);
+        own_normals = found.normals;
+        found.maps
+    } else {
+        let decoded = match opts.method {
+            Method::Gray => gray::decode(&captured, &code, set)?,
+            Method::Phase => phase::decode(&captured, &code, set, &geometry)?,
+            Method::Mps => mps::decode(&captured, &code, set, &geometry, opts.search)?,
+            Method::Zncc => zncc::decode(&captured, &code, set, &geometry, opts)?,
+            Method::TurboSl | Method::Lookup3d | Method::Lookup3dLowrank => unreachable!("decoded elsewhere"),
+        };
+        stop()?;
 
-    clock.begin("triangulate");
-    let surface = geometry.triangulate(&decoded);
-    let (mut depth, mut left) = (surface.depth, surface.left);
+        clock.begin("triangulate");
+        let Surface { depth, sigma, left } = geometry.triangulate(&decoded);
+        let residual = geometry.residual(&depth, &code, &captured);
+        let ambient = vec![f32::NAN; depth.len()];
+        Maps { depth, sigma, left, residual, ambient }
+    };
+    let Maps { mut depth, mut left, sigma, residual, ambient } = maps;
     drop_small(&mut depth, &mut left, &rig.camera, opts.min_component);
     if depth.iter().all(|z| z.is_nan()) {
         return Err(Error::Nothing { path: shot.dir.clone(), reason: why_nothing(&left) });
     }
-    let residual = geometry.residual(&depth, &code, &captured);
+    stop()?;
 
     clock.begin("build the surface");
-    let mut info = serde_json::Map::new();
     info.insert("settings".into(), serde_json::to_value(opts).expect("plain data serializes"));
     info.insert("depth_range".into(), serde_json::to_value(range).expect("plain data serializes"));
     info.insert("light".into(), serde_json::to_value(&light).expect("plain data serializes"));
     info.insert("images".into(), (set.images.len() + set.inverse.len() + 1 + usize::from(captured.has_black)).into());
-    let ambient = vec![f32::NAN; depth.len()];
-    let maps = Maps { depth, sigma: surface.sigma, left, residual, ambient };
+    let maps = Maps { depth, sigma, left, residual, ambient };
     let mut out = assemble(maps, &rig.camera, &plane, &images.white, info);
+    for (normal, own) in out.normals.iter_mut().zip(own_normals) {
+        if normal[0].is_finite() && own[0].is_finite() {
+            *normal = own;
+        }
+    }
     out.stages = clock.finish();
     Ok(out)
 }

@@ -25,6 +25,9 @@ const PER_LEVEL_SCALE: f64 = 1.447_269_237_440_378;
 /// Samples that a cube's diagonal is cut into.
 pub const STEPS_PER_DIAGONAL: f64 = 1024.0;
 
+/// Weight of the mask loss, as published.
+pub const MASK_WEIGHT: f64 = 0.1;
+
 /// Optimizer of a field over `n_steps` steps: warm-up from 1 % over 500 steps, then exponential decay to a tenth.
 fn training(learning_rate: f64, n_steps: usize) -> TrainConfig {
     let n_warmup_steps = 500.min(n_steps as u64 / 4);

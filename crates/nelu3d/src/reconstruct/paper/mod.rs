@@ -265,5 +265,3 @@ fn see(surface: &NeuralSurface, pixels: &Pixels, rays: &Rays, grid: &OccupancyGr
     out
 }
 
-#[cfg(test)]
-mod tests;

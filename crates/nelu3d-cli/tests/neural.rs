@@ -1,0 +1,101 @@
+//! The methods that train a signed distance field from scratch, on a small virtual rig without sensor noise: recipe `paper` and
+//! TurboSL. Few iterations, so these tests say that everything is wired up and converges, not how good it gets.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+use nelu3d_scan::pattern::{Axis, Pattern, Random, Sinusoid};
+use nelu3d_sim::Spec;
+use nelu3d_sim::spec::{LightSpec, PatternSetSpec, SweepSpec};
+use serde_json::Value;
+
+/// The rig with a calibrated field, made once.
+fn rig() -> &'static Path {
+    static RIG: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    &RIG.get_or_init(|| {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let path = dir.path().join("rig");
+        nelu3d_sim::simulate(&spec(), &path, &|_, _, _| {}).expect("the spec is sound");
+        let out = nelu3d(&["calibrate", path.to_str().unwrap(), "--quiet"]);
+        assert!(out.status.success(), "{}", stderr(&out));
+        (dir, path)
+    })
+    .1
+}
+
+/// A camera almost without noise, a ball, eight board positions, three patterns.
+fn spec() -> Spec {
+    let mut spec = Spec::preset("shapes").expect("a preset");
+    spec.scenes.retain(|s| s.name == "sphere");
+    (spec.camera.full_well_electrons, spec.camera.read_noise_electrons) = (1e9, 0.01);
+    let SweepSpec::Stage { positions, .. } = &mut spec.sweep else { panic!("the preset's board is on a stage") };
+    *positions = 8;
+    let LightSpec::Projector(p) = &mut spec.light else { panic!("the preset has a projector") };
+    (p.sharp_sigma_px, p.aperture_mm, p.gamma) = (0.5, 4.0, 1.0);
+    let random = |seed| Pattern::Random(Random { axis: Axis::X, min_period_px: 60.0, max_period_px: 400.0, seed });
+    let sine = Pattern::Sinusoid(Sinusoid { axis: Axis::X, period_px: 160.0, steps: 2 });
+    let patterns = vec![sine, random(1), random(2)];
+    spec.pattern_sets = vec![PatternSetSpec { name: "smooth".into(), patterns }];
+    spec
+}
+
+fn nelu3d(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_nelu3d")).args(args).output().expect("the program starts")
+}
+
+fn stderr(out: &Output) -> String {
+    String::from_utf8_lossy(&out.stderr).into_owned()
+}
+
+/// Runs a method on the ball and returns the summary.
+fn reconstruct(args: &[&str]) -> Value {
+    let (rig, dir) = (rig(), tempfile::tempdir().unwrap());
+    let (result, truth) = (dir.path().join("result"), rig.join("scenes/sphere/truth"));
+    let mut all = vec![args[0], rig.to_str().unwrap(), "sphere"];
+    all.extend(["--truth", truth.to_str().unwrap(), "-o", result.to_str().unwrap(), "--quiet"]);
+    all.extend(&args[1..]);
+    let out = nelu3d(&all);
+    assert!(out.status.success(), "{args:?}: {}", stderr(&out));
+    let text = std::fs::read_to_string(result.join("result.json")).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+/// (coverage, median |error| in mm away from silhouettes)
+fn body(summary: &Value) -> (f64, f64) {
+    let body = &summary["metrics"]["body"];
+    (body["coverage"].as_f64().unwrap(), body["depth_mm"]["median"].as_f64().unwrap())
+}
+
+#[test]
+fn recipe_paper_finds_the_ball() {
+    let steps = ["--recipe", "paper", "--steps", "240", "--samples", "12288"];
+    let summary = reconstruct(&[&["reconstruct"], &steps[..]].concat());
+    let (coverage, median) = body(&summary);
+    assert!(coverage > 0.95 && median < 1.0, "{coverage} {median}");
+    let losses = summary["method"]["losses"].as_array().unwrap();
+    let image = |i: usize| losses[i]["image"].as_f64().unwrap();
+    assert!(image(losses.len() - 1) < 0.5 * image(0), "{losses:?}");
+}
+
+#[test]
+fn turbosl_finds_the_ball() {
+    let steps = ["--method", "turbosl", "--steps", "400", "--samples", "12288"];
+    let summary = reconstruct(&[&["decode"], &steps[..]].concat());
+    let (coverage, median) = body(&summary);
+    assert!(coverage > 0.9 && median < 1.5, "{coverage} {median}");
+}
+
+#[test]
+fn ablations_are_settings() {
+    for settings in [
+        &["--ambient", "none", "--lookup-loss-weight", "1"][..],
+        &["--ambient", "unbounded", "--lookup-loss-weight", "0", "--start", "sphere", "--background", "carve"],
+    ] {
+        let steps = ["reconstruct", "--recipe", "paper", "--steps", "30", "--samples", "8192"];
+        let summary = reconstruct(&[&steps[..], settings].concat());
+        assert_eq!(summary["method"]["settings"]["paper"]["ambient"], settings[1]);
+    }
+    let out = nelu3d(&["reconstruct", "rig", "scene", "--recipe", "paper", "--lookup-loss-weight", "1.5"]);
+    assert_eq!(out.status.code(), Some(2));
+}
