@@ -193,14 +193,23 @@ fn text(code: &AxisScore) -> String {
     }
     text += &format!(
         "\n{:>9}  {:>9}  {:<13}  {:>8}  {:>12}  {:>14}  {:>11}\n",
-        "beyond px", "distance", format!("of {what}"), "1 − ZNCC", "within noise", "astray nearest", "astray zncc"
+        "beyond px",
+        "distance",
+        format!("of {what}"),
+        "1 − ZNCC",
+        "within noise",
+        "astray nearest",
+        "astray zncc"
     );
     let percent = |v: f64| format!("{:.2} %", 100.0 * v);
     for (i, d) in s.separations.iter().enumerate() {
         let none = || "–".to_owned();
         let [a, b] = d.columns;
-        let (distance, pair) =
-            if d.euclidean.is_finite() { (format!("{:.4}", d.euclidean), format!("{a}, {b}")) } else { (none(), none()) };
+        let (distance, pair) = if d.euclidean.is_finite() {
+            (format!("{:.4}", d.euclidean), format!("{a}, {b}"))
+        } else {
+            (none(), none())
+        };
         text += &format!(
             "{:>9}  {distance:>9}  {pair:<13}  {:>8}  {:>12}  {:>14}  {:>11}\n",
             d.beyond_px,
