@@ -114,6 +114,8 @@ fn images_on_disk_decode_to_their_columns() {
         let column = decoder.decode(&pixel(&mps, u)).unwrap().column;
         assert!((column - u as f64).abs() < 0.1, "{column}, not {u}");
     }
+    let about: Value = serde_json::from_slice(&fs::read(dir.path().join("mps/patterns.json")).unwrap()).unwrap();
+    assert_eq!(about["patterns"][0]["periods_px"].as_array().unwrap().len(), 4, "what was chosen is on record");
     let hilbert = lines("hilbert", &["--count", "3"]);
     let words = Codewords::new(3, (0..n).flat_map(|u| pixel(&hilbert, u)).collect());
     assert!((0..n).all(|u| words.nearest(&pixel(&hilbert, u)).unwrap().0 == u));
@@ -200,14 +202,14 @@ fn wrong_settings_leave_nothing() {
 fn scores_rank_codes() {
     let dir = tempfile::tempdir().unwrap();
     let astray = |args: &[&str]| -> f64 {
-        json(&[args, &["--size", "320x2", "-o", "p"]].concat(), dir.path());
-        let score = json(&["score", "p", "--noise", "0.02", "--beyond", "4"], dir.path());
-        assert_eq!((score["codes"][0]["columns"].as_u64(), score["codes"][0]["axis"].as_str()), (Some(320), Some("x")));
+        json(&[args, &["--size", "640x2", "-o", "p"]].concat(), dir.path());
+        let score = json(&["score", "p", "--noise", "0.02", "--beyond", "2"], dir.path());
+        assert_eq!((score["codes"][0]["columns"].as_u64(), score["codes"][0]["axis"].as_str()), (Some(640), Some("x")));
         score["codes"][0]["zncc"]["beyond"][0].as_f64().unwrap()
     };
-    let periodic = astray(&["sinusoid", "--period", "40"]);
-    let slow = astray(&["sinusoid", "--period", "330"]);
-    let optimized = astray(&["alacarte", "--max-frequency", "8", "--tolerance", "4", "--iterations", "200"]);
+    let periodic = astray(&["sinusoid", "--period", "80"]);
+    let slow = astray(&["sinusoid", "--period", "650"]);
+    let optimized = astray(&["alacarte", "--max-frequency", "8", "--iterations", "400"]);
     assert!(periodic > 0.8 && optimized < 0.5 * slow && slow < periodic, "{periodic}, {slow}, {optimized}");
 }
 

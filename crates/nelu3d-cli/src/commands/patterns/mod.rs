@@ -94,7 +94,8 @@ fn write(family: &'static str, pattern: &Pattern, sheet: &Sheet, context: &Conte
         return Err(PatternError::Size { width, height }.into());
     }
     context.progress.stage("make patterns");
-    let patterns: Vec<Pattern> = axes.iter().map(|&axis| pattern.along(axis)).collect();
+    let patterns =
+        axes.iter().map(|&axis| pattern.along(axis).resolved(width, height)).collect::<Result<Vec<_>, _>>()?;
     // One line of each image is all there is to know: the whole of large sets would not fit into memory.
     let mut lines = PatternImages::default();
     for (pattern, axis) in patterns.iter().zip(axes) {
