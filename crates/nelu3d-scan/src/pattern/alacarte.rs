@@ -112,7 +112,8 @@ impl Alacarte {
                 *best = Some((wrong, waves));
             }
         };
-        for start in [Start::Turn, Start::Mix, Start::Mix, Start::Mix, Start::Noise, Start::Noise] {
+        let starts = [Start::Turn, Start::Noise, Start::Noise].into_iter().chain([Start::Mix; 8]);
+        for start in starts {
             let mut waves = Waves::new(m, self.count, self.max_frequency);
             waves.start(start, &mut random);
             self.descend(&mut waves, tolerance, self.iterations / 10, 0.0, &mut random);

@@ -185,6 +185,35 @@ impl Pattern {
         matches!(self, Pattern::Rgb(_) | Pattern::Film(_))
     }
 
+    /// The same pattern with every setting that was left to the size of the image written out.
+    ///
+    /// # Errors
+    ///
+    /// A setting out of its range.
+    pub fn resolved(&self, width: usize, height: usize) -> Result<Self, PatternError> {
+        Ok(match self {
+            Pattern::Phase(p) => Pattern::Phase(p.resolved(p.axis.length(width, height))?),
+            Pattern::Mps(p) => Pattern::Mps(p.resolved(p.axis.length(width, height))?),
+            Pattern::Rgb(p) => {
+                let mut parts = p.parts.clone();
+                for part in &mut parts {
+                    **part = part.resolved(width, height)?;
+                }
+                Pattern::Rgb(Rgb { parts })
+            }
+            Pattern::Sinusoid(_)
+            | Pattern::Triangle(_)
+            | Pattern::Ramp(_)
+            | Pattern::Random(_)
+            | Pattern::Gray(_)
+            | Pattern::Binary(_)
+            | Pattern::Xor(_)
+            | Pattern::Hilbert(_)
+            | Pattern::Alacarte(_)
+            | Pattern::Film(_) => self.clone(),
+        })
+    }
+
     /// The same pattern along another axis.
     #[must_use]
     pub fn along(&self, axis: Axis) -> Self {
@@ -336,7 +365,7 @@ mod tests {
                     assert_eq!((i.width, i.height, i.data.len()), (w, h, w * h * i.channels), "{pattern:?}");
                     assert!(i.data.iter().all(|v| (0.0..=1.0).contains(v)), "{pattern:?}");
                 }
-                assert_eq!(made, pattern.generate(w, h).unwrap());
+                assert_eq!(made, pattern.resolved(w, h).unwrap().generate(w, h).unwrap());
             }
             assert!(matches!(pattern.generate(0, 4), Err(PatternError::Size { .. })));
             assert!(matches!(pattern.generate(4, usize::MAX), Err(PatternError::Size { .. })));

@@ -50,8 +50,19 @@ impl Mps {
     ///
     /// A setting out of its range.
     pub fn waves(&self, n: usize) -> Result<Vec<Wave>, PatternError> {
+        let periods = self.resolved(n)?.periods_px;
+        let first = SHIFTS.map(|shift| Wave { period_px: periods[0], shift });
+        Ok(first.into_iter().chain(periods[1..].iter().map(|&period_px| Wave { period_px, shift: 0.0 })).collect())
+    }
+
+    /// The same settings with the periods that they mean for `n` columns.
+    ///
+    /// # Errors
+    ///
+    /// A setting out of its range.
+    pub fn resolved(&self, n: usize) -> Result<Self, PatternError> {
         let wrong = |key, value, remedy| PatternError::Setting { family: "mps", key, value, remedy };
-        let periods = if self.periods_px.is_empty() {
+        let periods_px = if self.periods_px.is_empty() {
             check_period("mps", "mean_period_px", self.mean_period_px)?;
             if !(2..=32).contains(&self.frequencies) {
                 return Err(wrong("frequencies", self.frequencies as f64, "give 2 to 32"));
@@ -67,11 +78,10 @@ impl Mps {
             }
             self.periods_px.clone()
         };
-        for &period_px in &periods {
+        for &period_px in &periods_px {
             check_period("mps", "periods_px", period_px)?;
         }
-        let first = SHIFTS.map(|shift| Wave { period_px: periods[0], shift });
-        Ok(first.into_iter().chain(periods[1..].iter().map(|&period_px| Wave { period_px, shift: 0.0 })).collect())
+        Ok(Self { frequencies: periods_px.len(), periods_px, ..self.clone() })
     }
 
     pub(super) fn generate(&self, width: usize, height: usize) -> Result<Vec<Image>, PatternError> {
@@ -282,7 +292,7 @@ mod tests {
         let waves = pattern.waves(1024).unwrap();
         assert_eq!(waves.len(), 6);
         assert!(waves.iter().all(|w| (60.8..=67.2).contains(&w.period_px)), "{waves:?}");
-        assert_eq!(waves, pattern.waves(1024).unwrap());
+        assert_eq!(waves, pattern.resolved(1024).unwrap().waves(1024).unwrap());
     }
 
     #[test]

@@ -29,6 +29,7 @@ pub struct PhaseShift {
 }
 
 const DEFAULT_STEPS: usize = 4;
+const MAX_PERIODS: usize = 64;
 const FINEST_PX: f64 = 20.0;
 const LARGEST_FACTOR: f64 = 8.0;
 
@@ -39,26 +40,37 @@ impl PhaseShift {
     ///
     /// A period below 2 px, fewer than 3 steps or more than 64, or another number of steps than of periods.
     pub fn waves(&self, n: usize) -> Result<Vec<Wave>, PatternError> {
+        let all = self.resolved(n)?;
+        let periods = all.periods_px.iter().zip(all.steps);
+        Ok(periods
+            .flat_map(|(&period_px, steps)| (0..steps).map(move |i| Wave { period_px, shift: i as f64 / steps as f64 }))
+            .collect())
+    }
+
+    /// The same settings with the periods and steps that they mean for `n` columns.
+    ///
+    /// # Errors
+    ///
+    /// As [`PhaseShift::waves`].
+    pub fn resolved(&self, n: usize) -> Result<Self, PatternError> {
         let wrong = |key, value, remedy| PatternError::Setting { family: "phase", key, value, remedy };
-        let periods = if self.periods_px.is_empty() { default_periods(n) } else { self.periods_px.clone() };
+        let periods_px = if self.periods_px.is_empty() { default_periods(n) } else { self.periods_px.clone() };
+        if periods_px.len() > MAX_PERIODS {
+            return Err(wrong("periods_px", periods_px.len() as f64, "give at most 64 periods"));
+        }
         let steps = match self.steps.as_slice() {
-            [] => vec![DEFAULT_STEPS; periods.len()],
-            [all] => vec![*all; periods.len()],
-            each if each.len() == periods.len() => each.to_vec(),
+            [] => vec![DEFAULT_STEPS; periods_px.len()],
+            [all] => vec![*all; periods_px.len()],
+            each if each.len() == periods_px.len() => each.to_vec(),
             each => return Err(wrong("steps", each.len() as f64, "give one number, or one for each period")),
         };
-        if periods.len() > 64 {
-            return Err(wrong("periods_px", periods.len() as f64, "give at most 64 periods"));
-        }
-        let mut waves = Vec::new();
-        for (&period_px, &steps) in periods.iter().zip(&steps) {
+        for (&period_px, &steps) in periods_px.iter().zip(&steps) {
             check_period("phase", "periods_px", period_px)?;
             if !(3..=64).contains(&steps) {
                 return Err(wrong("steps", steps as f64, "give 3 to 64: a phase has three unknowns"));
             }
-            waves.extend((0..steps).map(|i| Wave { period_px, shift: i as f64 / steps as f64 }));
         }
-        Ok(waves)
+        Ok(Self { axis: self.axis, periods_px, steps })
     }
 
     pub(super) fn generate(&self, width: usize, height: usize) -> Result<Vec<Image>, PatternError> {
@@ -165,6 +177,9 @@ impl PhaseDecoder {
         let groups = groups.ok_or(no("each period needs three or more images of different shifts"))?;
         let finest = (0..groups.len()).min_by(|&a, &b| groups[a].period_px.total_cmp(&groups[b].period_px));
         let finest = finest.ok_or(no("there is no image"))?;
+        if groups.len() > MAX_PERIODS {
+            return Err(no("it has more than 64 periods"));
+        }
         Ok(Self { n, groups, finest, n_images: waves.len() })
     }
 
@@ -177,8 +192,8 @@ impl PhaseDecoder {
     pub fn decode(&self, values: &[f32]) -> Option<Decoded> {
         assert_eq!(values.len(), self.n_images, "one value per image");
         // (amplitude, phase in periods, period); decoders run over millions of pixels, so no allocation for usual sets.
-        let mut measured = [(0.0, 0.0, 1.0); 64];
-        let measured = &mut measured[..self.groups.len().min(64)];
+        let mut measured = [(0.0, 0.0, 1.0); MAX_PERIODS];
+        let measured = &mut measured[..self.groups.len()];
         for (m, group) in measured.iter_mut().zip(&self.groups) {
             let [c, s] = group.measure(values);
             *m = (c.hypot(s), (s.atan2(c) / TAU).rem_euclid(1.0), group.period_px);

@@ -9,7 +9,7 @@ use anyhow::Result;
 use nelu3d_scan::Image;
 use nelu3d_scan::image::{write_png8, write_png16};
 use nelu3d_scan::output::OutputDir;
-use nelu3d_scan::pattern::{Axis, Pattern, PatternImage, PatternImages, Rgb, Sinusoid, Triangle};
+use nelu3d_scan::pattern::{Axis, Pattern, PatternError, PatternImage, PatternImages, Ramp, Rgb, Sinusoid, Triangle};
 use serde::Serialize;
 
 use super::{Context, shown};
@@ -88,11 +88,14 @@ fn write(family: &'static str, pattern: &Pattern, sheet: &Sheet, context: &Conte
         Axes::Both => &[Axis::X, Axis::Y],
     };
     let [width, height] = sheet.size;
-    // A size out of range is refused before the lines are made.
-    Pattern::Ramp(nelu3d_scan::pattern::Ramp::default()).generate(width.min(height), 1)?;
-    Pattern::Ramp(nelu3d_scan::pattern::Ramp::default()).generate(width.max(height), 1)?;
+    // The lines below are made one pixel wide, so each side is tried here.
+    let ramp = Pattern::Ramp(Ramp::default());
+    if ramp.generate(width, 1).and(ramp.generate(height, 1)).is_err() {
+        return Err(PatternError::Size { width, height }.into());
+    }
     context.progress.stage("make patterns");
-    let patterns: Vec<Pattern> = axes.iter().map(|&axis| pattern.along(axis)).collect();
+    let patterns =
+        axes.iter().map(|&axis| pattern.along(axis).resolved(width, height)).collect::<Result<Vec<_>, _>>()?;
     // One line of each image is all there is to know: the whole of large sets would not fit into memory.
     let mut lines = PatternImages::default();
     for (pattern, axis) in patterns.iter().zip(axes) {
