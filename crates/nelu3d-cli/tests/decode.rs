@@ -117,8 +117,8 @@ fn a_single_frequency_needs_a_narrow_range() {
 /// A window decodes where single pixels are ambiguous, and all columns may be searched.
 #[test]
 fn correlation_searches_as_told() {
-    let all = decode("random", "zncc", &["--search", "all"]);
-    let windows = decode("random", "zncc", &["--window", "5", "--depth", "560", "840"]);
+    let all = decode("random", "zncc", &["--columns", "all"]);
+    let windows = decode("random", "zncc", &["--patch", "5", "--depth", "560", "840"]);
     for s in [all, windows] {
         let body = &s["metrics"]["body"];
         assert!(
@@ -127,8 +127,8 @@ fn correlation_searches_as_told() {
         );
     }
     let rig = rig().to_str().unwrap();
-    let out = nelu3d(&["decode", rig, "sphere", "--set", "random", "--method", "zncc", "--window", "4"]);
-    assert!(out.status.code() == Some(1) && stderr(&out).contains("--window"), "{}", stderr(&out));
+    let out = nelu3d(&["decode", rig, "sphere", "--set", "random", "--method", "zncc", "--patch", "4"]);
+    assert!(out.status.code() == Some(1) && stderr(&out).contains("--patch"), "{}", stderr(&out));
 }
 
 #[test]

@@ -9,7 +9,7 @@
 //! must change along x or along y only. The projected values are taken to be linear in light; [`Options::gamma`] says
 //! otherwise, and so does the response that [`projector::calibrate`] measures. A calibrated projector is required (`nelu3d projector` makes one).
 //!
-//! To add a method: a file with a function that fills a [`Decoded`], a variant of [`Method`], an arm in [`run`].
+//! To add a method: a file with a function that fills a `Decoded`, a variant of [`Method`], an arm in [`run`].
 
 mod captured;
 mod code;
@@ -68,7 +68,7 @@ pub enum Method {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
-pub enum Search {
+pub enum Columns {
     /// Those along the pixel's epipolar line, within the depth range.
     Epipolar,
     /// All.
@@ -108,12 +108,12 @@ pub struct Options {
     #[cfg_attr(feature = "clap", arg(long, num_args = 2, value_names = ["NEAR", "FAR"]))]
     pub depth: Option<Vec<f64>>,
     /// Which columns a codeword is compared with (mps, zncc)
-    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Search::Epipolar))]
-    pub search: Search,
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Columns::Epipolar))]
+    pub columns: Columns,
     /// Side of the window over which correlations are summed, px, odd (zncc; default: 1 with six images or more and with
-    /// --search all, else 9)
+    /// --columns all, else 9)
     #[cfg_attr(feature = "clap", arg(long, value_name = "PX"))]
-    pub window: Option<usize>,
+    pub patch: Option<usize>,
     /// Least correlation, -1 to 1 (zncc)
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 0.9))]
     pub min_score: f32,
@@ -146,8 +146,8 @@ impl Options {
         Self {
             method,
             depth: None,
-            search: Search::Epipolar,
-            window: None,
+            columns: Columns::Epipolar,
+            patch: None,
             min_score: 0.9,
             blur: None,
             gamma: None,
@@ -290,7 +290,7 @@ pub fn run(
         let decoded = match opts.method {
             Method::Gray => gray::decode(&captured, &code, set)?,
             Method::Phase => phase::decode(&captured, &code, set, &geometry)?,
-            Method::Mps => mps::decode(&captured, &code, set, &geometry, opts.search)?,
+            Method::Mps => mps::decode(&captured, &code, set, &geometry, opts.columns)?,
             Method::Zncc => zncc::decode(&captured, &code, set, &geometry, opts)?,
             Method::TurboSl | Method::Lookup3d | Method::Lookup3dLowrank => unreachable!("decoded elsewhere"),
         };
@@ -342,10 +342,10 @@ fn check(opts: &Options) -> Result<(), Error> {
         let problem = format!("is {}: give a number from 0 to below 1", opts.min_contrast);
         return Err(Error::Setting { setting: "--min-contrast", problem });
     }
-    let longest = if opts.search == Search::All { 1 } else { 63 };
-    if let Some(window) = opts.window.filter(|w| w.is_multiple_of(2) || *w > longest) {
-        let problem = format!("is {window}: give an odd number of pixels up to 63, and 1 with --search all");
-        return Err(Error::Setting { setting: "--window", problem });
+    let longest = if opts.columns == Columns::All { 1 } else { 63 };
+    if let Some(patch) = opts.patch.filter(|w| w.is_multiple_of(2) || *w > longest) {
+        let problem = format!("is {patch}: give an odd number of pixels up to 63, and 1 with --columns all");
+        return Err(Error::Setting { setting: "--patch", problem });
     }
     if !(-1.0..=1.0).contains(&opts.min_score) {
         return Err(Error::Setting { setting: "--min-score", problem: format!("is {}: give -1 to 1", opts.min_score) });

@@ -15,7 +15,7 @@ use super::code::Code;
 use super::phase::Phase;
 use super::triangulate::Geometry;
 use super::wave::learn;
-use super::{Coordinate, Decoded, Error, Search};
+use super::{Columns, Coordinate, Decoded, Error};
 use crate::result::Left;
 
 use std::f32::consts::TAU;
@@ -35,7 +35,7 @@ pub(super) fn decode(
     code: &Code,
     set: &PatternSet,
     geometry: &Geometry<'_>,
-    search: Search,
+    search: Columns,
 ) -> Result<Decoded, Error> {
     let mut left = captured.left.clone();
     let mut coordinates = Vec::new();
@@ -75,7 +75,7 @@ pub(super) fn decode(
                 if left[i] != Left::Kept {
                     return (f32::NAN, f32::NAN, left[i]);
                 }
-                let within = if search == Search::All { Some(whole) } else { geometry.interval(i, axis) };
+                let within = if search == Columns::All { Some(whole) } else { geometry.interval(i, axis) };
                 let Some(within) = within else { return (f32::NAN, f32::NAN, Left::Outside) };
                 match column(&phase, &others, i, captured.variance(i, 0.5).sqrt(), within) {
                     Some((u, sigma)) => (u, sigma, Left::Kept),

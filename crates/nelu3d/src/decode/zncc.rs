@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::captured::Captured;
 use super::code::{AxisCode, Code};
 use super::triangulate::{Along, Geometry, line_of};
-use super::{Coordinate, Decoded, Error, Options, Search};
+use super::{Columns, Coordinate, Decoded, Error, Options};
 use crate::result::Left;
 
 /// Error of a normalized intensity that noise does not explain.
@@ -55,7 +55,7 @@ pub(super) fn decode(
         let blur = opts.blur.unwrap_or_else(|| estimate_blur(captured, axis, &planes));
         tracing::info!(blur, "zncc");
         let table = Table::new(axis, &planes, blur);
-        let window = opts.window.unwrap_or(if planes.len() >= 6 || opts.search == Search::All { 1 } else { 9 });
+        let window = opts.patch.unwrap_or(if planes.len() >= 6 || opts.columns == Columns::All { 1 } else { 9 });
         let (at, sigma) = if window > 1 {
             windowed(&seen, &table, axis, geometry, captured, opts.min_score, window / 2, &mut left)
         } else {
@@ -171,11 +171,11 @@ fn centered(p: &[f32], out: &mut [f32]) -> f32 {
 }
 
 /// The columns that pixel `i` is compared with.
-fn columns(geometry: &Geometry<'_>, axis: &AxisCode, search: Search, i: usize) -> Option<(usize, usize)> {
+fn columns(geometry: &Geometry<'_>, axis: &AxisCode, search: Columns, i: usize) -> Option<(usize, usize)> {
     let last = axis.len() - 1;
     match search {
-        Search::All => Some((0, last)),
-        Search::Epipolar => {
+        Columns::All => Some((0, last)),
+        Columns::Epipolar => {
             let [low, high] = geometry.interval(i, axis)?;
             Some((low.max(0.0) as usize, (high.max(0.0).ceil() as usize).min(last)))
         }
@@ -238,7 +238,7 @@ fn single(
         if captured.left[i] != Left::Kept {
             return none(captured.left[i]);
         }
-        let Some((low, high)) = columns(geometry, axis, opts.search, i) else { return none(Left::Outside) };
+        let Some((low, high)) = columns(geometry, axis, opts.columns, i) else { return none(Left::Outside) };
         let norm = centered(seen.at(i), code);
         table.correlate(code, low, high, scores);
         let (at, best) = largest(scores);
