@@ -156,7 +156,7 @@ fn run(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, wi
         fell_back: false,
     };
     let mut pixels = vec![nothing; shape.n_pixels()];
-    let tau2 = if settings.max_residual > 0.0 { settings.max_residual.powi(2) } else { f32::INFINITY };
+    let tau = if settings.max_residual > 0.0 { settings.max_residual } else { f32::INFINITY };
     let own = settings.interpolation.error().powi(2);
     pixels.par_chunks_mut(w).enumerate().for_each_init(
         || (Interpolator::new(table, settings.interpolation), vec![0.0; w * k], vec![Hit::NONE; w], vec![0.0; k]),
@@ -185,7 +185,8 @@ fn run(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, wi
                         return false;
                     }
                     let found = interpolator.find(first + x, hit.index as usize, hit.distance, query, variances);
-                    let good = found.distance <= found.slack + tau2 * noise && found.variance.is_finite();
+                    let most = found.slack.sqrt() + tau * noise.sqrt();
+                    let good = found.distance.sqrt() <= most && found.variance.is_finite();
                     *out = Pixel {
                         depth: if good { found.depth } else { f32::NAN },
                         sigma: if good { found.variance.sqrt() } else { f32::NAN },
