@@ -39,7 +39,7 @@ pub enum FormKind {
     Grid,
     /// Multiresolution hash encoding and a small network.
     Hash,
-    /// Sines and cosines in octaves and a network; for comparison, it is slower and worse than the others.
+    /// Sines and cosines in octaves and a network.
     Frequency,
 }
 

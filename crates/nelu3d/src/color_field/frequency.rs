@@ -5,7 +5,8 @@
 //! along the light's rays, can supervise: those octaves are noise to the network, and along w they put wiggles between the
 //! board positions. So by default an axis has only the octaves that its cells resolve. [`Octaves::Paper`] keeps all 20.
 //!
-//! The paper gives no size for the network; NeRF's 8 × 256 would train for an hour here. Ours is 4 × 128.
+//! The paper gives no size for the network, and NeRF's 8 × 256 would train for an hour here. Ours is 4 × 64: with it the
+//! paper's 5,000 steps reach the quality of the other forms on `dlp` (docs/color-field-forms.md).
 
 use nelu3d_field::{FrequencyField, FrequencyFieldConfig};
 use serde::{Deserialize, Serialize};
@@ -57,6 +58,8 @@ impl FrequencySettings {
             // The finest octave of n has 2^(n − 2) periods: at least four cells each.
             config.n_frequencies = self.cells.map(|c| c.max(1).ilog2() as usize);
         }
+        config.width = 64;
+        config.learning_rate = 3e-3;
         config.schedule.final_factor = 0.01;
         config
     }
