@@ -47,7 +47,11 @@ fn tables_go_out_and_come_back_and_decode_the_same() {
     let body = |summary: &Value, key: &str| summary["metrics"]["body"]["depth_mm"][key].as_f64().unwrap();
     let own = decode("own", &["--method", "lookup3d"]);
     // Boards 8 mm apart: without interpolation a quarter of it is the median error, with it little is left.
-    assert!(body(&own, "median") < 0.3 && own["metrics"]["body"]["coverage"].as_f64().unwrap() > 0.9, "{}", own["metrics"]);
+    assert!(
+        body(&own, "median") < 0.3 && own["metrics"]["body"]["coverage"].as_f64().unwrap() > 0.9,
+        "{}",
+        own["metrics"]
+    );
     let nearest = decode("nearest", &["--method", "lookup3d", "--interpolation", "none", "--max-residual", "0"]);
     assert!((1.0..3.0).contains(&body(&nearest, "median")), "{}", nearest["metrics"]);
 
