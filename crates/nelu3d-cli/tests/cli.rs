@@ -32,8 +32,20 @@ fn assert_one_sentence(output: &Output, what: &str) {
 fn help_lists_the_commands() {
     let out = nelu3d(&["--help"]);
     assert_eq!(code(&out), 0);
-    for command in ["demo", "simulate", "check", "calibrate", "reconstruct", "decode", "projector", "evaluate", "bench"]
-    {
+    const COMMANDS: &[&str] = &[
+        "demo",
+        "simulate",
+        "patterns",
+        "check",
+        "projector",
+        "calibrate",
+        "reconstruct",
+        "decode",
+        "table",
+        "evaluate",
+        "bench",
+    ];
+    for command in COMMANDS {
         assert!(stdout(&out).contains(&format!("\n  {command} ")), "{command}");
         let help = nelu3d(&[command, "--help"]);
         assert_eq!(code(&help), 0, "{command}");

@@ -36,7 +36,7 @@ mod reduce;
 pub mod surface;
 pub mod volrend;
 
-pub use field::{HashField, HashFieldConfig};
+pub use field::{FrequencyField, FrequencyFieldConfig, HashField, HashFieldConfig};
 pub use real::Real;
 pub use surface::NeuralSurface;
 

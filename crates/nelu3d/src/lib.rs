@@ -37,7 +37,7 @@
 //! - [`color_field`] is c(x), the intensities that the patterns have at every point of the calibrated volume: its
 //!   coordinates, how it is stored, where it holds.
 //! - [`reconstruct`] decodes a cost volume over the field and refines the surface by volume rendering in a narrow band.
-//! - [`decode`] has the methods that all of this is compared with; they need a calibrated projector.
+//! - [`decode`] has the methods that all of this is compared with; all but LookUp3D need a calibrated projector.
 //! - [`evaluate`] judges depth, normals and 1σ by region. No reconstruction sees a truth.
 //! - [`mod@result`] is the folder that all of it is written to.
 //!

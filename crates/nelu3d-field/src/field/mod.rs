@@ -1,12 +1,14 @@
-//! A hash grid and a small network over one flat parameter buffer: the engine's seam. Callers train a step, query points,
+//! An encoding (a hash grid, or frequencies) and a small network over one flat parameter buffer: the engine's seam. Callers train a step, query points,
 //! and read or restore the parameters; nothing of the device leaks through.
 
 mod config;
+mod frequency;
 mod query;
 pub(crate) mod table;
 pub(crate) mod train;
 
 pub use config::{FieldError, HashFieldConfig, RegressionLoss, TrainConfig};
+pub use frequency::{FrequencyField, FrequencyFieldConfig};
 
 use crate::encoding::hash_grid::HashGrid;
 use crate::memory;

@@ -86,22 +86,30 @@ fn lanes(values: &[f32], from: usize) -> &[f32; LANES] {
 /// The closest of the positions `from..to`, whose distances `distances(p)` gives from p on, p a multiple of [`LANES`].
 #[inline(always)]
 fn scan([from, to]: [u32; 2], distances: impl Fn(usize) -> [f32; LANES]) -> Hit {
-    let (mut best, mut index) = ([f32::INFINITY; LANES], [u32::MAX; LANES]);
+    // Per lane its best distance, and the first position of the vector that it was found in: a float, so that both are
+    // chosen by one comparison of whole vectors. Exact, as tables have far fewer than 2^24 positions.
+    let (mut best, mut found) = ([f32::INFINITY; LANES], [f32::NAN; LANES]);
     let mut first = from / LANES as u32 * LANES as u32;
     while first < to {
-        let sum = distances(first as usize);
+        let mut sum = distances(first as usize);
+        if first < from || first + LANES as u32 > to {
+            for l in 0..LANES {
+                let p = first + l as u32;
+                sum[l] = if (from..to).contains(&p) { sum[l] } else { f32::INFINITY };
+            }
+        }
         for l in 0..LANES {
-            let p = first + l as u32;
             // False for NaN, too.
-            let better = (sum[l] < best[l]) & (p >= from) & (p < to);
+            let better = sum[l] < best[l];
             best[l] = if better { sum[l] } else { best[l] };
-            index[l] = if better { p } else { index[l] };
+            found[l] = if better { first as f32 } else { found[l] };
         }
         first += LANES as u32;
     }
     let mut hit = Hit::NONE;
-    for (&distance, &index) in best.iter().zip(&index) {
-        if distance < hit.distance || (distance == hit.distance && index < hit.index) {
+    for (l, (&distance, &first)) in best.iter().zip(&found).enumerate() {
+        let index = first as u32 + l as u32;
+        if distance < hit.distance || (distance == hit.distance && distance.is_finite() && index < hit.index) {
             hit = Hit { index, distance };
         }
     }

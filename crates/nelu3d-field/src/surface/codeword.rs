@@ -27,15 +27,7 @@ impl RayLoss for Codewords<'_> {
     }
 
     #[inline(always)]
-    fn ray(
-        &self,
-        r: usize,
-        sdf: &[f32],
-        _: &[[f32; 3]],
-        inv_s: f64,
-        scratch: &mut RayScratch,
-        out: RayGradient<'_>,
-    ) {
+    fn ray(&self, r: usize, sdf: &[f32], _: &[[f32; 3]], inv_s: f64, scratch: &mut RayScratch, out: RayGradient<'_>) {
         let Self { batch, settings } = self;
         let RayScratch { buffers: [weights, d_weights, image, _], steps } = scratch;
         let k = batch.k();
@@ -80,8 +72,7 @@ impl RayLoss for Codewords<'_> {
         for (d, colors) in d_weights.iter_mut().zip(colors.chunks_exact(k.max(1))) {
             *d = d_mask * slope + image.iter().zip(colors).map(|(d, c)| d * c).sum::<f32>();
         }
-        *out.d_inv_s +=
-            volrend::backward_ray(sdf, inv_s, weights, steps, d_weights, d_log_transmittance, out.d_sdf);
+        *out.d_inv_s += volrend::backward_ray(sdf, inv_s, weights, steps, d_weights, d_log_transmittance, out.d_sdf);
         out.losses.image += image_loss * image_scale;
         out.losses.mask += mask_loss * mask_scale;
     }

@@ -8,6 +8,7 @@ use super::{Error, FormKind, Options};
 use crate::color_field::bins::{Bins, Gathered};
 use crate::color_field::fit::{Smoothness, fit};
 use crate::color_field::frame::{Center, Frame};
+use crate::color_field::frequency::{FrequencyForm, FrequencySettings};
 use crate::color_field::grid::Grid;
 use crate::color_field::hash::{HashForm, HashSettings};
 use crate::color_field::validity::Validity;
@@ -98,10 +99,17 @@ impl Candidate {
                 hash.train(&bins, opts.seed, progress);
                 Form::Hash(Box::new(hash))
             }
+            FormKind::Frequency => {
+                let settings = FrequencySettings::for_cells(cells, opts.octaves);
+                let mut frequency = FrequencyForm::new(settings, k, opts.seed);
+                frequency.train(&bins, opts.seed, progress);
+                Form::Frequency(Box::new(frequency))
+            }
         };
         let grid = match &form {
             Form::Grid(g) => std::borrow::Cow::Borrowed(g),
             Form::Hash(h) => std::borrow::Cow::Owned(h.to_grid()),
+            Form::Frequency(f) => std::borrow::Cow::Owned(f.to_grid()),
         };
         // Depth errors of every fourth sample at most, however many positions are held out.
         let stride = 4 * held.len().max(1);
@@ -134,6 +142,7 @@ impl Candidate {
         match &mut form {
             Form::Grid(grid) => fit(grid, &bins, smoothness(self.center), 8, progress),
             Form::Hash(hash) => hash.train(&bins, opts.seed.wrapping_add(1), progress),
+            Form::Frequency(frequency) => frequency.train(&bins, opts.seed.wrapping_add(1), progress),
         }
         Ok(form)
     }
@@ -146,12 +155,13 @@ fn smoothness(center: Center) -> Smoothness {
     }
 }
 
-/// Two bins a cell along w, and three along the light's rays for the hash form, which is no spline and loses by less.
+/// Two bins a cell along w, and three along the light's rays for the forms with a network, which are no splines and lose by
+/// less.
 fn empty_bins(placed: &Placed<'_>, cells: [usize; 3], center: Center, form: FormKind) -> Bins {
     let along = match (center, form) {
         // However few positions there are: more must not take more memory.
         (Center::Light, FormKind::Grid) => CELLS_ALONG_LIGHT * 2,
-        (Center::Light, FormKind::Hash) => CELLS_ALONG_LIGHT * 3,
+        (Center::Light, FormKind::Hash | FormKind::Frequency) => CELLS_ALONG_LIGHT * 3,
         (Center::Camera, _) => cells[2] * 2,
     };
     Bins::new([cells[0], cells[1], along], placed.sweep.k)

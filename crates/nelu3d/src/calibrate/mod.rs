@@ -19,6 +19,7 @@ use nelu3d_scan::{Camera, Rig};
 use serde::{Deserialize, Serialize};
 
 use crate::color_field::frame::{Center, Frame};
+use crate::color_field::frequency::Octaves;
 use crate::color_field::{About, ColorField, Quality};
 use crate::progress::Progress;
 use crate::result::{StageClock, StageTime};
@@ -38,6 +39,8 @@ pub enum FormKind {
     Grid,
     /// Multiresolution hash encoding and a small network.
     Hash,
+    /// Sines and cosines in octaves and a network.
+    Frequency,
 }
 
 /// Where the frame of the field is centered.
@@ -74,6 +77,9 @@ pub struct Options {
     /// How the color field is stored
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = FormKind::Grid))]
     pub form: FormKind,
+    /// Octaves of the frequency form
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Octaves::Supervised))]
+    pub octaves: Octaves,
     /// Where the field's coordinates are centered
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = FrameKind::Auto))]
     pub frame: FrameKind,
@@ -101,6 +107,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             form: FormKind::Grid,
+            octaves: Octaves::Supervised,
             frame: FrameKind::Auto,
             trajectory: TrajectoryKind::Auto,
             hold_out: 8,

@@ -137,7 +137,7 @@ pub(super) fn run(
     let center = projector.center();
     let cells = match &field.form {
         Form::Grid(g) => g.cells,
-        Form::Hash(_) => unreachable!("a field from a projector is a grid"),
+        Form::Hash(_) | Form::Frequency(_) => unreachable!("a field from a projector is a grid"),
     };
     let report = Report {
         trajectory: None,

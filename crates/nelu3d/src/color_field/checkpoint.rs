@@ -1,7 +1,7 @@
 //! A color field on disk: one safetensors file that describes itself.
 //!
 //! Metadata key `nelu3d` holds JSON: format, frame, form, validity shape and [`About`]. Tensors: `coeffs` (f16, grid) or
-//! `params` (f32, hash); `t_range` (f32, tiles × 2, mm along the ray); `lit` (u8, cells).
+//! `params` (f32, hash and frequency); `t_range` (f32, tiles × 2, mm along the ray); `lit` (u8, cells).
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -12,6 +12,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
 use super::frame::Frame;
+use super::frequency::{FrequencyForm, FrequencyShape};
 use super::grid::Grid;
 use super::hash::{HashForm, HashShape};
 use super::validity::{Validity, ValidityShape};
@@ -69,6 +70,7 @@ struct Header {
 enum FormHeader {
     Grid { cells: [usize; 3], k: usize },
     Hash(Box<HashShape>),
+    Frequency(Box<FrequencyShape>),
 }
 
 /// Most values per node of a grid or point of a field: far beyond any pattern set.
@@ -88,6 +90,7 @@ impl Header {
                 expect(shape.settings.cells == finest, "its network is not of the size it states")?;
                 (shape.settings.cells, shape.k)
             }
+            FormHeader::Frequency(shape) => (shape.settings.cells, shape.k),
         };
         let about = &self.about;
         expect((1..=MAX_K).contains(&k), "its number of channels is impossible")?;
@@ -129,6 +132,11 @@ impl ColorField {
                 let params = h.params();
                 let bytes = bytemuck::cast_slice(params).to_vec();
                 (FormHeader::Hash(Box::new(h.shape().clone())), "params", Dtype::F32, vec![params.len()], bytes)
+            }
+            Form::Frequency(f) => {
+                let params = f.params();
+                let bytes = bytemuck::cast_slice(params).to_vec();
+                (FormHeader::Frequency(Box::new(f.shape().clone())), "params", Dtype::F32, vec![params.len()], bytes)
             }
         };
         let header = Header {
@@ -218,6 +226,11 @@ impl ColorField {
                 let hash = HashForm::from_params(*shape, params);
                 Form::Hash(Box::new(hash.ok_or_else(|| bad("its network and its parameters do not fit".into()))?))
             }
+            FormHeader::Frequency(shape) => {
+                let params = floats(tensor("params", Dtype::F32, &[shape.n_params])?);
+                let form = FrequencyForm::from_params(*shape, params);
+                Form::Frequency(Box::new(form.ok_or_else(|| bad("its network and its parameters do not fit".into()))?))
+            }
         };
         let v = header.validity;
         let t_range = floats(tensor("t_range", Dtype::F32, &[v.tiles[0], v.tiles[1], 2])?);
@@ -239,6 +252,7 @@ mod tests {
     use nalgebra::{Point3, Vector3};
     use nelu3d_scan::Camera;
 
+    use super::super::frequency::{FrequencySettings, Octaves};
     use super::super::hash::HashSettings;
     use super::super::{Center, Quality};
     use super::*;
@@ -298,6 +312,11 @@ mod tests {
         field(Form::Hash(Box::new(HashForm::new(settings, 2, 1))))
     }
 
+    fn frequency() -> ColorField {
+        let settings = FrequencySettings::for_cells([4, 4, 2], Octaves::Supervised);
+        field(Form::Frequency(Box::new(FrequencyForm::new(settings, 2, 1))))
+    }
+
     fn bytes(field: &ColorField) -> Vec<u8> {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("f");
@@ -326,7 +345,7 @@ mod tests {
 
     #[test]
     fn a_field_is_read_back_as_it_was() {
-        for original in [grid(), hash()] {
+        for original in [grid(), hash(), frequency()] {
             let back = load(&bytes(&original)).unwrap();
             assert_eq!(back.frame, original.frame);
             assert_eq!(back.validity, original.validity);
@@ -334,6 +353,9 @@ mod tests {
             match (&back.form, &original.form) {
                 (Form::Grid(a), Form::Grid(b)) => assert_eq!(a, b),
                 (Form::Hash(a), Form::Hash(b)) => assert_eq!((a.shape(), a.params()), (b.shape(), b.params())),
+                (Form::Frequency(a), Form::Frequency(b)) => {
+                    assert_eq!((a.shape(), a.params()), (b.shape(), b.params()));
+                }
                 _ => panic!("another form"),
             }
             let quality = back.about.quality.unwrap();
@@ -364,6 +386,9 @@ mod tests {
             }
             for pointer in ["/form/k", "/form/n_params", "/form/settings/cells/1", "/form/config/width"] {
                 cases.push((hash(), set(pointer, value.clone())));
+            }
+            for pointer in ["/form/k", "/form/n_params", "/form/settings/cells/1", "/form/config/width"] {
+                cases.push((frequency(), set(pointer, value.clone())));
             }
             for pointer in ["/form/config/encoding/log2_hashmap_size", "/form/config/encoding/n_levels"] {
                 cases.push((hash(), set(pointer, value.clone())));
@@ -410,7 +435,7 @@ mod tests {
             (state >> 33) as usize % n
         };
         let mut refused = 0;
-        for good in [bytes(&grid()), bytes(&hash())] {
+        for good in [bytes(&grid()), bytes(&hash()), bytes(&frequency())] {
             let header = 8 + u64::from_le_bytes(good[..8].try_into().unwrap()) as usize;
             for round in 0..400 {
                 let mut bad = good.clone();
@@ -435,6 +460,6 @@ mod tests {
                 }
             }
         }
-        assert!(refused > 400, "only {refused} of 800 were refused");
+        assert!(refused > 600, "only {refused} of 1200 were refused");
     }
 }

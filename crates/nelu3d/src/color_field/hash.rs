@@ -7,12 +7,11 @@
 
 use nelu3d_field::encoding::hash_grid::HashGridConfig;
 use nelu3d_field::{HashField, HashFieldConfig};
-use rand::SeedableRng;
-use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
 use super::bins::Bins;
 use super::grid::Grid;
+use super::network::{Batch, Samples, spline_through};
 use crate::progress::Progress;
 
 /// Samples drawn together: neighbors share cache lines of the table, but more than two of them say too much the same for
@@ -131,115 +130,35 @@ impl HashForm {
     /// Trains on the samples that the bins stand for, in random order, each weighed by its precision relative to the
     /// others. A form that was trained before goes on from its parameters, with a shorter schedule and lower rates.
     pub fn train(&mut self, bins: &Bins, seed: u64, progress: &Progress) {
-        let k = self.shape.k;
-        let (mut points, mut targets, mut weights) = (Vec::new(), Vec::new(), Vec::new());
-        bins.for_each_sample(|q, values, omegas| {
-            // A missing channel has no value to learn; few samples lack one.
-            if omegas.iter().all(|w| *w > 0.0) {
-                points.push(q);
-                targets.extend_from_slice(values);
-                weights.push(omegas.iter().sum::<f32>() / k as f32);
-            }
-        });
-        if points.is_empty() {
-            return;
-        }
-        // Precisions span decades; beyond the median one the field's own error dominates the sensor's.
-        let mut sorted = weights.clone();
-        let mid = sorted.len() / 2;
-        let median = *sorted.select_nth_unstable_by(mid, f32::total_cmp).1;
-        weights.iter_mut().for_each(|w| *w = (*w / median).min(2.0));
-
+        let Some(mut samples) = Samples::of(bins, GROUP, seed) else { return };
         let s = &self.shape.settings;
-        let batch = s.batch.clamp(GROUP, points.len().max(GROUP));
+        let n = samples.len();
+        let batch = s.batch.clamp(GROUP, n.max(GROUP));
         let (length, rate) = if self.trained { (AGAIN, AGAIN_RATE) } else { (1.0, 1.0) };
-        let steps = (s.epochs * points.len() as f64 / batch as f64).max(MIN_STEPS as f64) * length;
+        let steps = (s.epochs * n as f64 / batch as f64).max(MIN_STEPS as f64) * length;
         let mut config = self.shape.config.clone();
         config.training.schedule.n_steps = steps.ceil() as u64;
         config.training.encoding_learning_rate *= rate;
         config.training.network_learning_rate *= rate;
         self.field = HashField::from_params(config, self.field.params().to_vec()).expect("the layout did not change");
 
-        let mut rng = rand::rngs::StdRng::seed_from_u64(seed);
-        let mut order: Vec<u32> = (0..points.len().div_ceil(GROUP) as u32).collect();
-        let mut next = order.len();
-        let (mut p, mut t, mut w) =
-            (Vec::with_capacity(batch), Vec::with_capacity(batch * k), Vec::with_capacity(batch));
+        let mut drawn = Batch::default();
         let steps = steps.ceil() as usize;
         for step in 0..steps {
             if progress.cancelled() {
                 break;
             }
             progress.tick(step, steps);
-            p.clear();
-            t.clear();
-            w.clear();
-            while p.len() < batch {
-                if next == order.len() {
-                    order.shuffle(&mut rng);
-                    next = 0;
-                }
-                let from = order[next] as usize * GROUP;
-                let to = (from + GROUP).min(points.len());
-                next += 1;
-                p.extend_from_slice(&points[from..to]);
-                t.extend_from_slice(&targets[from * k..to * k]);
-                w.extend_from_slice(&weights[from..to]);
-            }
-            self.field.train_step(&p, &t, &w);
+            samples.draw(batch, &mut drawn);
+            self.field.train_step(&drawn.points, &drawn.targets, &drawn.weights);
         }
         self.field.finish_training();
         self.trained = true;
     }
 
-    /// The spline through the form's values at the corners of the volume's cells, with no curvature at its ends.
+    /// The spline through the form's values at the corners of the volume's cells.
     pub fn to_grid(&self) -> Grid {
-        let cells = self.shape.settings.cells;
-        let k = self.shape.k;
-        let mut grid = Grid::new(cells, k);
-        let nodes @ [na, nb, nw] = grid.nodes();
-        let at = |i: usize, n: usize| ((i as f32 - 1.0) / n as f32).clamp(0.0, 1.0);
-        let points: Vec<[f32; 3]> = (0..nb * na * nw)
-            .map(|i| [at(i / nw % na, cells[0]), at(i / nw / na, cells[1]), at(i % nw, cells[2])])
-            .collect();
-        let mut values = vec![0.0; points.len() * k];
-        self.field.query(&points, &mut values);
-        for (axis, stride) in [(0, nw * k), (1, na * nw * k), (2, k)] {
-            values_to_coeffs(&mut values, stride, nodes[axis]);
-        }
-        grid.coeffs = values;
-        grid
-    }
-}
-
-/// Along one axis, turns values at the nodes of a uniform cubic B-spline into its coefficients, in place: the `n` nodes of
-/// a line lie `stride` apart, the first and last outside the interval, whose values are not read.
-///
-/// Interior: `(c₋ + 4 c + c₊) / 6 = v`. At the ends of the interval the second derivative `c₋ − 2 c + c₊` is 0, so
-/// `c = v` there. The rest is a tridiagonal system, solved by elimination.
-fn values_to_coeffs(values: &mut [f32], stride: usize, n: usize) {
-    // The first and last node inside the interval.
-    let (first, last) = (1, n - 2);
-    for line in values.chunks_exact_mut(n * stride) {
-        let mut upper = vec![0.0; n];
-        for i in first + 1..last {
-            upper[i] = 1.0 / (4.0 - upper[i - 1]);
-            let (before, here) = line.split_at_mut(i * stride);
-            for (v, below) in here[..stride].iter_mut().zip(&before[(i - 1) * stride..]) {
-                *v = (6.0 * *v - below) * upper[i];
-            }
-        }
-        for i in (first + 1..last).rev() {
-            let (here, after) = line.split_at_mut((i + 1) * stride);
-            for (v, above) in here[i * stride..].iter_mut().zip(&after[..stride]) {
-                *v -= upper[i] * above;
-            }
-        }
-        for i in 0..stride {
-            let at = |node: usize| node * stride + i;
-            line[at(0)] = 2.0 * line[at(1)] - line[at(2)];
-            line[at(n - 1)] = 2.0 * line[at(n - 2)] - line[at(n - 3)];
-        }
+        spline_through(self.shape.settings.cells, self.shape.k, |points, values| self.field.query(points, values))
     }
 }
 

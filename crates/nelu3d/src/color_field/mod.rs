@@ -1,16 +1,18 @@
 //! The color field c(x): position → normalized intensities of the k patterns (paper, Sec. 3.1).
 //!
 //! A field is a [`Frame`] (coordinates in which c is easy to interpolate), a form (how c is stored there) and a
-//! [`Validity`] volume (where it was supervised). Forms: [`grid`] (cubic B-spline, least squares) and [`hash`]
-//! (multiresolution hash encoding and a small network). To add a form: a variant of [`Form`], its file, its tensors in
+//! [`Validity`] volume (where it was supervised). Forms: [`grid`] (cubic B-spline, least squares), [`hash`]
+//! (multiresolution hash encoding and a small network) and [`frequency`] (sines and cosines and a network). To add a form: a variant of [`Form`], its file, its tensors in
 //! [`checkpoint`], and [`ColorField::to_grid`], through which everything downstream reads it.
 
 pub mod bins;
 pub mod checkpoint;
 pub mod fit;
 pub mod frame;
+pub mod frequency;
 pub mod grid;
 pub mod hash;
+mod network;
 pub mod validity;
 
 use serde::{Deserialize, Serialize};
@@ -18,6 +20,7 @@ use serde::{Deserialize, Serialize};
 use crate::calibrate::dark::DarkLevel;
 use crate::calibrate::noise::NoiseModel;
 use frame::{Center, Frame};
+use frequency::FrequencyForm;
 use grid::Grid;
 use hash::HashForm;
 use validity::Validity;
@@ -29,6 +32,8 @@ pub enum Form {
     Grid(Grid),
     /// Hash encoding and MLP.
     Hash(Box<HashForm>),
+    /// Frequency encoding and MLP.
+    Frequency(Box<FrequencyForm>),
 }
 
 /// A calibrated color field: everything that a reconstruction needs to know of the light source.
@@ -107,6 +112,7 @@ impl ColorField {
         match &self.form {
             Form::Grid(g) => g.k,
             Form::Hash(h) => h.k(),
+            Form::Frequency(f) => f.k(),
         }
     }
 
@@ -115,6 +121,7 @@ impl ColorField {
         match &self.form {
             Form::Grid(g) => std::borrow::Cow::Borrowed(g),
             Form::Hash(h) => std::borrow::Cow::Owned(h.to_grid()),
+            Form::Frequency(f) => std::borrow::Cow::Owned(f.to_grid()),
         }
     }
 
@@ -123,6 +130,7 @@ impl ColorField {
         match &self.form {
             Form::Grid(_) => "grid",
             Form::Hash(_) => "hash",
+            Form::Frequency(_) => "frequency",
         }
     }
 }

@@ -35,7 +35,7 @@ use crate::reconstruct::assemble::{Maps, assemble, drop_small, image_plane};
 use crate::result::{Left, Reconstruction, StageClock};
 use captured::Captured;
 use code::{Code, Light};
-use triangulate::{Surface, Geometry, Range};
+use triangulate::{Geometry, Range, Surface};
 
 /// How the patterns are decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

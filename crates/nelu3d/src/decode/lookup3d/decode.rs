@@ -145,8 +145,8 @@ struct Pixel {
 
 fn run(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, windows: Option<&Windows>) -> Maps {
     let shape = *table.shape();
-    let (w, k, p) = (shape.width, shape.k, shape.n_positions);
-    assert!(m.k == k && m.width.div_ceil(shape.step) == w && m.height.div_ceil(shape.step) == shape.height);
+    let sizes = [m.width, m.height].map(|n| n.div_ceil(shape.step));
+    assert!(m.k == shape.k && sizes == [shape.width, shape.height], "a scene of another size than the table");
     let nothing = Pixel {
         depth: f32::NAN,
         sigma: f32::NAN,
@@ -156,59 +156,12 @@ fn run(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, wi
         fell_back: false,
     };
     let mut pixels = vec![nothing; shape.n_pixels()];
-    let tau2 = if settings.max_residual > 0.0 { settings.max_residual.powi(2) } else { f32::INFINITY };
-    let own = settings.interpolation.error().powi(2);
-    pixels.par_chunks_mut(w).enumerate().for_each_init(
-        || (Interpolator::new(table, settings.interpolation), vec![0.0; w * k], vec![Hit::NONE; w], vec![0.0; k]),
-        |(interpolator, queries, hits, variances), (y, row)| {
-            let first = y * w;
-            queries.chunks_exact_mut(k).enumerate().for_each(|(x, q)| query(table, m, first + x, q));
-            table.nearest(first, queries, windows.map(|s| s.of(first, w)), hits);
-            for (x, out) in row.iter_mut().enumerate() {
-                let camera_pixel = pixel_of_camera(table, m, first + x);
-                if m.left[camera_pixel] != Left::Kept {
-                    out.left = m.left[camera_pixel];
-                    continue;
-                }
-                let query = &queries[x * k..(x + 1) * k];
-                let (mut n_used, mut noise) = (0, 0.0);
-                for (j, v) in variances.iter_mut().enumerate() {
-                    let inverse = m.inv_var[camera_pixel * k + j];
-                    *v = if inverse > 0.0 { 1.0 / inverse } else { 0.0 };
-                    if inverse > 0.0 {
-                        n_used += 1;
-                        noise += *v + table.variance() + own;
-                    }
-                }
-                let mut judge = |hit: Hit, out: &mut Pixel| {
-                    if hit.index == u32::MAX {
-                        return false;
-                    }
-                    let found = interpolator.find(first + x, hit.index as usize, hit.distance, query, variances);
-                    let good = found.distance <= found.slack + tau2 * noise && found.variance.is_finite();
-                    *out = Pixel {
-                        depth: if good { found.depth } else { f32::NAN },
-                        sigma: if good { found.variance.sqrt() } else { f32::NAN },
-                        residual: if good { (found.distance / n_used as f32).sqrt() } else { f32::NAN },
-                        left: if good { Left::Kept } else { Left::Ambiguous },
-                        index: hit.index,
-                        fell_back: out.fell_back,
-                    };
-                    good
-                };
-                let good = judge(hits[x], out);
-                if let Some(range) = windows.map(|s| s.of(first + x, 1)[0])
-                    && range != [0, p as u32]
-                    && (!good || Windows::at_border(range, hits[x].index, p))
-                {
-                    let mut hit = [Hit::NONE];
-                    table.nearest(first + x, query, None, &mut hit);
-                    out.fell_back = true;
-                    judge(hit[0], out);
-                }
-            }
-        },
-    );
+    let decoder = || Decoder::new(table, m, settings, windows);
+    pixels.par_chunks_mut(TASK).enumerate().for_each_init(decoder, |decoder, (task, pixels)| {
+        for (block, pixels) in pixels.chunks_mut(BLOCK).enumerate() {
+            decoder.decode(task * TASK + block * BLOCK, pixels);
+        }
+    });
     let index = pixels.iter().map(|p| p.index).collect();
     let n_fallbacks = pixels.iter().filter(|p| p.fell_back).count();
     if shape.step > 1 {
@@ -221,6 +174,102 @@ fn run(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, wi
         left: pixels.iter().map(|p| p.left).collect(),
         index,
         n_fallbacks,
+    }
+}
+
+/// Pixels of one task.
+const TASK: usize = 32 * BLOCK;
+/// Pixels that are searched, then judged, while their rows of the table are in the first cache.
+const BLOCK: usize = 32;
+
+/// What one thread decodes with.
+struct Decoder<'a> {
+    table: &'a Table,
+    m: &'a Measurements,
+    windows: Option<&'a Windows>,
+    /// Standard deviations of the noise that a residual may have.
+    tau: f32,
+    /// Variance of what the interpolation gets wrong.
+    own: f32,
+    interpolator: Interpolator<'a>,
+    /// `[pixel of the block][channel]`
+    queries: Vec<f32>,
+    hits: Vec<Hit>,
+    variances: Vec<f32>,
+}
+
+impl<'a> Decoder<'a> {
+    fn new(table: &'a Table, m: &'a Measurements, settings: &Settings, windows: Option<&'a Windows>) -> Self {
+        let k = table.shape().k;
+        Self {
+            table,
+            m,
+            windows,
+            tau: if settings.max_residual > 0.0 { settings.max_residual } else { f32::INFINITY },
+            own: settings.interpolation.error().powi(2),
+            interpolator: Interpolator::new(table, settings.interpolation),
+            queries: vec![0.0; BLOCK * k],
+            hits: vec![Hit::NONE; BLOCK],
+            variances: vec![0.0; k],
+        }
+    }
+
+    /// Decodes the pixels of the table from `first` on, at most a block of them.
+    fn decode(&mut self, first: usize, out: &mut [Pixel]) {
+        let k = self.m.k;
+        let n_positions = self.table.shape().n_positions;
+        let queries = &mut self.queries[..out.len() * k];
+        for (x, q) in queries.chunks_exact_mut(k).enumerate() {
+            query(self.table, self.m, first + x, q);
+        }
+        let ranges = self.windows.map(|w| w.of(first, out.len()));
+        self.table.nearest(first, queries, ranges, &mut self.hits[..out.len()]);
+        for (x, out) in out.iter_mut().enumerate() {
+            out.left = self.m.left[pixel_of_camera(self.table, self.m, first + x)];
+            if out.left != Left::Kept {
+                continue;
+            }
+            let hit = self.hits[x];
+            let good = self.judge(first + x, x, hit, out);
+            if let Some([from, to]) = ranges.map(|r| r[x])
+                && (from > 0 || (to as usize) < n_positions)
+                && (!good || Windows::at_border([from, to], hit.index, n_positions))
+            {
+                let mut hit = [Hit::NONE];
+                self.table.nearest(first + x, &self.queries[x * k..(x + 1) * k], None, &mut hit);
+                self.judge(first + x, x, hit[0], out);
+                out.fell_back = true;
+            }
+        }
+    }
+
+    /// Places a pixel (the `x`th of the block) near a hit and decides whether to believe it.
+    fn judge(&mut self, pixel: usize, x: usize, hit: Hit, out: &mut Pixel) -> bool {
+        let k = self.m.k;
+        if hit.index == u32::MAX {
+            out.left = Left::Outside;
+            return false;
+        }
+        let camera_pixel = pixel_of_camera(self.table, self.m, pixel);
+        let (mut n_used, mut noise) = (0, 0.0);
+        for (v, inverse) in self.variances.iter_mut().zip(&self.m.inv_var[camera_pixel * k..]) {
+            *v = 0.0;
+            if *inverse > 0.0 {
+                *v = 1.0 / inverse;
+                n_used += 1;
+                noise += *v + self.table.variance() + self.own;
+            }
+        }
+        let query = &self.queries[x * k..(x + 1) * k];
+        let found = self.interpolator.find(pixel, hit.index as usize, hit.distance, query, &self.variances);
+        out.index = hit.index;
+        let good = found.distance.sqrt() <= found.slack.sqrt() + self.tau * noise.sqrt() && found.variance.is_finite();
+        (out.depth, out.sigma, out.residual, out.left) = if good {
+            (found.depth, found.variance.sqrt(), (found.distance / n_used as f32).sqrt(), Left::Kept)
+        } else {
+            (f32::NAN, f32::NAN, f32::NAN, Left::Ambiguous)
+        };
+        good
     }
 }
 

@@ -111,7 +111,9 @@ impl<'a> Interpolator<'a> {
         let k = self.slopes.len();
         let n_positions = self.table.shape().n_positions;
         let (mut v, mut there) = ([f32::NAN; N], [false; N]);
-        for n in 0..N {
+        // Only the cubic looks at more than the next ones.
+        let reach = if self.how == Interpolation::Cubic { REACH } else { 1 };
+        for n in REACH - reach..=REACH + reach {
             let Some(p) = (index + n).checked_sub(REACH).filter(|p| *p < n_positions) else { continue };
             let sample = &mut self.samples[n * (k + 1)..][..k + 1];
             there[n] = self.table.sample(pixel, p, sample) && sample[k] > 0.0;

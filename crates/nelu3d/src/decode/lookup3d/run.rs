@@ -1,6 +1,6 @@
 //! A scene of a rig, decoded with its table.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use nelu3d_scan::Rig;
 use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
@@ -153,12 +153,12 @@ fn dark_of(
 }
 
 /// The depth of an earlier result of the same camera.
-fn depth_of(path: &PathBuf, rig: &Rig) -> Result<Vec<f32>, Error> {
+fn depth_of(path: &Path, rig: &Rig) -> Result<Vec<f32>, Error> {
     let saved = Saved::read(path)?;
     let size = |w: usize, h: usize| format!("{w} × {h}");
     let (found, wanted) = (size(saved.camera.width, saved.camera.height), size(rig.camera.width, rig.camera.height));
     if found != wanted {
-        return Err(Error::PreviousSize { path: path.clone(), found, wanted });
+        return Err(Error::PreviousSize { path: path.to_owned(), found, wanted });
     }
     Ok(saved.depth)
 }

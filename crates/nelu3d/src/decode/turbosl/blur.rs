@@ -112,7 +112,10 @@ mod tests {
     #[test]
     fn samples_between_pixels() {
         let line = [1.0, 3.0, 5.0];
-        assert_eq!([sample(&line, 0.5), sample(&line, 2.0), sample(&line, -0.5), sample(&line, 7.0)], [2.0, 5.0, 0.5, 0.0]);
+        assert_eq!(
+            [sample(&line, 0.5), sample(&line, 2.0), sample(&line, -0.5), sample(&line, 7.0)],
+            [2.0, 5.0, 0.5, 0.0]
+        );
         let mut d = [0.0; 3];
         sample_backward(&mut d, 1.25, 4.0);
         sample_backward(&mut d, -3.0, 4.0);

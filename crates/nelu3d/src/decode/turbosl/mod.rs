@@ -142,10 +142,8 @@ fn see(scene: &Scene<'_>, model: &Model, grid: &OccupancyGrid, captured: &Captur
     let marches: Vec<_> = lit.iter().map(|&i| scene.camera_march(i, 0.5)).collect();
     let seen = view::view(&model.surface, &scene.bounds, grid, &marches);
     let slopes = view::normals(&model.surface, &scene.bounds, &marches, &seen.t);
-    let places: Vec<[f32; 2]> = lit
-        .iter()
-        .map(|&i| scene.place([(i % scene.camera.width) as f32, (i / scene.camera.width) as f32]))
-        .collect();
+    let places: Vec<[f32; 2]> =
+        lit.iter().map(|&i| scene.place([(i % scene.camera.width) as f32, (i / scene.camera.width) as f32])).collect();
     let (mut albedo, mut ambient) = (vec![0.0; lit.len() * c], vec![0.0; lit.len() * c]);
     model.albedo.query(&places, &mut albedo);
     model.ambient.query(&places, &mut ambient);

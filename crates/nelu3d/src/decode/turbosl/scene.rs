@@ -4,10 +4,10 @@ use nalgebra::{Point3, Vector3};
 use nelu3d_scan::pattern::Axis;
 use nelu3d_scan::{Camera, Image, Projector};
 
+use super::super::Error;
 use super::super::captured::Captured;
 use super::super::code::Code;
 use super::super::triangulate::line_of;
-use super::super::Error;
 use crate::result::Left;
 use crate::sdf::Bounds;
 use crate::sdf::march::March;
@@ -90,10 +90,11 @@ impl<'a> Scene<'a> {
             let march = scene.projector_march(i as usize, 0.0);
             let [near, far] = scene.bounds.clip(&march.origin, &march.dir, march.range);
             // Its rays should also meet something the camera sees.
-            near < far && (0..16).any(|s| {
-                let t = near + (far - near) * (f64::from(s) + 0.5) / 16.0;
-                scene.sees_lit(&(march.origin + march.dir * t))
-            })
+            near < far
+                && (0..16).any(|s| {
+                    let t = near + (far - near) * (f64::from(s) + 0.5) / 16.0;
+                    scene.sees_lit(&(march.origin + march.dir * t))
+                })
         };
         let mut projected: Vec<u32> = (0..optics.n_pixels() as u32).filter(enters).collect();
         in_tiles(&mut projected, optics.width);

@@ -159,7 +159,9 @@ fn draw(
     let mut wanted = Vec::with_capacity(n_rays * k);
     drawn[..n_camera].iter().for_each(|&i| wanted.extend_from_slice(scene.measured(i)));
     for &i in &drawn[n_camera..] {
-        wanted.extend(scene.lines.iter().zip(blurred).map(|((axis, _), line)| line[[i % width, i / width][*axis as usize]]));
+        wanted.extend(
+            scene.lines.iter().zip(blurred).map(|((axis, _), line)| line[[i % width, i / width][*axis as usize]]),
+        );
     }
     (Batch { samples, marches, n_camera, light, values, places, wanted }, drawn)
 }
@@ -187,15 +189,7 @@ impl RayLoss for Loss<'_> {
         self.scene.k().max(2 * self.scene.n_channels)
     }
 
-    fn ray(
-        &self,
-        r: usize,
-        sdf: &[f32],
-        gradients: &[[f32; 3]],
-        inv_s: f64,
-        _: &mut RayScratch,
-        out: RayGradient<'_>,
-    ) {
+    fn ray(&self, r: usize, sdf: &[f32], gradients: &[[f32; 3]], inv_s: f64, _: &mut RayScratch, out: RayGradient<'_>) {
         let (batch, k, c) = (self.batch, self.scene.k(), self.scene.n_channels);
         let here = batch.samples.offsets[r]..batch.samples.offsets[r + 1];
         let along = Along {
@@ -223,8 +217,7 @@ impl RayLoss for Loss<'_> {
             (Kind::Projector { captured: values, albedo, ambient, pattern: wanted }, n_projector, 0.0)
         };
         let weights = Weights { l1: 1.0, l2: 10.0, image: 1.0 / (n_rays * k) as f32, mask };
-        let gradient =
-            Gradient { d_sdf: out.d_sdf, d_gradients: out.d_gradients, ray: out.ray, samples: out.samples };
+        let gradient = Gradient { d_sdf: out.d_sdf, d_gradients: out.d_gradients, ray: out.ray, samples: out.samples };
         let (image, mask_loss, d_inv_s) = ray::ray(&along, &kind, weights, gradient);
         out.losses.image += f64::from(image);
         if mask > 0.0 {

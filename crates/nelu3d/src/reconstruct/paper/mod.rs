@@ -264,4 +264,3 @@ fn see(surface: &NeuralSurface, pixels: &Pixels, rays: &Rays, grid: &OccupancyGr
     }
     out
 }
-
