@@ -18,8 +18,12 @@ use super::triangulate::{Along, Geometry, line_of};
 use super::{Columns, Coordinate, Decoded, Error, Options};
 use crate::result::Left;
 
-/// Error of a normalized intensity that noise does not explain.
-const MODEL: f32 = 0.005;
+/// Variance of a normalized intensity that noise does not explain: the projected images' eight bits, and, where three images
+/// leave no misfit that would tell, what light does besides.
+fn model_variance(k: usize) -> f32 {
+    let sigma: f32 = if k > 3 { 0.0015 } else { 0.005 };
+    sigma * sigma
+}
 
 /// Projector px between two inverse depths of the window search.
 const LABEL_PX: f32 = 0.5;
@@ -279,7 +283,7 @@ fn single(
         if best < opts.min_score * norm || norm <= 0.0 {
             return none(Left::Ambiguous);
         }
-        let noise = captured.variance(i, 0.5) + MODEL * MODEL;
+        let noise = captured.variance(i, 0.5) + model_variance(k);
         match refiner.refine(table, seen.at(i), (low + at) as f32, noise) {
             Some(found) => found,
             None => none(Left::Ambiguous),
@@ -417,7 +421,7 @@ fn windowed(
             |refiner, i| {
                 let Some(a) = &along[i] else { return (f32::NAN, f32::NAN) };
                 let s = best[i].0;
-                let noise = captured.variance(i, 0.5) + MODEL * MODEL;
+                let noise = captured.variance(i, 0.5) + model_variance(k);
                 let slope = a.slope(s).abs().max(1e-3);
                 match refiner.refine(table, seen.at(i), a.at(s), noise) {
                     Some((u, sigma)) => (a.inverse(u), sigma / slope),
