@@ -19,6 +19,10 @@ use std::f32::consts::TAU;
 /// Phase error that noise does not explain (gamma, quantized projection, interreflection), radians.
 const MODEL: f32 = 0.05;
 
+/// Standard deviation of a normalized intensity beyond the sensor's noise: the projected images have eight bits (0.0011), and
+/// no sensor's curve is quite straight.
+const UNEXPLAINED: f32 = 0.002;
+
 /// Least amplitude of a phase, in standard deviations of its noise and as a share of white.
 const LEAST_AMPLITUDE: (f32, f32) = (4.0, 0.02);
 
@@ -137,7 +141,7 @@ impl<'a> Phase<'a> {
             s += self.solver[2][j] * p;
         }
         let amplitude = c.hypot(s);
-        let sigma = noise * self.gain;
+        let sigma = noise.hypot(UNEXPLAINED) * self.gain;
         (amplitude > (LEAST_AMPLITUDE.0 * sigma).max(LEAST_AMPLITUDE.1)).then(|| Seen {
             offset: o,
             amplitude,

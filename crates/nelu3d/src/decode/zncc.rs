@@ -18,8 +18,12 @@ use super::triangulate::{Along, Geometry, line_of};
 use super::{Columns, Coordinate, Decoded, Error, Options};
 use crate::result::Left;
 
-/// Error of a normalized intensity that noise does not explain.
-const MODEL: f32 = 0.005;
+/// Variance of a normalized intensity that noise does not explain: the projected images' eight bits, and, where three images
+/// leave no misfit that would tell, what light does besides.
+fn model_variance(k: usize) -> f32 {
+    let sigma: f32 = if k > 3 { 0.0015 } else { 0.005 };
+    sigma * sigma
+}
 
 /// Projector px between two inverse depths of the window search.
 const LABEL_PX: f32 = 0.5;
@@ -52,7 +56,13 @@ pub(super) fn decode(
             });
         }
         let seen = Seen::new(captured, &planes);
-        let blur = opts.blur.unwrap_or_else(|| estimate_blur(captured, axis, &planes));
+        let blur = opts.blur.unwrap_or_else(|| {
+            if planes.len() > 3 {
+                blur_from_misfit(&seen, captured, axis, &planes, geometry)
+            } else {
+                blur_from_contrast(captured, axis, &planes)
+            }
+        });
         tracing::info!(blur, "zncc");
         let table = Table::new(axis, &planes, blur);
         let window = opts.patch.unwrap_or(if planes.len() >= 6 || opts.columns == Columns::All { 1 } else { 9 });
@@ -182,9 +192,37 @@ fn columns(geometry: &Geometry<'_>, axis: &AxisCode, search: Columns, i: usize) 
     }
 }
 
+/// The blur of the projected images on the scene, projector px: that with which a sample of pixels is explained best. More
+/// than three images are needed: three are explained by any column, up to offset and scale.
+fn blur_from_misfit(
+    seen: &Seen,
+    captured: &Captured,
+    axis: &AxisCode,
+    planes: &[(usize, usize)],
+    geometry: &Geometry<'_>,
+) -> f32 {
+    let kept: Vec<usize> = (0..captured.left.len()).filter(|i| captured.left[*i] == Left::Kept).collect();
+    let sample: Vec<usize> = kept.iter().copied().step_by((kept.len() / 3000).max(1)).collect();
+    let k = seen.k;
+    let score = |blur: f32| -> f64 {
+        let table = Table::new(axis, planes, blur);
+        let one = |(code, scores, refiner): &mut (Vec<f32>, Vec<f32>, Refiner), i: &usize| -> f64 {
+            let Some((low, high)) = columns(geometry, axis, Columns::Epipolar, *i) else { return 0.0 };
+            centered(seen.at(*i), code);
+            table.correlate(code, low, high, scores);
+            let at = low + largest(scores).0;
+            refiner.refine(&table, seen.at(*i), at as f32, 1.0).map_or(1.0, |_| f64::from(refiner.misfit))
+        };
+        let all = sample.par_iter().map_init(|| (vec![0.0; k], Vec::new(), Refiner::new(k)), one).collect();
+        crate::evaluate::percentile(all, 50.0)
+    };
+    let candidates = (0..=8).map(|i| 0.5 * i as f32);
+    candidates.map(|b| (score(b), b)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |b| b.1)
+}
+
 /// The blur of the projected images on the scene, projector px, from how much contrast each image lost: blur takes more of a
 /// finer image, everything else (ambient light, a projector's black) takes the same of all.
-fn estimate_blur(captured: &Captured, axis: &AxisCode, planes: &[(usize, usize)]) -> f32 {
+fn blur_from_contrast(captured: &Captured, axis: &AxisCode, planes: &[(usize, usize)]) -> f32 {
     /// Standard deviations of the logarithm of an image's contrast, whose columns the scene does not show evenly, and of the
     /// contrast that all lose.
     const PRIOR: [f32; 2] = [0.1, 0.15];
@@ -245,7 +283,7 @@ fn single(
         if best < opts.min_score * norm || norm <= 0.0 {
             return none(Left::Ambiguous);
         }
-        let noise = captured.variance(i, 0.5) + MODEL * MODEL;
+        let noise = captured.variance(i, 0.5) + model_variance(k);
         match refiner.refine(table, seen.at(i), (low + at) as f32, noise) {
             Some(found) => found,
             None => none(Left::Ambiguous),
@@ -271,11 +309,13 @@ struct Refiner {
     p: Vec<f32>,
     c: Vec<f32>,
     d: Vec<f32>,
+    /// Sum of squares that the last codeword left unexplained.
+    misfit: f32,
 }
 
 impl Refiner {
     fn new(k: usize) -> Self {
-        Self { p: vec![0.0; k], c: vec![0.0; k], d: vec![0.0; k] }
+        Self { p: vec![0.0; k], c: vec![0.0; k], d: vec![0.0; k], misfit: 0.0 }
     }
 
     /// The column near `start` that explains the codeword `p` best up to scale and offset, and its standard deviation for
@@ -287,7 +327,6 @@ impl Refiner {
         centered(p, &mut self.p);
         let mut u = start;
         let mut information = 0.0;
-        let mut misfit = 0.0;
         for _ in 0..4 {
             let (mut mean_c, mut mean_d) = (0.0, 0.0);
             for j in 0..k {
@@ -312,7 +351,7 @@ impl Refiner {
             let scale = cp / cc;
             // The derivative less its part along the codeword (which the scale takes up), times the residual.
             information = scale * scale * (dd - cd * cd / cc);
-            misfit = pp - cp * scale;
+            self.misfit = pp - cp * scale;
             if information < 1e-8 {
                 return None;
             }
@@ -327,7 +366,7 @@ impl Refiner {
             }
         }
         // What the codeword leaves unexplained, beyond the noise, is error too.
-        let variance = if k > 3 { noise.max(misfit / (k - 3) as f32) } else { noise };
+        let variance = if k > 3 { noise.max(self.misfit / (k - 3) as f32) } else { noise };
         Some((u.clamp(-0.5, table.n as f32 - 0.5), (variance / information).sqrt().max(0.02)))
     }
 }
@@ -382,7 +421,7 @@ fn windowed(
             |refiner, i| {
                 let Some(a) = &along[i] else { return (f32::NAN, f32::NAN) };
                 let s = best[i].0;
-                let noise = captured.variance(i, 0.5) + MODEL * MODEL;
+                let noise = captured.variance(i, 0.5) + model_variance(k);
                 let slope = a.slope(s).abs().max(1e-3);
                 match refiner.refine(table, seen.at(i), a.at(s), noise) {
                     Some((u, sigma)) => (a.inverse(u), sigma / slope),
