@@ -70,10 +70,11 @@ fn tables_go_out_and_come_back_and_decode_the_same() {
     assert!(body(&half, "median") < 2.0 * body(&own, "median") + 0.1, "{}", half["metrics"]);
     assert_eq!(half["method"]["table"]["stride"], 2);
 
-    let low = nelu3d(&["table", "export", &rig, "--low-rank", "auto", "-o", &path("t.npz")]).unwrap();
-    assert!(low["rank"].as_u64() < exported["positions"].as_u64());
+    // Hardly any noise: by itself it would keep nearly every term.
+    let low = nelu3d(&["table", "export", &rig, "--low-rank", "10", "-o", &path("t.npz")]).unwrap();
+    assert_eq!(low["rank"], 10);
     let low = decode("low", &["--method", "lookup3d-lowrank", "--table", &path("t.npz")]);
-    let here = decode("here", &["--method", "lookup3d-lowrank"]);
+    let here = decode("here", &["--method", "lookup3d-lowrank", "--rank", "10"]);
     assert!((body(&low, "median") - body(&own, "median")).abs() < 0.1, "{}", low["metrics"]);
     assert!((body(&here, "median") - body(&low, "median")).abs() < 0.02);
     assert!(low["method"]["table"]["bytes"].as_u64() < own["method"]["table"]["bytes"].as_u64());

@@ -4,6 +4,7 @@ use nelu3d_scan::Rig;
 use nelu3d_scan::rig::PatternSet;
 use rayon::prelude::*;
 
+use super::file::MOST_STRIDE;
 use super::{Error, FullTable, Shape};
 use crate::calibrate::dark::DarkLevel;
 use crate::calibrate::noise::{NoiseEstimator, NoiseModel};
@@ -40,7 +41,7 @@ pub fn build(
     clock: &mut StageClock<'_>,
 ) -> Result<Built, Error> {
     let (w, h) = (rig.camera.width, rig.camera.height);
-    if step == 0 || step >= w.min(h) {
+    if step == 0 || step > MOST_STRIDE.min(w.min(h) - 1) {
         return Err(Error::Step(step));
     }
     // Told before the work, from the number of folders.
@@ -51,7 +52,7 @@ pub fn build(
         && needed(step) > free
     {
         let mb = |bytes: f64| (bytes / 1e6).round() as u64;
-        let fits = (step + 1..w.min(h)).find(|s| needed(*s) <= free).unwrap_or(w.min(h) - 1);
+        let fits = (step + 1..=MOST_STRIDE).find(|s| needed(*s) <= free).unwrap_or(MOST_STRIDE);
         return Err(Error::Memory { needed_mb: mb(needed(step)), available_mb: mb(free), step: fits });
     }
     let (placed, _, dark) = place(rig, set, opts, progress, clock)?;

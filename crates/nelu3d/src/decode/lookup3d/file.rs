@@ -75,6 +75,8 @@ pub enum FileError {
     },
 }
 
+/// Larger strides are taken for another camera's table: nearly any small picture would be every nth pixel of a large one.
+pub(super) const MOST_STRIDE: usize = 16;
 const AGAIN: &str = "export it again with `nelu3d table export`, or from numpy as float32";
 
 /// What a table must fit.
@@ -253,7 +255,7 @@ impl Reader<'_> {
         if let Some(e) = self.expected {
             let fits = |s: &usize| e.width.div_ceil(*s) == width && e.height.div_ceil(*s) == height;
             // Of strides that give the same size the one that ends closest to the border.
-            match (1..=e.width.min(e.height)).find(fits).filter(|_| e.k == shape.k) {
+            match (1..=MOST_STRIDE).find(fits).filter(|_| e.k == shape.k) {
                 Some(step) => shape.step = step,
                 None => {
                     return Err(FileError::Other {

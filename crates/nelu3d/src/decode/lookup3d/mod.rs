@@ -73,7 +73,7 @@ pub enum Error {
         /// A stride with which it fits.
         step: usize,
     },
-    /// A stride of no pixel, or larger than the picture.
-    #[error("--stride {0} leaves no pixel; it must be at least 1 and less than the picture's sides")]
+    /// A stride out of range.
+    #[error("--stride {0} is not possible; give a number from 1 to 16, less than the picture's sides")]
     Step(usize),
 }
