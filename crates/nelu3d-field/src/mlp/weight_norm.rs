@@ -24,7 +24,7 @@ pub fn to_weights<T: Real>(config: &MlpConfig, raw: &[T], params: &mut [T]) {
     params.copy_from_slice(v);
     for_each_unit(config, |weights, unit| {
         let scale = g[unit] / norm(&v[weights.clone()]);
-        params[weights].iter_mut().for_each(|w| *w = *w * scale);
+        params[weights].iter_mut().for_each(|w| *w *= scale);
     });
 }
 

@@ -123,7 +123,7 @@ pub(super) fn ray<T: Real>(along: &Along<T>, kind: &Kind<T>, weights: Weights<T>
     let n = sdf.len();
     out.ray.fill(zero);
     out.samples.fill(zero);
-    let n_sample_outputs = if n == 0 { 0 } else { out.samples.len() / n };
+    let n_sample_outputs = out.samples.len() / n.max(1);
 
     // Weights.
     let mut samples: Vec<Sample<T>> = Vec::with_capacity(n);
@@ -139,7 +139,7 @@ pub(super) fn ray<T: Real>(along: &Along<T>, kind: &Kind<T>, weights: Weights<T>
         let weight = transmittance * alpha;
         let shade = dot(normal, light[j]);
         samples.push(Sample { normal, inv_norm, cos, h, phi, alpha, transmittance, weight, shade });
-        transmittance = transmittance * (one - alpha);
+        transmittance *= one - alpha;
     }
 
     // The image, what it should be, and what the samples hear of it: ∂L/∂w and ∂L/∂s.
@@ -169,7 +169,7 @@ pub(super) fn ray<T: Real>(along: &Along<T>, kind: &Kind<T>, weights: Weights<T>
         }
         Kind::Projector { captured, albedo, ambient, pattern } => {
             let k = pattern.len();
-            let c = if n == 0 { 1 } else { albedo.len() / n };
+            let c = (albedo.len() / n.max(1)).max(1);
             let [low, high] = REFLECTANCE.map(T::of);
             let m = |j: usize, ch: usize| (albedo[j * c + ch] * samples[j].shade).max(low).min(high);
             for i in 0..k {
