@@ -9,7 +9,7 @@
 //! must change along x or along y only. The projected values are taken to be linear in light; [`Options::gamma`] says
 //! otherwise. A calibrated projector is required (`nelu3d projector` makes one).
 //!
-//! To add a method: a file with a function that fills a [`Decoded`], a variant of [`Method`], an arm in [`run`].
+//! To add a method: a file with a function that fills a `Decoded`, a variant of [`Method`], an arm in [`run`].
 
 mod captured;
 mod code;
