@@ -4,7 +4,7 @@
 //!
 //! Settings are those of its public configuration; deviations: the first shape is a plane or a sphere, the blur is the same to
 //! both sides, patterns change along one axis, rays are drawn from lit pixels only, and the depth is that of NeuS's own
-//! quadrature at the end. [`ray`] is the image formation, [`scene`] what is known, [`step`] one iteration.
+//! quadrature at the end. `ray.rs` is the image formation, `scene.rs` what is known, `step.rs` one iteration.
 
 mod blur;
 mod ray;
