@@ -83,6 +83,11 @@ impl<const D: usize> HashField<D> {
         &self.params
     }
 
+    /// Number of the network's parameters, the last of all.
+    pub fn n_network_params(&self) -> usize {
+        self.mlp.n_params()
+    }
+
     /// Length of an output vector, k.
     pub fn n_outputs(&self) -> usize {
         self.mlp.n_outputs

@@ -193,12 +193,13 @@ fn unwrap(phases: &[Phase<'_>], i: usize, noise: f32, [low, high]: [f32; 2]) -> 
     Some((column + sum / weights, 1.0 / weights.sqrt()))
 }
 
-/// After how many px all phases are back where they were, to within what noise leaves; `None` if not within `n` px.
+/// After how many px all phases are back where they were, to within what noise leaves; `None` if no two of `n` columns are that
+/// far apart.
 fn repeats_after(groups: &[Group], n: f64) -> Option<f32> {
     let finest = groups[0].period();
     (1..)
         .map(|k| f64::from(k) * finest)
-        .take_while(|s| *s < n)
+        .take_while(|s| *s < n - 0.5)
         .find(|s| groups[1..].iter().all(|g| wrap((f64::from(TAU) * s * g.frequency) as f32).abs() < 3.0 * MODEL))
         .map(|s| s as f32)
 }

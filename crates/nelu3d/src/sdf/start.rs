@@ -1,5 +1,7 @@
 //! The shape a signed distance field has before it has seen anything.
 
+use nelu3d_field::adam::Schedule;
+use nelu3d_field::encoding::hash_grid::HashGridConfig;
 use nelu3d_field::field::TrainConfig;
 use nelu3d_field::surface::{NeuralSurface, SurfaceConfig};
 use nelu3d_field::{HashField, HashFieldConfig};
@@ -31,26 +33,33 @@ impl Start {
         }
     }
 
-    /// A surface of this shape. Only the network learns it, so that the hash table's fine levels stay silent.
+    /// A surface of this shape. Only the network learns it, next to a small table that says nearly nothing; the real one
+    /// begins as silent, so that its fine levels add no wrinkles.
     pub fn surface(self, config: SurfaceConfig, seed: u64) -> NeuralSurface {
-        const STEPS: u64 = 400;
-        const POINTS: usize = 4096;
+        const STEPS: u64 = 1500;
+        const POINTS: usize = 1024;
+        const VALID: &str = "the published configuration is valid";
         let training = TrainConfig {
             encoding_learning_rate: 0.0,
-            network_learning_rate: 3e-3,
-            schedule: nelu3d_field::adam::Schedule { n_steps: STEPS, final_factor: 0.03, ..Default::default() },
+            network_learning_rate: 1e-2,
+            schedule: Schedule { n_steps: STEPS, final_factor: 0.01, ..Default::default() },
             weight_normalization: false,
             ..config.field.training.clone()
         };
-        let settings = HashFieldConfig { training, ..config.field.clone() };
-        let mut field = HashField::new(settings, seed).expect("the published configuration is valid");
+        let encoding = HashGridConfig { log2_hashmap_size: 8, ..config.field.encoding.clone() };
+        let settings = HashFieldConfig { encoding, training, ..config.field.clone() };
+        let mut small = HashField::new(settings, seed).expect(VALID);
         let mut rng = StdRng::seed_from_u64(seed);
         for _ in 0..STEPS {
             let points: Vec<[f32; 3]> = (0..POINTS).map(|_| std::array::from_fn(|_| rng.random())).collect();
             let targets: Vec<f32> = points.iter().map(|&p| self.distance(p)).collect();
-            field.train_step(&points, &targets, &[]);
+            small.train_step(&points, &targets, &[]);
         }
-        NeuralSurface::from_params(config, field.params().to_vec()).expect("the published configuration is valid")
+        let mut params = HashField::new(config.field.clone(), seed).expect(VALID).params().to_vec();
+        let n_network = small.n_network_params();
+        let n = params.len();
+        params[n - n_network..].copy_from_slice(&small.params()[small.params().len() - n_network..]);
+        NeuralSurface::from_params(config, params).expect(VALID)
     }
 }
 
@@ -70,7 +79,7 @@ mod tests {
             surface.field().query(&points, &mut found);
             let rms = points.iter().zip(&found).map(|(&p, f)| (start.distance(p) - f).powi(2)).sum::<f32>();
             let rms = (rms / points.len() as f32).sqrt();
-            assert!(rms < 0.02, "{start:?}: {rms}");
+            assert!(rms < 0.03, "{start:?}: {rms}");
         }
     }
 }
