@@ -2,14 +2,15 @@
 between the measured codeword and the table's, and the depth of that position. Against `nelu3d decode --method lookup3d
 --interpolation none` in the same run, on the same table and scene.
 
-    python benches/peer/lookup3d_numpy.py target/release/nelu3d RIG SCENE [--set NAME] [--all]
+    python benches/peer/lookup3d_numpy.py target/release/nelu3d RIG SCENE [--set NAME] [--all] [--runs 7]
 
 Both decode the same pixels: those that nelu3d does not leave out as dark or clipped (--all: every pixel; then nelu3d is given
 a scene that is bright everywhere, the board of the middle position). Same answer means: the same depth at every pixel that
 both decode, but for ties, codewords equally far away to the last bits of a float. The time of nelu3d is its stage `decode`,
-which also judges each pixel and computes its uncertainty; the time of numpy is the search and the look-up of the depth alone.
-The best of three runs each; on one thread processor time (numpy uses one), on all of them elapsed time. Reading files is in
-neither.
+which goes over the whole picture, judges each pixel and computes its uncertainty and residual; the time of numpy is the
+search and the look-up of the depth alone, of the decoded pixels only, gathered beforehand. Reading files and normalizing the
+images is in neither. The best of RUNS runs each, a process of its own for each of nelu3d's, taken in turns; on one thread
+processor time (numpy uses one), on all of them elapsed time.
 """
 
 import argparse
@@ -60,6 +61,7 @@ def main():
     parser.add_argument("scene")
     parser.add_argument("--set")
     parser.add_argument("--all", action="store_true")
+    parser.add_argument("--runs", type=int, default=7)
     args = parser.parse_args()
 
     config = rig_toml(args.rig)
@@ -89,33 +91,28 @@ def main():
         codes = np.where(missing[..., None], np.float32(1e6), table[..., :-1])
         depth = table[..., -1]
 
-        ours = {}
-        for threads in (1, None):
-            best = np.inf
-            for _ in range(3):
-                result = work / "result"
-                shutil.rmtree(result, ignore_errors=True)
-                command = [args.nelu3d, "decode", args.rig, scene, "--set", chosen["name"], "--method", "lookup3d"]
-                command += ["--table", exported, "--interpolation", "none", "--max-residual", "0"]
-                command += ["--min-component", "1", "-o", result, "--json", "-q"]
-                command += ["--threads", "1"] if threads else []
-                out = subprocess.run([str(c) for c in command], check=True, capture_output=True, text=True).stdout
-                summary = json.loads(out)["summary"]
-                stage = next(s for s in summary["stages"] if s["name"] == "decode")
-                best = min(best, stage["cpu_secs" if threads else "wall_secs"])
-            ours[threads] = best
-        found = np.load(work / "result" / "depth.npy")
+        result = work / "result"
+        command = [args.nelu3d, "decode", args.rig, scene, "--set", chosen["name"], "--method", "lookup3d"]
+        command += ["--table", exported, "--interpolation", "none", "--max-residual", "0"]
+        command += ["--min-component", "1", "-o", result, "--json", "-q"]
 
-    # The pixels that nelu3d did not leave out for being dark or clipped.
-    mask = np.isfinite(found)
-    codes, depth, query = codes[mask], depth[mask], np.ascontiguousarray(query[mask])
-    wall, cpu = [], []
-    for _ in range(3):
-        start = time.perf_counter(), time.process_time()
-        theirs, _ = decode(codes, depth, query)
-        wall.append(time.perf_counter() - start[0])
-        cpu.append(time.process_time() - start[1])
-    wall, cpu = min(wall), min(cpu)
+        def ours(*more):
+            shutil.rmtree(result, ignore_errors=True)
+            out = subprocess.run([str(c) for c in [*command, *more]], check=True, capture_output=True, text=True).stdout
+            return next(s for s in json.loads(out)["summary"]["stages"] if s["name"] == "decode")
+
+        ours()
+        found = np.load(result / "depth.npy")
+        # The pixels that nelu3d did not leave out for being dark or clipped.
+        mask = np.isfinite(found)
+        codes, depth, query = codes[mask], depth[mask], np.ascontiguousarray(query[mask])
+        cpu, wall = np.full(2, np.inf), np.full(2, np.inf)
+        for _ in range(args.runs):
+            start = time.perf_counter(), time.process_time()
+            theirs, _ = decode(codes, depth, query)
+            times = time.perf_counter() - start[0], time.process_time() - start[1]
+            cpu = np.minimum(cpu, [times[1], ours("--threads", "1")["cpu_secs"]])
+            wall = np.minimum(wall, [times[0], ours()["wall_secs"]])
 
     difference = np.abs(theirs - found[mask])
     same = difference < 1e-3
@@ -128,8 +125,9 @@ def main():
         mine = np.abs(depth[at] - found[mask][at, None]).argmin(-1)
         excess = distance[np.arange(len(at)), mine] - distance.min(-1)
         print(f"where not, ours is farther away by at most {excess.max():.2e} (squared distance)")
-    print(f"one thread    numpy {cpu * 1e3:8.1f} ms   nelu3d {ours[1] * 1e3:8.1f} ms   {cpu / ours[1]:6.1f} × (processor time)")
-    print(f"all threads   numpy {wall * 1e3:8.1f} ms   nelu3d {ours[None] * 1e3:8.1f} ms   {wall / ours[None]:6.1f} × (elapsed)")
+    for label, kind, (numpy, nelu3d) in (("one thread ", "processor time", cpu), ("all threads", "elapsed", wall)):
+        ratio = f"{numpy / nelu3d:6.1f} × ({kind})"
+        print(f"{label}   numpy {numpy * 1e3:8.1f} ms   nelu3d {nelu3d * 1e3:8.1f} ms   {ratio}")
 
 
 if __name__ == "__main__":

@@ -50,6 +50,27 @@ fn the_fast_form_chooses_what_the_reference_chooses() {
 }
 
 #[test]
+fn any_number_of_channels_and_positions_is_searched() {
+    for n_channels in 1..7 {
+        for n_positions in [1, 7, 8, 9, 34] {
+            let shape = Shape { n_channels, n_positions, stride: n_positions.next_multiple_of(LANES) };
+            let row_len = n_channels * shape.stride;
+            // The padding would be the closest: it must not be chosen.
+            let mut data = uniform_f32(5, N * row_len, 1.0, 2.0);
+            data.iter_mut().enumerate().filter(|(i, _)| i % shape.stride >= n_positions).for_each(|(_, c)| *c = 0.5);
+            let mut queries = uniform_f32(6, N * n_channels, 0.0, 1.0);
+            queries[n_channels * 3] = f32::NAN;
+            let codes = Codes::Full { data: &data, row_len };
+            let (mut fast, mut slow) = (vec![Hit::NONE; N], vec![Hit::NONE; N]);
+            cpu::nearest(shape, codes, &queries, None, &mut fast);
+            reference::nearest(shape, codes, &queries, None, &mut slow);
+            assert_eq!(fast, slow);
+            assert!(fast.iter().enumerate().all(|(n, h)| (h.index == u32::MAX) == (n == 3 && n_channels == 1)));
+        }
+    }
+}
+
+#[test]
 fn products_are_compared_as_the_entries_they_stand_for() {
     let rank = 4;
     let left = uniform_f32(3, N * (SHAPE.n_channels * rank + 2), -1.0, 1.0);

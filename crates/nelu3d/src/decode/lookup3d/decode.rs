@@ -94,16 +94,38 @@ pub struct Maps {
     pub n_fallbacks: usize,
 }
 
+/// Memory that maps are made in. To touch fresh pages takes a system about as long as the search itself.
+#[derive(Debug, Default)]
+pub struct Memory([Vec<f32>; 3]);
+
+impl Memory {
+    /// That of what decoding does not look at: [`Measurements::surround`], `contrast` and `light` are empty after this.
+    pub fn of(m: &mut Measurements) -> Self {
+        Self([&mut m.surround, &mut m.contrast, &mut m.light].map(std::mem::take))
+    }
+
+    /// Nothing found yet, in pixels of which those that are not `Kept` are out already.
+    fn maps(self, left: Vec<Left>) -> Maps {
+        let [depth, sigma, residual] = self.0.map(|mut map| {
+            map.clear();
+            map.resize(left.len(), f32::NAN);
+            map
+        });
+        let index = vec![u32::MAX; left.len()];
+        Maps { depth, sigma, residual, left, index, n_fallbacks: 0 }
+    }
+}
+
 /// Decodes a scene.
 ///
 /// # Panics
 /// If the scene has another size or other channels than the table.
-pub fn decode(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings) -> Maps {
+pub fn decode(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, memory: Memory) -> Maps {
     let windows = match settings.search {
         Search::Brute => None,
         Search::CoarseToFine => Some(Windows::coarse_to_fine(table, &|i, q| query(table, m, i, q), settings)),
     };
-    run(table, m, camera, settings, windows.as_ref())
+    run(table, m, camera, settings, windows.as_ref(), memory)
 }
 
 /// Decodes a frame of a sequence: around the depth of the frame before it, `previous` (mm, of every pixel of the camera, NaN
@@ -111,16 +133,26 @@ pub fn decode(table: &Table, m: &Measurements, camera: &Camera, settings: &Setti
 ///
 /// # Panics
 /// If the scene or `previous` has another size than the table was made for.
-pub fn decode_near(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, previous: &[f32]) -> Maps {
+pub fn decode_near(
+    table: &Table,
+    m: &Measurements,
+    camera: &Camera,
+    settings: &Settings,
+    memory: Memory,
+    previous: &[f32],
+) -> Maps {
     assert_eq!(previous.len(), m.n());
     let before = |pixel: usize| previous[pixel_of_camera(table, m, pixel)];
     let windows = Windows::near(table, &before, settings.window);
-    run(table, m, camera, settings, Some(&windows))
+    run(table, m, camera, settings, Some(&windows), memory)
 }
 
 /// The camera's pixel that a pixel of the table is.
 fn pixel_of_camera(table: &Table, m: &Measurements, pixel: usize) -> usize {
     let s = table.shape();
+    if s.step == 1 {
+        return pixel;
+    }
     pixel / s.width * s.step * m.width + pixel % s.width * s.step
 }
 
@@ -133,54 +165,60 @@ fn query(table: &Table, m: &Measurements, pixel: usize, out: &mut [f32]) {
     }
 }
 
-#[derive(Clone, Copy)]
-struct Pixel {
-    depth: f32,
-    sigma: f32,
-    residual: f32,
-    left: Left,
-    index: u32,
-    fell_back: bool,
-}
-
-fn run(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, windows: Option<&Windows>) -> Maps {
+fn run(
+    table: &Table,
+    m: &Measurements,
+    camera: &Camera,
+    settings: &Settings,
+    windows: Option<&Windows>,
+    memory: Memory,
+) -> Maps {
     let shape = *table.shape();
     let sizes = [m.width, m.height].map(|n| n.div_ceil(shape.step));
     assert!(m.k == shape.k && sizes == [shape.width, shape.height], "a scene of another size than the table");
-    let nothing = Pixel {
-        depth: f32::NAN,
-        sigma: f32::NAN,
-        residual: f32::NAN,
-        left: Left::Outside,
-        index: u32::MAX,
-        fell_back: false,
+    let left = match shape.step {
+        1 => m.left.clone(),
+        _ => (0..shape.n_pixels()).map(|i| m.left[pixel_of_camera(table, m, i)]).collect(),
     };
-    let mut pixels = vec![nothing; shape.n_pixels()];
+    let mut maps = memory.maps(left);
+    let tasks = (
+        maps.depth.par_chunks_mut(TASK),
+        maps.sigma.par_chunks_mut(TASK),
+        maps.residual.par_chunks_mut(TASK),
+        maps.left.par_chunks_mut(TASK),
+        maps.index.par_chunks_mut(TASK),
+    );
     let decoder = || Decoder::new(table, m, settings, windows);
-    pixels.par_chunks_mut(TASK).enumerate().for_each_init(decoder, |decoder, (task, pixels)| {
-        for (block, pixels) in pixels.chunks_mut(BLOCK).enumerate() {
-            decoder.decode(task * TASK + block * BLOCK, pixels);
-        }
-    });
-    let index = pixels.iter().map(|p| p.index).collect();
-    let n_fallbacks = pixels.iter().filter(|p| p.fell_back).count();
-    if shape.step > 1 {
-        pixels = between(&pixels, table, m, camera, nothing);
-    }
-    Maps {
-        depth: pixels.iter().map(|p| p.depth).collect(),
-        sigma: pixels.iter().map(|p| p.sigma).collect(),
-        residual: pixels.iter().map(|p| p.residual).collect(),
-        left: pixels.iter().map(|p| p.left).collect(),
-        index,
-        n_fallbacks,
-    }
+    maps.n_fallbacks = tasks
+        .into_par_iter()
+        .enumerate()
+        .map_init(decoder, |decoder, (task, (depth, sigma, residual, left, index))| {
+            decoder.decode(task * TASK, Part { depth, sigma, residual, left, index })
+        })
+        .sum();
+    if shape.step > 1 { between(maps, table, m, camera) } else { maps }
 }
 
 /// Pixels of one task.
 const TASK: usize = 32 * BLOCK;
 /// Pixels that are searched, then judged, while their rows of the table are in the first cache.
 const BLOCK: usize = 32;
+
+/// Maps of some neighboring pixels.
+struct Part<'a> {
+    depth: &'a mut [f32],
+    sigma: &'a mut [f32],
+    residual: &'a mut [f32],
+    left: &'a mut [Left],
+    index: &'a mut [u32],
+}
+
+/// What is believed of a pixel.
+struct Placed {
+    depth: f32,
+    sigma: f32,
+    residual: f32,
+}
 
 /// What one thread decodes with.
 struct Decoder<'a> {
@@ -194,8 +232,9 @@ struct Decoder<'a> {
     interpolator: Interpolator<'a>,
     /// `[pixel of the block][channel]`
     queries: Vec<f32>,
-    hits: Vec<Hit>,
+    /// Of the queries.
     variances: Vec<f32>,
+    hits: Vec<Hit>,
 }
 
 impl<'a> Decoder<'a> {
@@ -209,67 +248,96 @@ impl<'a> Decoder<'a> {
             own: settings.interpolation.error().powi(2),
             interpolator: Interpolator::new(table, settings.interpolation),
             queries: vec![0.0; BLOCK * k],
+            variances: vec![0.0; BLOCK * k],
             hits: vec![Hit::NONE; BLOCK],
-            variances: vec![0.0; k],
         }
     }
 
-    /// Decodes the pixels of the table from `first` on, at most a block of them.
-    fn decode(&mut self, first: usize, out: &mut [Pixel]) {
+    /// Decodes the pixels of the table from `first` on, as many as there are in `out`, and counts those that fell back.
+    /// Only those that are still kept are looked at.
+    fn decode(&mut self, first: usize, out: Part<'_>) -> usize {
+        let kept = |l: &Left| *l == Left::Kept;
+        let (mut x, mut n_fallbacks) = (0, 0);
+        while let Some(skipped) = out.left[x..].iter().position(kept) {
+            x += skipped;
+            let n = out.left[x..].iter().take(BLOCK).take_while(|l| kept(l)).count();
+            self.search(first + x, n);
+            for i in 0..n {
+                let (hit, placed, fell_back) = self.place(first + x, i);
+                out.index[x + i] = hit.index;
+                n_fallbacks += usize::from(fell_back);
+                match placed {
+                    Some(p) => {
+                        (out.depth[x + i], out.sigma[x + i], out.residual[x + i]) = (p.depth, p.sigma, p.residual)
+                    }
+                    None if hit.index == u32::MAX => out.left[x + i] = Left::Outside,
+                    None => out.left[x + i] = Left::Ambiguous,
+                }
+            }
+            x += n;
+        }
+        n_fallbacks
+    }
+
+    /// Loads a block of `n` pixels that are all kept, from `first` on, and finds their nearest positions.
+    fn search(&mut self, first: usize, n: usize) {
         let k = self.m.k;
-        let n_positions = self.table.shape().n_positions;
-        let queries = &mut self.queries[..out.len() * k];
-        for (x, q) in queries.chunks_exact_mut(k).enumerate() {
-            query(self.table, self.m, first + x, q);
-        }
-        let ranges = self.windows.map(|w| w.of(first, out.len()));
-        self.table.nearest(first, queries, ranges, &mut self.hits[..out.len()]);
-        for (x, out) in out.iter_mut().enumerate() {
-            out.left = self.m.left[pixel_of_camera(self.table, self.m, first + x)];
-            if out.left != Left::Kept {
-                continue;
+        let (queries, variances) = (&mut self.queries[..n * k], &mut self.variances[..n * k]);
+        let load = |from: usize, queries: &mut [f32], variances: &mut [f32]| {
+            let measured = self.m.p[from * k..].iter().zip(&self.m.inv_var[from * k..]);
+            for ((q, v), (p, inverse)) in queries.iter_mut().zip(variances).zip(measured) {
+                let usable = *inverse > 0.0;
+                *q = if usable { *p } else { f32::NAN };
+                *v = if usable { 1.0 / inverse } else { 0.0 };
             }
-            let hit = self.hits[x];
-            let good = self.judge(first + x, x, hit, out);
-            if let Some([from, to]) = ranges.map(|r| r[x])
-                && (from > 0 || (to as usize) < n_positions)
-                && (!good || Windows::at_border([from, to], hit.index, n_positions))
-            {
-                let mut hit = [Hit::NONE];
-                self.table.nearest(first + x, &self.queries[x * k..(x + 1) * k], None, &mut hit);
-                self.judge(first + x, x, hit[0], out);
-                out.fell_back = true;
+        };
+        if self.table.shape().step == 1 {
+            load(first, queries, variances);
+        } else {
+            for (x, (q, v)) in queries.chunks_exact_mut(k).zip(variances.chunks_exact_mut(k)).enumerate() {
+                load(pixel_of_camera(self.table, self.m, first + x), q, v);
             }
         }
+        let ranges = self.windows.map(|w| w.of(first, n));
+        self.table.nearest(first, queries, ranges, &mut self.hits[..n]);
+    }
+
+    /// Places the `x`th pixel of the block that begins with `first`; whether its window had explained nothing.
+    fn place(&mut self, first: usize, x: usize) -> (Hit, Option<Placed>, bool) {
+        let (k, n_positions) = (self.m.k, self.table.shape().n_positions);
+        let pixel = first + x;
+        let hit = self.hits[x];
+        let placed = self.judge(pixel, x, hit);
+        if let Some([from, to]) = self.windows.map(|w| w.of(pixel, 1)[0])
+            && (from > 0 || (to as usize) < n_positions)
+            && (placed.is_none() || Windows::at_border([from, to], hit.index, n_positions))
+        {
+            let mut hit = [Hit::NONE];
+            self.table.nearest(pixel, &self.queries[x * k..(x + 1) * k], None, &mut hit);
+            return (hit[0], self.judge(pixel, x, hit[0]), true);
+        }
+        (hit, placed, false)
     }
 
     /// Places a pixel (the `x`th of the block) near a hit and decides whether to believe it.
-    fn judge(&mut self, pixel: usize, x: usize, hit: Hit, out: &mut Pixel) -> bool {
-        let k = self.m.k;
+    fn judge(&mut self, pixel: usize, x: usize, hit: Hit) -> Option<Placed> {
         if hit.index == u32::MAX {
-            out.left = Left::Outside;
-            return false;
+            return None;
         }
-        let camera_pixel = pixel_of_camera(self.table, self.m, pixel);
-        let (mut n_used, mut noise) = (0, 0.0);
-        for (v, inverse) in self.variances.iter_mut().zip(&self.m.inv_var[camera_pixel * k..]) {
-            *v = 0.0;
-            if *inverse > 0.0 {
-                *v = 1.0 / inverse;
-                n_used += 1;
-                noise += *v + self.table.variance() + self.own;
-            }
-        }
-        let query = &self.queries[x * k..(x + 1) * k];
-        let found = self.interpolator.find(pixel, hit.index as usize, hit.distance, query, &self.variances);
-        out.index = hit.index;
-        let good = found.distance.sqrt() <= found.slack.sqrt() + self.tau * noise.sqrt() && found.variance.is_finite();
-        (out.depth, out.sigma, out.residual, out.left) = if good {
-            (found.depth, found.variance.sqrt(), (found.distance / n_used as f32).sqrt(), Left::Kept)
-        } else {
-            (f32::NAN, f32::NAN, f32::NAN, Left::Ambiguous)
-        };
-        good
+        let k = self.m.k;
+        let (query, variances) = (&self.queries[x * k..(x + 1) * k], &self.variances[x * k..(x + 1) * k]);
+        // Variances of channels that were not measured are 0.
+        let n_used = query.iter().filter(|q| !q.is_nan()).count() as f32;
+        let noise = variances.iter().sum::<f32>() + n_used * (self.table.variance() + self.own);
+        let found = self.interpolator.find(pixel, hit.index as usize, hit.distance, query, variances);
+        let believed = found.distance <= self.tau * self.tau * noise
+            || found.distance.sqrt()
+                <= self.interpolator.slack(pixel, hit.index as usize, query).sqrt() + self.tau * noise.sqrt();
+        (believed && found.variance.is_finite()).then(|| Placed {
+            depth: found.depth,
+            sigma: found.variance.sqrt(),
+            residual: (found.distance / n_used).sqrt(),
+        })
     }
 }
 
@@ -278,11 +346,11 @@ const MAX_SLOPE: f32 = 4.0;
 
 /// Every pixel of the camera from every `step`th: bilinear in inverse depth inside of four that belong to one surface; a
 /// pixel next to one that was left out is left out for its reason, one between two surfaces as an edge.
-fn between(coarse: &[Pixel], table: &Table, m: &Measurements, camera: &Camera, nothing: Pixel) -> Vec<Pixel> {
+fn between(coarse: Maps, table: &Table, m: &Measurements, camera: &Camera) -> Maps {
     let s = *table.shape();
-    let one = |i: usize| {
+    let one = |i: usize| -> Result<Placed, Left> {
         if m.left[i] != Left::Kept {
-            return Pixel { left: m.left[i], ..nothing };
+            return Err(m.left[i]);
         }
         let (x, y) = (i % m.width, i / m.width);
         let (cx, cy) = (x / s.step, y / s.step);
@@ -294,21 +362,30 @@ fn between(coarse: &[Pixel], table: &Table, m: &Measurements, camera: &Camera, n
             (cx, ny, (1.0 - fx) * fy),
             (nx, ny, fx * fy),
         ];
-        let used = corners.iter().filter(|c| c.2 > 0.0).map(|&(x, y, w)| (coarse[y * s.width + x], w));
+        let used = corners.iter().filter(|c| c.2 > 0.0).map(|&(x, y, weight)| (y * s.width + x, weight));
         let (mut inverse, mut variance, mut residual, mut near, mut far) = (0.0, 0.0, 0.0, f32::INFINITY, 0.0f32);
-        for (p, weight) in used {
-            if p.left != Left::Kept {
-                return Pixel { left: p.left, ..nothing };
+        for (c, weight) in used {
+            if coarse.left[c] != Left::Kept {
+                return Err(coarse.left[c]);
             }
-            inverse += weight / p.depth;
-            variance += weight * p.sigma * p.sigma;
-            residual += weight * p.residual;
-            (near, far) = (near.min(p.depth), far.max(p.depth));
+            let depth = coarse.depth[c];
+            inverse += weight / depth;
+            variance += weight * coarse.sigma[c] * coarse.sigma[c];
+            residual += weight * coarse.residual[c];
+            (near, far) = (near.min(depth), far.max(depth));
         }
         if far - near > MAX_SLOPE * near * s.step as f32 / camera.fx.min(camera.fy) as f32 {
-            return Pixel { left: Left::Edge, ..nothing };
+            return Err(Left::Edge);
         }
-        Pixel { depth: 1.0 / inverse, sigma: variance.sqrt(), residual, left: Left::Kept, ..nothing }
+        Ok(Placed { depth: 1.0 / inverse, sigma: variance.sqrt(), residual })
     };
-    (0..m.n()).into_par_iter().map(one).collect()
+    let found: Vec<Result<Placed, Left>> = (0..m.n()).into_par_iter().map(one).collect();
+    let map = |of: fn(&Placed) -> f32| found.iter().map(|f| f.as_ref().map_or(f32::NAN, of)).collect();
+    Maps {
+        depth: map(|p| p.depth),
+        sigma: map(|p| p.sigma),
+        residual: map(|p| p.residual),
+        left: found.iter().map(|f| f.as_ref().err().copied().unwrap_or(Left::Kept)).collect(),
+        ..coarse
+    }
 }

@@ -12,8 +12,6 @@ pub(super) struct Found {
     pub(super) depth: f32,
     /// Squared distance to the measured codeword that remains there.
     pub(super) distance: f32,
-    /// Squared distance that the table's step alone can leave.
-    pub(super) slack: f32,
     /// Variance of the depth, mm²; infinite when nothing tells.
     pub(super) variance: f32,
 }
@@ -28,7 +26,9 @@ pub(super) struct Interpolator<'a> {
     how: Interpolation,
     /// `[neighbor][channel, then depth]`
     samples: Vec<f32>,
-    /// dc/dv at what was found.
+    /// Which neighbors can be used.
+    there: [bool; N],
+    /// dc/dv at what was found, in units of the span that goes with it.
     slopes: Vec<f32>,
     /// The same while searching.
     trial: Vec<f32>,
@@ -37,7 +37,14 @@ pub(super) struct Interpolator<'a> {
 impl<'a> Interpolator<'a> {
     pub(super) fn new(table: &'a Table, how: Interpolation) -> Self {
         let k = table.shape().k;
-        Self { table, how, samples: vec![0.0; N * (k + 1)], slopes: vec![0.0; k], trial: vec![0.0; k] }
+        Self {
+            table,
+            how,
+            samples: vec![0.0; N * (k + 1)],
+            there: [false; N],
+            slopes: vec![0.0; k],
+            trial: vec![0.0; k],
+        }
     }
 
     fn code(&self, n: usize) -> &[f32] {
@@ -55,99 +62,145 @@ impl<'a> Interpolator<'a> {
         query: &[f32],
         variances: &[f32],
     ) -> Found {
-        let (v, there) = self.neighbors(pixel, index);
-        let used = |j: usize| !query[j].is_nan();
-        let here = v[REACH];
-        let mut slack = 0.0f32;
-        let (at, remains) = match self.how {
+        if self.how == Interpolation::None {
+            return match self.table {
+                Table::Full(t) => {
+                    let row = t.row(pixel);
+                    let stride = t.shape.stride();
+                    self.at_position(|j, p| row[j * stride + p], index, distance, query, variances)
+                }
+                Table::LowRank(t) => self.at_position(|j, p| t.value(pixel, j, p), index, distance, query, variances),
+            };
+        }
+        let z = self.neighbors(pixel, index);
+        let there = self.there;
+        let (depth, remains, span) = match self.how {
             Interpolation::None | Interpolation::Parabola => {
-                for n in [REACH - 1, REACH + 1].into_iter().filter(|n| there[*n]) {
-                    let pairs = self.code(n).iter().zip(self.code(REACH)).enumerate().filter(|(j, _)| used(*j));
-                    slack = slack.max(0.25 * pairs.map(|(_, (a, b))| (a - b) * (a - b)).sum::<f32>());
-                }
-                self.central_slopes(&v, &there);
-                if self.how == Interpolation::Parabola && there[REACH - 1] && there[REACH + 1] {
+                let v = z.map(f32::recip);
+                let (from, to) = self.central_differences();
+                let (at, remains) = if there[REACH - 1] && there[REACH + 1] {
                     let d = |n: usize| squared(self.code(n), query);
-                    vertex([v[REACH - 1], here, v[REACH + 1]], [d(REACH - 1), distance, d(REACH + 1)])
+                    vertex([v[REACH - 1], v[REACH], v[REACH + 1]], [d(REACH - 1), distance, d(REACH + 1)])
                 } else {
-                    (here, distance)
-                }
+                    (v[REACH], distance)
+                };
+                (1.0 / at, remains, v[to] - v[from])
             }
             Interpolation::Linear | Interpolation::Cubic => {
-                let mut best = (here, distance);
-                self.central_slopes(&v, &there);
+                let v = z.map(f32::recip);
+                let (from, to) = self.central_differences();
+                let mut best = (v[REACH], distance, v[to] - v[from]);
                 for (from, to) in [(REACH, REACH + 1), (REACH, REACH - 1)].into_iter().filter(|s| there[s.1]) {
-                    let (at, remains) = self.on_segment(from, to, &v, &there, query);
+                    let (at, remains) = self.on_segment(from, to, &v, query);
                     if remains < best.1 {
-                        best = (at, remains);
-                        self.slopes.copy_from_slice(&self.trial);
+                        best = (at, remains, v[to] - v[from]);
+                        std::mem::swap(&mut self.slopes, &mut self.trial);
                     }
                 }
-                best
+                (1.0 / best.0, best.1, best.2)
             }
         };
-        // Least squares on a curve: var t = Σ g² var / (Σ g²)², g = dc/dv; then from 1/z to z.
-        let (mut information, mut spread) = (0.0, 0.0);
-        for j in (0..query.len()).filter(|j| used(*j)) {
-            let g2 = self.slopes[j] * self.slopes[j];
-            information += g2;
-            spread += g2 * (variances[j] + self.table.variance());
+        let mut information = Information::default();
+        let of_table = self.table.variance();
+        for ((slope, query), variance) in self.slopes.iter().zip(query).zip(variances) {
+            information.add(*slope, *query, variance + of_table);
         }
-        let depth = 1.0 / at;
-        let mut variance = if information > 0.0 { spread / (information * information) } else { f32::INFINITY };
-        variance *= depth.powi(4);
-        if self.how == Interpolation::None {
-            // Anywhere within half a step is as likely.
-            let sides = [REACH - 1, REACH + 1].into_iter().filter(|n| there[*n]);
-            let step = sides.map(|n| (1.0 / v[n] - depth).abs()).fold(0.0, f32::max);
-            variance += step * step / 12.0;
-        }
-        Found { depth, distance: remains, slack, variance }
+        Found { depth, distance: remains, variance: information.variance(span, depth) }
     }
 
-    /// Loads the samples around a position: inverse depths, and which can be used. Those that are not in order of depth (of
+    /// A position itself, of a pixel whose values `value(j, p)` are: channel j (k: the depth) at position p, NaN if missing.
+    /// Reads what it needs where it is, as nothing else is left to do here.
+    #[inline(always)]
+    fn at_position(
+        &self,
+        value: impl Fn(usize, usize) -> f32,
+        index: usize,
+        distance: f32,
+        query: &[f32],
+        variances: &[f32],
+    ) -> Found {
+        let k = query.len();
+        // At the ends the position itself: it is not in order with itself, so it is not used.
+        let [before, after] = [index.saturating_sub(1), (index + 1).min(self.table.shape().n_positions - 1)];
+        let [a, z, b] = [before, index, after].map(|p| value(k, p));
+        let usable = |p: usize, z: f32| z > 0.0 && !value(0, p).is_nan();
+        let there = [usable(before, a), usable(after, b)];
+        let nearing = match there {
+            [true, true] => b < a,
+            [true, false] => z < a,
+            _ => b < z,
+        };
+        let ordered = |a: f32, b: f32| if nearing { b < a } else { b > a };
+        let (from, a) = if there[0] && ordered(a, z) { (before, a) } else { (index, z) };
+        let (to, b) = if there[1] && ordered(z, b) { (after, b) } else { (index, z) };
+        let mut information = Information::default();
+        let of_table = self.table.variance();
+        for (j, (query, variance)) in query.iter().zip(variances).enumerate() {
+            information.add(value(j, to) - value(j, from), *query, variance + of_table);
+        }
+        // Of inverse depths.
+        let span = (a - b) / (a * b);
+        // Anywhere within half a step is as likely.
+        let step = (a - z).abs().max((b - z).abs());
+        Found { depth: z, distance, variance: information.variance(span, z) + step * step / 12.0 }
+    }
+
+    /// Squared distance that the table's step alone can leave at a position.
+    pub(super) fn slack(&mut self, pixel: usize, index: usize, query: &[f32]) -> f32 {
+        if !matches!(self.how, Interpolation::None | Interpolation::Parabola) {
+            return 0.0;
+        }
+        self.neighbors(pixel, index);
+        let to_next = |n: usize| {
+            let pairs = self.code(n).iter().zip(self.code(REACH)).zip(query).filter(|(_, q)| !q.is_nan());
+            0.25 * pairs.map(|((a, b), _)| (a - b) * (a - b)).sum::<f32>()
+        };
+        [REACH - 1, REACH + 1].into_iter().filter(|n| self.there[*n]).map(to_next).fold(0.0, f32::max)
+    }
+
+    /// Loads the samples around a position: their depths, and which can be used. Those that are not in order of depth (of
     /// boards that crossed, or of a table in no order) cannot.
-    fn neighbors(&mut self, pixel: usize, index: usize) -> ([f32; N], [bool; N]) {
+    fn neighbors(&mut self, pixel: usize, index: usize) -> [f32; N] {
         let k = self.slopes.len();
         let n_positions = self.table.shape().n_positions;
-        let (mut v, mut there) = ([f32::NAN; N], [false; N]);
+        let (mut z, mut there) = ([f32::NAN; N], [false; N]);
         // Only the cubic looks at more than the next ones.
         let reach = if self.how == Interpolation::Cubic { REACH } else { 1 };
         for n in REACH - reach..=REACH + reach {
             let Some(p) = (index + n).checked_sub(REACH).filter(|p| *p < n_positions) else { continue };
             let sample = &mut self.samples[n * (k + 1)..][..k + 1];
             there[n] = self.table.sample(pixel, p, sample) && sample[k] > 0.0;
-            v[n] = 1.0 / sample[k];
+            z[n] = sample[k];
         }
-        let rising = match (there[REACH - 1], there[REACH + 1]) {
-            (true, true) => v[REACH + 1] > v[REACH - 1],
-            (true, false) => v[REACH] > v[REACH - 1],
-            _ => v[REACH + 1] > v[REACH],
+        let nearing = match (there[REACH - 1], there[REACH + 1]) {
+            (true, true) => z[REACH + 1] < z[REACH - 1],
+            (true, false) => z[REACH] < z[REACH - 1],
+            _ => z[REACH + 1] < z[REACH],
         };
-        let ordered = |a: f32, b: f32| if rising { b > a } else { b < a };
+        let ordered = |a: f32, b: f32| if nearing { b < a } else { b > a };
         for n in (0..REACH).rev() {
-            there[n] &= there[n + 1] && ordered(v[n], v[n + 1]);
+            there[n] &= there[n + 1] && ordered(z[n], z[n + 1]);
         }
         for n in REACH + 1..N {
-            there[n] &= there[n - 1] && ordered(v[n - 1], v[n]);
+            there[n] &= there[n - 1] && ordered(z[n - 1], z[n]);
         }
-        (v, there)
+        self.there = there;
+        z
     }
 
-    /// Slopes by differences of the nearest neighbors; 0 without any.
-    fn central_slopes(&mut self, v: &[f32; N], there: &[bool; N]) {
-        let from = if there[REACH - 1] { REACH - 1 } else { REACH };
-        let to = if there[REACH + 1] { REACH + 1 } else { REACH };
+    /// Slopes by differences of the nearest neighbors, which are returned; 0 without any.
+    fn central_differences(&mut self) -> (usize, usize) {
+        let from = if self.there[REACH - 1] { REACH - 1 } else { REACH };
+        let to = if self.there[REACH + 1] { REACH + 1 } else { REACH };
         let k = self.slopes.len();
-        for j in 0..k {
-            let d = self.samples[to * (k + 1) + j] - self.samples[from * (k + 1) + j];
-            self.slopes[j] = if to > from { d / (v[to] - v[from]) } else { 0.0 };
-        }
+        let ends = self.samples[to * (k + 1)..].iter().zip(&self.samples[from * (k + 1)..]);
+        self.slopes.iter_mut().zip(ends).for_each(|(s, (a, b))| *s = a - b);
+        (from, to)
     }
 
     /// The closest point of the curve between two neighboring positions: inverse depth and squared distance. Its slopes are
-    /// left in `trial`.
-    fn on_segment(&mut self, from: usize, to: usize, v: &[f32; N], there: &[bool; N], query: &[f32]) -> (f32, f32) {
+    /// left in `trial`, in units of the segment.
+    fn on_segment(&mut self, from: usize, to: usize, v: &[f32; N], query: &[f32]) -> (f32, f32) {
         let k = query.len();
         let span = v[to] - v[from];
         // Up to four points around the segment, in units of it: 0 and 1 are its ends.
@@ -155,7 +208,7 @@ impl<'a> Interpolator<'a> {
         if self.how == Interpolation::Cubic {
             let (before, after) = (2 * from - to, 2 * to - from);
             for i in [before, after] {
-                if there[i] {
+                if self.there[i] {
                     (at[n], which[n]) = ((v[i] - v[from]) / span, i);
                     n += 1;
                 }
@@ -169,7 +222,7 @@ impl<'a> Interpolator<'a> {
             norm += (b - a) * (b - a);
         }
         let mut t = if norm > 0.0 { (dot / norm).clamp(0.0, 1.0) } else { 0.5 };
-        let curve = Curve { at: &at[..n], which: &which[..n], span };
+        let curve = Curve { at: &at[..n], which: &which[..n] };
         let (mut best, mut last) = ((t, f32::INFINITY), t);
         for _ in 0..if n == 2 { 1 } else { 6 } {
             let (distance, g, h) = self.evaluate(&curve, t, query);
@@ -207,9 +260,35 @@ impl<'a> Interpolator<'a> {
                 g += d * e;
                 h += d * d;
             }
-            self.trial[j] = d / curve.span;
+            self.trial[j] = d;
         }
         (distance, g, h)
+    }
+}
+
+/// Least squares on a curve: var t = Σ g² var / (Σ g²)², g = dc/dt.
+#[derive(Default)]
+struct Information {
+    /// Σ g²
+    sum: f32,
+    /// Σ g² var
+    spread: f32,
+}
+
+impl Information {
+    /// Adds a channel, unless it was not measured.
+    #[inline(always)]
+    fn add(&mut self, slope: f32, query: f32, variance: f32) {
+        let g2 = if query.is_nan() { 0.0 } else { slope * slope };
+        self.sum += g2;
+        self.spread += g2 * variance;
+    }
+
+    /// Variance of the depth, mm²; `span` is the unit of t in inverse depth.
+    #[inline(always)]
+    fn variance(&self, span: f32, depth: f32) -> f32 {
+        let per_code = depth * depth * span / self.sum;
+        if self.sum > 0.0 { self.spread * per_code * per_code } else { f32::INFINITY }
     }
 }
 
@@ -219,8 +298,6 @@ struct Curve<'a> {
     at: &'a [f32],
     /// Which they are.
     which: &'a [usize],
-    /// Length of the segment in inverse depth.
-    span: f32,
 }
 
 /// Squared distance over the channels that were measured.

@@ -62,14 +62,30 @@ impl LowRank {
         if !self.holds(pixel, position) {
             return false;
         }
-        let (r, stride) = (self.rank, self.shape.stride());
-        let left = &self.left[pixel * self.row_len()..][..self.row_len()];
         for (j, out) in out[..self.shape.k].iter_mut().enumerate() {
-            let right = &self.right[j * r * stride..][..r * stride];
-            *out = left[j * r..][..r].iter().enumerate().map(|(i, l)| l * right[i * stride + position]).sum();
+            *out = self.entry(pixel, j, position);
         }
         out[self.shape.k] = self.depth(pixel, position);
         true
+    }
+
+    /// Channel `j` of a sample that is held.
+    fn entry(&self, pixel: usize, j: usize, position: usize) -> f32 {
+        let (r, stride) = (self.rank, self.shape.stride());
+        let left = &self.left[pixel * self.row_len() + j * r..][..r];
+        let right = &self.right[j * r * stride..][..r * stride];
+        left.iter().enumerate().map(|(i, l)| l * right[i * stride + position]).sum()
+    }
+
+    /// Channel `j` (k: the depth) at a position; NaN if that sample is missing.
+    pub(super) fn value(&self, pixel: usize, j: usize, position: usize) -> f32 {
+        if j == self.shape.k {
+            self.depth(pixel, position)
+        } else if self.holds(pixel, position) {
+            self.entry(pixel, j, position)
+        } else {
+            f32::NAN
+        }
     }
 
     pub(super) fn depth(&self, pixel: usize, position: usize) -> f32 {

@@ -31,7 +31,7 @@ mod tests;
 
 pub use build::{Built, build, memory_bytes};
 pub use compress::{Compressed, Rank, compress};
-pub use decode::{Interpolation, Maps, Search, Settings, decode, decode_near};
+pub use decode::{Interpolation, Maps, Memory, Search, Settings, decode, decode_near};
 pub use low_rank::LowRank;
 pub use run::{Options, run};
 pub use table::{FullTable, Shape, Table};

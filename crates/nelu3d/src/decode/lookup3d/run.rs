@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::file::{self, Expected};
-use super::{Error, Rank, Settings, Table, build, compress, decode, decode_near};
+use super::{Error, Memory, Rank, Settings, Table, build, compress, decode, decode_near};
 use crate::calibrate;
 use crate::calibrate::dark::{DarkEstimator, DarkLevel};
 use crate::calibrate::noise::{NoiseEstimator, NoiseModel};
@@ -84,12 +84,13 @@ pub fn run(
         Some(sensor) => sensor,
         None => (noise_of(&capture, rig), dark_of(&capture, rig, set, opts.min_contrast, progress)?),
     };
-    let m = Measurements::new(&capture, &noise, &dark, 0.0);
+    let mut m = Measurements::new(&capture, &noise, &dark, 0.0);
 
     clock.begin("decode");
+    let memory = Memory::of(&mut m);
     let found = match &previous {
-        None => decode(&table, &m, &rig.camera, &own.settings),
-        Some(depth) => decode_near(&table, &m, &rig.camera, &own.settings, depth),
+        None => decode(&table, &m, &rig.camera, &own.settings, memory),
+        Some(depth) => decode_near(&table, &m, &rig.camera, &own.settings, memory, depth),
     };
     stop()?;
 

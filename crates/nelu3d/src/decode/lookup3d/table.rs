@@ -107,6 +107,12 @@ impl FullTable {
         });
     }
 
+    /// Values of a pixel, `[channel, then depth][position]`, each [`Shape::stride`] long.
+    #[inline]
+    pub(super) fn row(&self, pixel: usize) -> &[f32] {
+        &self.data[pixel * self.shape.row_len()..][..self.shape.row_len()]
+    }
+
     /// Values of channel `j` (k: the depth) of a pixel, position by position.
     pub fn channel(&self, pixel: usize, j: usize) -> &[f32] {
         &self.data[pixel * self.shape.row_len() + j * self.shape.stride()..][..self.shape.n_positions]
@@ -153,7 +159,7 @@ impl Table {
         match self {
             Table::Full(t) => {
                 let stride = t.shape.stride();
-                let row = &t.data[pixel * t.shape.row_len()..][..t.shape.row_len()];
+                let row = t.row(pixel);
                 let there = !row[position].is_nan();
                 if there {
                     out.iter_mut().enumerate().for_each(|(j, o)| *o = row[j * stride + position]);
@@ -169,7 +175,7 @@ impl Table {
     pub fn depth(&self, pixel: usize, position: usize) -> f32 {
         match self {
             Table::Full(t) => {
-                let row = &t.data[pixel * t.shape.row_len()..][..t.shape.row_len()];
+                let row = t.row(pixel);
                 if row[position].is_nan() { f32::NAN } else { row[t.shape.k * t.shape.stride() + position] }
             }
             Table::LowRank(t) => t.depth(pixel, position),

@@ -3,7 +3,7 @@
 use nelu3d_scan::Camera;
 
 use super::file::{Expected, read, write_npy, write_npz};
-use super::*;
+use super::{decode as decode_in, decode_near as decode_near_in, *};
 use crate::reconstruct::measure::Measurements;
 use crate::result::Left;
 
@@ -82,6 +82,14 @@ fn worst(depth: &[f32], truth: impl Fn(usize) -> f32) -> f32 {
         .enumerate()
         .map(|(i, z)| (z - truth(i)).abs())
         .fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a })
+}
+
+fn decode(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings) -> Maps {
+    decode_in(table, m, camera, settings, Memory::default())
+}
+
+fn decode_near(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, previous: &[f32]) -> Maps {
+    decode_near_in(table, m, camera, settings, Memory::default(), previous)
 }
 
 #[test]
@@ -171,6 +179,21 @@ fn channels_that_were_not_measured_take_no_part_and_nonsense_is_left_out() {
     assert!(maps.left[2 * WIDTH..3 * WIDTH].iter().all(|l| *l == Left::Clipped));
     let all = decode(&table, &m, &camera(), &Settings { max_residual: 0.0, ..Settings::default() });
     assert!(all.depth[WIDTH..2 * WIDTH].iter().all(|z| z.is_finite()));
+}
+
+#[test]
+fn whatever_memory_maps_are_made_in_they_are_the_same() {
+    let table = Table::Full(table(1, 21, |i, _| i % 7 == 0));
+    let mut m = scene(surface);
+    m.left[5] = Left::Dark;
+    let bits =
+        |maps: &Maps| [&maps.depth, &maps.sigma, &maps.residual].map(|m| m.iter().map(|v| v.to_bits()).collect());
+    let fresh = decode(&table, &m, &camera(), &Settings::default());
+    let memory = Memory::of(&mut m);
+    assert!(m.surround.is_empty() && m.contrast.is_empty() && m.light.is_empty());
+    let used = decode_in(&table, &m, &camera(), &Settings::default(), memory);
+    let (fresh, used): ([Vec<u32>; 3], [Vec<u32>; 3]) = (bits(&fresh), bits(&used));
+    assert_eq!(fresh, used);
 }
 
 #[test]
