@@ -60,7 +60,7 @@ def main():
         ImageDraw.Draw(framed).text((4, 3), label, fill=(0, 0, 0))
         pictures.append(framed)
     width, height = max(p.width for p in pictures), max(p.height for p in pictures)
-    across = min(len(pictures), 4)
+    across = 3 if len(pictures) in (5, 6) else min(len(pictures), 4)
     sheet = Image.new("RGB", (across * (width + 6), -(-len(pictures) // across) * (height + 6)), (255, 255, 255))
     for i, picture in enumerate(pictures):
         sheet.paste(picture, (i % across * (width + 6), i // across * (height + 6)))
