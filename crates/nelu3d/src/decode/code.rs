@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nelu3d_scan::pattern::Axis;
+use nelu3d_scan::pattern::{Axis, Stripes};
 use nelu3d_scan::rig::PatternSet;
 use nelu3d_scan::{Image, Projector, Rig};
 
@@ -142,22 +142,10 @@ fn lines(image: Image, path: &Path, index: usize, light: &Light) -> Result<(Opti
     let (w, h, c) = (image.width, image.height, image.channels);
     let gray = image.data.chunks_exact(c).all(|p| p.iter().all(|v| *v == p[0]));
     let channels = if gray { 1 } else { c };
-    // Largest difference to the first row (does it change along y?) and to the first column.
-    let (mut along_x, mut along_y) = (0.0f32, 0.0f32);
-    for y in 0..h {
-        for x in 0..w {
-            for ch in 0..c {
-                let v = image.data[(y * w + x) * c + ch];
-                along_x = along_x.max((v - image.data[y * w * c + ch]).abs());
-                along_y = along_y.max((v - image.data[x * c + ch]).abs());
-            }
-        }
-    }
-    let axis = match (along_x > FLAT, along_y > FLAT) {
-        (true, false) => Some(Axis::X),
-        (false, true) => Some(Axis::Y),
-        (false, false) => None,
-        (true, true) => {
+    let axis = match Stripes::of(&image, FLAT) {
+        Stripes::Along(axis) => Some(axis),
+        Stripes::Constant => None,
+        Stripes::Both => {
             return Err(Error::file(
                 path,
                 "changes along x and along y, and a decoder needs images that change along one of them",
