@@ -68,6 +68,8 @@ pub(crate) enum Command {
     Projector(Projector),
     /// Judge a result: against the truth, or against another result.
     Evaluate(Evaluate),
+    /// Run the paper's tables and figures, or studies of your own, on virtual and given rigs.
+    Experiment(Experiment),
     /// Lookup tables of the sweep, in the files of the LookUp3D tools.
     Table(Table),
     /// Measure this machine, and how close the kernels and training steps come to what it allows.
@@ -440,6 +442,26 @@ pub(crate) struct Evaluate {
     /// Rig folder whose projector to use for that.
     #[arg(long, value_name = "RIG")]
     pub rig: Option<PathBuf>,
+}
+
+/// `nelu3d experiment`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Experiment {
+    /// An experiment that comes with the program, or a file that describes one (.toml); none lists them.
+    #[arg(value_name = "NAME|FILE.toml")]
+    pub name: Option<String>,
+    /// Folder for rigs, results, tables and pages. What an earlier run left there is not computed again.
+    #[arg(short, long, value_name = "DIR", default_value = "nelu3d-experiments")]
+    pub output: PathBuf,
+    /// A small version, in a minute or so: to see that it works, not to learn anything.
+    #[arg(long)]
+    pub quick: bool,
+    /// Seeds instead of the experiment's own.
+    #[arg(long, value_name = "N", value_delimiter = ',', num_args = 1..)]
+    pub seeds: Option<Vec<u64>>,
+    /// Also take over what another build of this program computed there.
+    #[arg(long)]
+    pub reuse: bool,
 }
 
 /// `nelu3d table`

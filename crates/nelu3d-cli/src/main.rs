@@ -9,6 +9,7 @@
 mod args;
 mod commands;
 mod console;
+mod experiment;
 mod report;
 
 use std::process::ExitCode;
@@ -61,6 +62,7 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
         Command::Decode(a) => commands::decode::run(a, &context),
         Command::Projector(a) => commands::projector::run(a, &context),
         Command::Evaluate(a) => commands::evaluate::run(a, &context),
+        Command::Experiment(a) => experiment::run(&a, &context),
         Command::Table(a) => commands::table::run(a, &context),
         Command::Bench(a) => commands::bench::run(a, &context),
     }

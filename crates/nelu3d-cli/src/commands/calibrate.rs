@@ -18,9 +18,16 @@ pub(crate) fn run(args: args::Calibrate, context: &Context) -> Result<ExitCode> 
     let set = rig.pattern_set(args.set.as_deref())?;
     let output: PathBuf = args.output.unwrap_or_else(|| default_field(&rig, &set.name));
     let report = calibrate_to(&rig, set, &args.options, &output, context)?;
-    context.answer(&serde_json::json!({ "field": output, "report": report }), || {
-        format!("{}field     {}", text(&report), shown(&output))
-    })?;
+    let bytes = std::fs::metadata(&output).map(|m| m.len()).ok();
+    let cpu_secs: f64 = report.stages.iter().map(|s| s.cpu_secs).sum();
+    let answer = serde_json::json!({
+        "field": output,
+        "field_bytes": bytes,
+        "cpu_secs": cpu_secs,
+        "peak_memory_bytes": nelu3d::result::peak_memory_bytes(),
+        "report": report,
+    });
+    context.answer(&answer, || format!("{}field     {}", text(&report), shown(&output)))?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -1,0 +1,108 @@
+//! `nelu3d experiment`: the paper's tables and figures, and studies of our own, each a file in `experiments/`.
+//!
+//! [`file`] is what such a file says; [`plan`] makes commands of it (simulate, calibrate, reconstruct or decode, evaluate) and
+//! reads their answers; [`step`] runs each command once, however often the experiment is started; [`table`], [`plot`] and
+//! [`page`] show the numbers. To add an experiment, write its file and add it to [`file::BUILT_IN`].
+
+mod file;
+mod page;
+mod plan;
+mod plot;
+mod step;
+mod table;
+
+use std::process::ExitCode;
+
+use anyhow::Result;
+use nelu3d_scan::output::{create_dir, write_atomic};
+
+use crate::args;
+use crate::commands::Context;
+use file::{BUILT_IN, Experiment};
+use step::Runner;
+use table::Numbers;
+
+/// Runs the command.
+pub(crate) fn run(args: &args::Experiment, context: &Context) -> Result<ExitCode> {
+    let Some(name) = &args.name else { return list(context) };
+    let (name, mut experiment) = Experiment::read(name, args.quick)?;
+    if let Some(seeds) = &args.seeds {
+        experiment.seeds.clone_from(seeds);
+    }
+    let dir = args.output.join(if args.quick { format!("{name}-quick") } else { name.clone() });
+    create_dir(&dir)?;
+    let mut runner = Runner::new(&args.output, args.reuse, context)?;
+    let cells = plan::run(&experiment, &args.output, &dir, &mut runner)?;
+    context.stop_if_asked()?;
+
+    context.progress.stage("write the tables");
+    let numbers = Numbers::of(&experiment, &cells);
+    let made = made();
+    let mut plots = Vec::new();
+    for (i, column) in experiment.columns.iter().enumerate().filter(|(_, c)| c.main) {
+        if let Some(svg) = plot::svg(&numbers, i)? {
+            let file = dir.join(format!("plot-{}.svg", plots.len() + 1));
+            write_atomic(&file, |w| w.write_all(svg.as_bytes()))?;
+            plots.push((column.label.clone(), svg));
+        }
+    }
+    let quick = if args.quick { format!("{name} --quick") } else { name.clone() };
+    let page = page::html(&quick, &numbers, &plots, &cells, &made)?;
+    let json = numbers.json();
+    for (file, content) in [
+        ("table.md", numbers.markdown(&quick, &made)),
+        ("table.csv", numbers.csv()),
+        ("table.json", serde_json::to_string_pretty(&json)?),
+        ("index.html", page),
+    ] {
+        write_atomic(&dir.join(file), |w| w.write_all(content.as_bytes()))?;
+    }
+    let (ran, reused) = (runner.ran, runner.reused);
+    let answer = serde_json::json!({ "experiment": name, "folder": dir, "ran": ran, "reused": reused, "numbers": json });
+    context.answer(&answer, || {
+        let mut text = format!("{}\n\n", experiment.title);
+        for (i, column) in experiment.columns.iter().enumerate().filter(|(_, c)| c.main) {
+            let (headings, rows) = numbers.pivot(i);
+            text += &format!("{}\n{}\n", column.label, aligned(&headings, &rows));
+        }
+        for problem in numbers.problems() {
+            text += &format!("without a result: {problem}\n");
+        }
+        let page = dir.join("index.html");
+        text + &format!("{ran} commands run, {reused} taken from earlier runs\nopen  {}\n", page.display())
+    })?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The experiments that come with the program.
+fn list(context: &Context) -> Result<ExitCode> {
+    let mut all = Vec::new();
+    for (name, _) in BUILT_IN {
+        let (_, experiment) = Experiment::read(name, false)?;
+        all.push((name, experiment.title));
+    }
+    let json: Vec<_> = all.iter().map(|(name, title)| serde_json::json!({ "name": name, "title": title })).collect();
+    context.answer(&json, || all.iter().map(|(name, title)| format!("{name:<10}  {title}\n")).collect())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// When and where, for the reader of a table.
+fn made() -> String {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let today = time::OffsetDateTime::now_utc().date();
+    let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
+    format!("{today}, {os} {arch}, {cores} cores, nelu3d {}", env!("CARGO_PKG_VERSION"))
+}
+
+/// A table for a terminal; the best of a row has a star.
+fn aligned(headings: &[String], rows: &[Vec<table::Marked>]) -> String {
+    let text = |c: &table::Marked| if c.best { format!("{} *", c.text) } else { c.text.clone() };
+    let mut lines = vec![headings.to_vec()];
+    lines.extend(rows.iter().map(|r| r.iter().map(text).collect()));
+    let width = |c: usize| lines.iter().map(|l| l[c].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..headings.len()).map(width).collect();
+    lines.iter().fold(String::new(), |out, line| {
+        let cells: Vec<String> = line.iter().zip(&widths).map(|(s, w)| format!("{s:<w$}")).collect();
+        out + cells.join("  ").trim_end() + "\n"
+    })
+}

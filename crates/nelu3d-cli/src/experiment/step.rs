@@ -1,0 +1,131 @@
+//! One command of an experiment, run as a program of its own, so that its time and memory are its own, and noted down when it is
+//! done, so that it need not run again.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use anyhow::{Context as _, Result, bail};
+use nelu3d_scan::output::{create_dir, write_atomic};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use super::super::commands::Context;
+
+/// A command and what it depends on.
+#[derive(Clone, Debug)]
+pub(super) struct Step {
+    /// What a person sees while it runs.
+    pub what: String,
+    /// Arguments of this program.
+    pub arguments: Vec<String>,
+    /// What it writes; absent if it only answers.
+    pub output: Option<PathBuf>,
+    /// Everything else that decides its outcome: contents of files, keys of other steps.
+    pub inputs: Vec<String>,
+}
+
+/// What a command did.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Outcome {
+    /// The arguments.
+    pub arguments: Vec<String>,
+    /// Hash of the program that ran it.
+    program: String,
+    /// Elapsed time, s.
+    pub wall_secs: f64,
+    /// Its answer.
+    pub answer: Value,
+}
+
+/// Runs commands, each once.
+pub(super) struct Runner<'a> {
+    context: &'a Context,
+    notes: PathBuf,
+    program: PathBuf,
+    program_hash: String,
+    /// Whether outcomes of another build of the program are good enough.
+    reuse: bool,
+    failed: HashMap<String, String>,
+    /// Commands that ran, and that did not have to.
+    pub ran: usize,
+    pub reused: usize,
+}
+
+impl<'a> Runner<'a> {
+    pub(super) fn new(root: &Path, reuse: bool, context: &'a Context) -> Result<Self> {
+        let notes = root.join("steps");
+        create_dir(&notes)?;
+        let program = std::env::current_exe().context("this program cannot find itself")?;
+        let content = std::fs::read(&program).with_context(|| format!("{}: cannot be read", program.display()))?;
+        let program_hash = hex(&content);
+        Ok(Self { context, notes, program, program_hash, reuse, failed: HashMap::new(), ran: 0, reused: 0 })
+    }
+
+    /// The outcome of a command: from an earlier run of the same command on the same inputs, or from running it.
+    /// `Ok(Err(reason))` if the command fails.
+    pub(super) fn run(&mut self, step: &Step) -> Result<Result<Outcome, String>> {
+        let key = step.key();
+        if let Some(reason) = self.failed.get(&key) {
+            return Ok(Err(reason.clone()));
+        }
+        let note = self.notes.join(format!("{key}.json"));
+        if let Some(outcome) = self.noted(&note, step) {
+            self.reused += 1;
+            return Ok(Ok(outcome));
+        }
+        self.context.progress.stage(&step.what);
+        let start = Instant::now();
+        let mut command = Command::new(&self.program);
+        command.args(&step.arguments).args(["--json", "--quiet"]).stdin(Stdio::null());
+        command.args(["--threads", &rayon::current_num_threads().to_string()]);
+        let done = command.output().with_context(|| format!("{}: cannot be started", self.program.display()))?;
+        self.context.stop_if_asked()?;
+        self.ran += 1;
+        if !done.status.success() {
+            let said = String::from_utf8_lossy(&done.stderr);
+            let reason = said.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("it says nothing");
+            let reason = reason.trim_start_matches("nelu3d: ").to_owned();
+            if done.status.code() == Some(2) {
+                bail!("`nelu3d {}` is not understood: {}", step.arguments.join(" "), said.trim());
+            }
+            self.failed.insert(key, reason.clone());
+            return Ok(Err(reason));
+        }
+        let answer = serde_json::from_slice(&done.stdout).context("a command's answer is no JSON")?;
+        let outcome = Outcome {
+            arguments: step.arguments.clone(),
+            program: self.program_hash.clone(),
+            wall_secs: start.elapsed().as_secs_f64(),
+            answer,
+        };
+        let text = serde_json::to_vec_pretty(&outcome)?;
+        write_atomic(&note, |w| w.write_all(&text))?;
+        Ok(Ok(outcome))
+    }
+
+    fn noted(&self, note: &Path, step: &Step) -> Option<Outcome> {
+        let outcome: Outcome = serde_json::from_slice(&std::fs::read(note).ok()?).ok()?;
+        let there = step.output.as_ref().is_none_or(|o| o.exists());
+        (there && (self.reuse || outcome.program == self.program_hash)).then_some(outcome)
+    }
+}
+
+impl Step {
+    /// What identifies it: its arguments and inputs.
+    pub(super) fn key(&self) -> String {
+        let mut all = self.arguments.join("\0");
+        for input in &self.inputs {
+            all += "\0\0";
+            all += input;
+        }
+        hex(all.as_bytes())[..24].to_owned()
+    }
+}
+
+/// SHA-256, hexadecimal.
+pub(super) fn hex(content: &[u8]) -> String {
+    Sha256::digest(content).iter().map(|b| format!("{b:02x}")).collect()
+}
