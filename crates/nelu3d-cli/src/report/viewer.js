@@ -1,12 +1,14 @@
-// Shows the page's surface; plain WebGL 1, no libraries. Coordinates are the camera's: x right, y down, z forward.
-(() => {
+// Shows the page's surfaces; plain WebGL 1, no libraries. Coordinates are the camera's: x right, y down, z forward.
+// Each viewer says in its attribute data-drawn how that went: "yes", "no surface", "no webgl" or "failed".
+document.querySelectorAll(".viewer").forEach(root => {
   "use strict";
-  const canvas = document.getElementById("view");
-  const hint = document.getElementById("hint");
-  const mesh = JSON.parse(document.getElementById("mesh").textContent);
-  if (!mesh) { hint.textContent = "There is no surface to show."; return; }
+  const canvas = root.querySelector("canvas");
+  const hint = root.querySelector(".hint");
+  const mesh = JSON.parse(root.querySelector("script").textContent);
+  const say = (drawn, text) => { root.dataset.drawn = drawn; hint.textContent = text; };
+  if (!mesh) { say("no surface", "There is no surface to show."); return; }
   const gl = canvas.getContext("webgl", { antialias: true });
-  if (!gl) { hint.textContent = "This browser offers no WebGL: open mesh.ply in a viewer instead."; return; }
+  if (!gl) { say("no webgl", "This browser offers no WebGL: open the mesh file in a viewer instead."); return; }
 
   const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0));
   const vertexData = bytes(mesh.vertex_data);
@@ -56,6 +58,7 @@
       vec3 base = vec3(0.886, 0.867, 0.831) * light;
       if (mode == 1) base = color;
       if (mode == 2) base = viridis(clamp((range.y - depth) / (range.y - range.x), 0.0, 1.0)) * (0.35 + 0.75 * light);
+      if (mode == 4) base = color * (0.35 + 0.75 * light);
       if (mode == 3) base = 0.5 + 0.5 * normalize(object) * vec3(1.0, -1.0, -1.0);
       gl_FragColor = vec4(base * front, 1.0);
     }`;
@@ -64,7 +67,7 @@
     const shader = gl.createShader(kind);
     gl.shaderSource(shader, source);
     gl.compileShader(shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) { hint.textContent = gl.getShaderInfoLog(shader); return; }
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) { say("failed", gl.getShaderInfoLog(shader)); return; }
     gl.attachShader(program, shader);
   }
   gl.linkProgram(program);
@@ -92,7 +95,8 @@
   gl.enable(gl.DEPTH_TEST);
   gl.clearColor(0.098, 0.110, 0.133, 1);
 
-  let yaw, pitch, zoom, shift, mode = 0, asked = false;
+  const buttons = [...root.querySelectorAll("button[data-mode]")];
+  let yaw, pitch, zoom, shift, mode = Number(buttons[0].dataset.mode), asked = false;
   const reset = () => { yaw = -0.38; pitch = 0.2; zoom = 1; shift = [0, 0]; };
   const draw = () => {
     asked = false;
@@ -110,6 +114,7 @@
     gl.uniform1i(uniform("mode"), mode);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.drawElements(gl.TRIANGLES, 3 * mesh.faces, gl.UNSIGNED_SHORT, 0);
+    root.dataset.drawn = gl.getError() === gl.NO_ERROR ? "yes" : "failed";
   };
   const ask = () => { if (!asked) { asked = true; requestAnimationFrame(draw); } };
   const zoomBy = factor => { zoom = Math.min(40, Math.max(0.2, zoom * factor)); ask(); };
@@ -148,14 +153,13 @@
       ArrowDown: () => pitch += 0.1, "+": () => zoomBy(1.2), "-": () => zoomBy(1 / 1.2) };
     if (keys[e.key]) { keys[e.key](); e.preventDefault(); ask(); }
   });
-  const buttons = [...document.querySelectorAll(".modes button[data-mode]")];
   buttons.forEach(button => button.addEventListener("click", () => {
     mode = Number(button.dataset.mode);
     buttons.forEach(b => b.setAttribute("aria-pressed", b === button));
     ask();
   }));
-  document.querySelector("[data-reset]").addEventListener("click", () => { reset(); ask(); });
+  root.querySelector("[data-reset]").addEventListener("click", () => { reset(); ask(); });
   window.addEventListener("resize", ask);
   reset();
   draw();
-})();
+});

@@ -1,0 +1,295 @@
+//! The page of a result: what was seen, what came out, how good it is, and how it came about.
+
+use std::fmt::Write;
+
+use nelu3d::evaluate::{Metrics, Truth, percentile};
+use nelu3d::result::picture::{DEPTH_COLORS, Picture, left_color, limits};
+use nelu3d::result::{Left, Reconstruction, Summary};
+use nelu3d_scan::Image;
+use serde_json::Value;
+
+use super::chart::curve;
+use super::html::{color_bar, escape, figure, img, legend, table, thumbnail, tiles};
+use super::number::{grouped, percent, with_unit};
+use super::{page, viewer};
+
+/// Pictures of maps are at most this wide, so that the page stays small.
+const MAP_WIDTH: usize = 640;
+/// The same for captures.
+const CAPTURE_WIDTH: usize = 320;
+
+/// What a page shows.
+pub(crate) struct Page<'a> {
+    /// The result.
+    pub result: &'a Reconstruction,
+    /// What its `result.json` says.
+    pub summary: &'a Summary,
+    /// The captures it was made from, with their names; white first.
+    pub captures: &'a [(String, Image)],
+    /// The truth, when there is one.
+    pub truth: Option<&'a Truth>,
+}
+
+impl Page<'_> {
+    /// The page.
+    pub(crate) fn html(&self) -> String {
+        let s = self.summary;
+        let title = format!("{} · {}", s.scene, s.set);
+        let subtitle = format!(
+            "rig {} · {} × {} px · nelu3d {} · {} {}",
+            s.rig_name, self.result.width, self.result.height, s.version, s.machine.os, s.machine.arch
+        );
+        let colorings =
+            [viewer::Coloring::Clay, viewer::Coloring::Photo, viewer::Coloring::Depth, viewer::Coloring::Normals];
+        let body = [
+            self.tiles(),
+            viewer::viewer(&self.result.mesh, &colorings),
+            s.metrics.as_ref().map(metrics_table).unwrap_or_default(),
+            page::section("Maps", &format!("<div class=grid>{}</div>", self.maps())),
+            format!(
+                "<section class=columns><div><h2>Pixels</h2>{}</div><div><h2>Time</h2>{}</div></section>",
+                left_table(s),
+                stages_table(s)
+            ),
+            page::section("Captures", &format!("<div class='grid small'>{}</div>", self.captures())),
+            page::details("Settings and record of the method", true, &value_table(&s.method)),
+            page::details("Input files", false, &inputs_table(s)),
+        ];
+        page::page(&title, &subtitle, &body.concat())
+    }
+
+    /// The numbers one looks for first.
+    fn tiles(&self) -> String {
+        let s = self.summary;
+        let mut numbers = vec![
+            (grouped(s.pixels.kept), "points".to_owned()),
+            (percent(s.pixels.kept as f64 / s.pixels.total as f64), "of all pixels".to_owned()),
+            (with_unit(s.depth_mm.median_sigma, 2, "mm"), "median 1σ of depth".to_owned()),
+        ];
+        if let Some(m) = &s.metrics {
+            numbers.push((with_unit(m.body.depth_mm.median, 2, "mm"), "median error, body".to_owned()));
+            numbers.push((with_unit(m.whole.depth_mm.mae, 2, "mm"), "mean error, whole".to_owned()));
+        }
+        numbers.push((with_unit(s.wall_secs, 1, "s"), format!("time ({:.1} CPU s)", s.cpu_secs)));
+        if let Some(bytes) = s.peak_memory_bytes {
+            numbers.push((format!("{:.0} MB", bytes as f64 / 1e6), "peak memory".to_owned()));
+        }
+        tiles(&numbers)
+    }
+
+    fn maps(&self) -> String {
+        let r = self.result;
+        let (w, h) = (r.width, r.height);
+        let mut html = String::new();
+        let mut add = |name: &str, note: &str, picture: Picture, legend: String| {
+            html += &figure(name, note, &(img(&picture.at_most(MAP_WIDTH), name) + &legend));
+        };
+
+        // Near is bright, as in the preview.
+        let [near, far] = limits(&r.depth, 1.0, 99.0);
+        let nearness: Vec<f32> = r.depth.iter().map(|&z| (near + far) as f32 - z).collect();
+        let picture = Picture::of_map(&nearness, w, h, [near, far], DEPTH_COLORS);
+        add("Depth", "camera z", picture, color_bar(DEPTH_COLORS, [far, near], "mm"));
+
+        if let Some(truth) = self.truth {
+            let error: Vec<f32> =
+                (0..w * h).map(|i| if truth.mask[i] { r.depth[i] - truth.depth[i] } else { f32::NAN }).collect();
+            let magnitudes: Vec<f64> = error.iter().filter(|e| e.is_finite()).map(|&e| f64::from(e).abs()).collect();
+            let p95 = percentile(magnitudes, 95.0);
+            let range = if p95 > 0.0 { [-p95, p95] } else { [-1.0, 1.0] };
+            let picture = Picture::of_map(&error, w, h, range, colorous::RED_BLUE);
+            add("Error", "depth − truth", picture, color_bar(colorous::RED_BLUE, range, "mm"));
+        }
+
+        let normals = Picture::from_fn(w, h, |i| {
+            let [x, y, z] = r.normals[i];
+            if x.is_finite() { [x, -y, -z].map(|c| ((c + 1.0) * 127.5) as u8) } else { [24, 26, 31] }
+        });
+        add("Normals", "red right, green up, blue towards the camera", normals, String::new());
+
+        let scalar = [
+            ("1σ of depth", "how far to trust it", &r.sigma, colorous::INFERNO, "mm"),
+            (
+                "Residual",
+                "what the surface leaves unexplained, RMS of normalized intensity",
+                &r.residual,
+                colorous::INFERNO,
+                "",
+            ),
+            ("Ambient", "learned share of light that is not direct", &r.ambient, colorous::CIVIDIS, ""),
+        ];
+        for (name, note, map, colors, unit) in scalar {
+            let range = [0.0, limits(map, 1.0, 98.0)[1].max(1e-6)];
+            add(name, note, Picture::of_map(map, w, h, range, colors), color_bar(colors, range, unit));
+        }
+        add("Left out", "why pixels have no depth", Picture::of_left(&r.left, w, h), left_legend());
+        html
+    }
+
+    fn captures(&self) -> String {
+        let thumbnail =
+            |(name, capture): &(String, Image)| thumbnail(&Picture::of_image(capture).at_most(CAPTURE_WIDTH), name);
+        self.captures.iter().map(thumbnail).collect()
+    }
+}
+
+fn metrics_table(metrics: &Metrics) -> String {
+    let legend = "<p class=note>whole: everything the light source and the camera both see. body: without 3 px next to \
+                  silhouettes, shadow borders and depth jumps. grazing: seen at more than 70°. Errors are over the \
+                  pixels that have a depth; bias is ours − truth.</p>";
+    page::section("Error against the truth", &(table(&metrics.headings(), &metrics.rows()) + legend))
+}
+
+fn left_table(s: &Summary) -> String {
+    let count = |l: Left| match l {
+        Left::Kept => s.pixels.kept as u64,
+        _ => s.pixels.left[l.key()].as_u64().unwrap_or(0),
+    };
+    let rows: Vec<Vec<String>> = Left::ALL
+        .iter()
+        .map(|&l| {
+            let n = count(l);
+            vec![l.label().to_owned(), grouped(n as usize), percent(n as f64 / s.pixels.total as f64)]
+        })
+        .collect();
+    table(&["pixels", "number", "share"], &rows)
+}
+
+fn stages_table(s: &Summary) -> String {
+    let row = |name: &str, wall: f64, cpu: f64| vec![name.to_owned(), format!("{wall:.2}"), format!("{cpu:.2}")];
+    let mut rows: Vec<Vec<String>> = s.stages.iter().map(|t| row(&t.name, t.wall_secs, t.cpu_secs)).collect();
+    rows.push(row("total", s.wall_secs, s.cpu_secs));
+    table(&["stage", "s", "CPU s"], &rows)
+}
+
+fn inputs_table(s: &Summary) -> String {
+    let row =
+        |i: &nelu3d::result::Input| vec![i.path.display().to_string(), grouped(i.bytes as usize), i.sha256.clone()];
+    table(&["file", "bytes", "SHA-256"], &s.inputs.iter().map(row).collect::<Vec<_>>())
+}
+
+fn left_legend() -> String {
+    legend(&Left::ALL.map(|l| (left_color(l), l.label())))
+}
+
+/// Whatever the method put on record, one line a value; long lists of numbers as curves.
+fn value_table(values: &serde_json::Map<String, Value>) -> String {
+    fn lines(path: &str, value: &Value, out: &mut String) {
+        let mut line = |cell: &str| {
+            let _ = write!(out, "<tr><td>{}</td><td>{cell}</td></tr>", escape(path));
+        };
+        match value {
+            Value::Object(map) => {
+                for (key, v) in map {
+                    let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                    lines(&path, v, out);
+                }
+            }
+            Value::Array(list) if list.len() > 8 && list.iter().all(Value::is_number) => {
+                line(&curve(&list.iter().filter_map(Value::as_f64).collect::<Vec<_>>()));
+            }
+            Value::String(s) => line(&escape(s)),
+            other => line(&escape(&other.to_string())),
+        }
+    }
+    let mut out = String::new();
+    lines("", &Value::Object(values.clone()), &mut out);
+    format!("<div class=scroll><table class=values>{out}</table></div>")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nelu3d::evaluate::{Judged, evaluate};
+    use nelu3d::result::{About, StageTime};
+    use nelu3d_scan::{Camera, Mesh};
+
+    /// A ball of 100 mm before a wall, seen by a small camera, as its own truth plus a ripple of 0.2 mm.
+    fn ball() -> (Reconstruction, Camera, Truth) {
+        let (width, height) = (320, 240);
+        let camera = Camera::pinhole(width, height, 400.0, 400.0, 159.5, 119.5);
+        let n = width * height;
+        let (mut depth, mut normals) = (vec![700.0; n], vec![[0.0, 0.0, -1.0]; n]);
+        for i in 0..n {
+            let dir = camera.ray([(i % width) as f64, (i / width) as f64]).dir;
+            let center = nalgebra::Vector3::new(0.0, 0.0, 600.0);
+            let (b, c) = (dir.dot(&center), center.norm_squared() - 100.0 * 100.0);
+            if b * b > c {
+                let p = dir * (b - (b * b - c).sqrt());
+                let normal = (p - center) / 100.0;
+                depth[i] = p.z as f32;
+                normals[i] = [normal.x as f32, normal.y as f32, normal.z as f32];
+            }
+        }
+        let truth = Truth { width, height, depth: depth.clone(), mask: vec![true; n] };
+        let mut left = vec![Left::Kept; n];
+        for i in 0..n {
+            depth[i] += 0.2 * ((i % width) as f32 * 0.2).sin();
+            if i % width < 20 {
+                left[i] = if i / width < 120 { Left::Dark } else { Left::Edge };
+                depth[i] = f32::NAN;
+                normals[i] = [f32::NAN; 3];
+            }
+        }
+        let vertices: Vec<[f32; 3]> = (0..n)
+            .map(|i| {
+                let ray = camera.ray([(i % width) as f64, (i / width) as f64]);
+                let p = ray.at(f64::from(truth.depth[i]) / ray.dir.z);
+                [p.x as f32, p.y as f32, p.z as f32]
+            })
+            .collect();
+        let quads = (0..height - 1).flat_map(|y| (0..width - 1).map(move |x| (y * width + x) as u32));
+        let w = width as u32;
+        let faces = quads.flat_map(|i| [[i, i + w, i + 1], [i + 1, i + w, i + w + 1]]).collect();
+        let white = Image {
+            width,
+            height,
+            channels: 1,
+            data: normals.iter().map(|n| if n[2].is_finite() { -0.8 * n[2] } else { 0.02 }).collect(),
+        };
+        let colors = (0..n as u32)
+            .map(|i| if (i / 16 + i / w / 16).is_multiple_of(2) { [230, 120, 60] } else { [70; 3] })
+            .collect();
+        let result = Reconstruction {
+            width,
+            height,
+            sigma: depth.iter().map(|z| 0.0002 * z).collect(),
+            residual: depth.iter().map(|z| 0.01 + 0.0 * z).collect(),
+            ambient: depth.iter().map(|z| 0.1 + 0.0 * z).collect(),
+            depth,
+            normals,
+            left,
+            white,
+            mesh: Mesh { vertices, normals: Vec::new(), colors, faces },
+            stages: vec![StageTime { name: "guess & <check>".to_owned(), wall_secs: 1.5, cpu_secs: 2.5 }],
+            info: serde_json::json!({
+                "seed": 7,
+                "losses": { "image": (0..200).map(|i| (-0.02 * f64::from(i)).exp()).collect::<Vec<_>>() },
+            })
+            .as_object()
+            .unwrap()
+            .clone(),
+        };
+        (result, camera, truth)
+    }
+
+    #[test]
+    fn a_page_needs_nothing_else_and_is_small() {
+        let (result, camera, truth) = ball();
+        let judged = Judged { depth: &result.depth, normals: Some(&result.normals), sigma: Some(&result.sigma) };
+        let metrics = evaluate(&judged, &truth, &truth.regions(&camera), &camera, None);
+        let about = About { scene: "<ball>".to_owned(), metrics: Some(metrics), ..About::default() };
+        let summary = Summary::new(&result, &camera, &about);
+        let captures = [("white.png".to_owned(), result.white.clone())];
+        let html = Page { result: &result, summary: &summary, captures: &captures, truth: Some(&truth) }.html();
+        for outside in ["http://", "https://", "@import", "src=\"/", "<link"] {
+            assert!(!html.contains(outside), "{outside}");
+        }
+        assert!(!html.contains("{{") && !html.contains("<ball>") && html.contains("&lt;ball&gt;"));
+        assert!(html.contains("guess &amp; &lt;check&gt;"));
+        assert!(html.len() < 4_000_000, "{} bytes", html.len());
+        for shown in ["Depth", "Error", "Normals", "1σ", "Residual", "Left out", "grazing", "white.png"] {
+            assert!(html.contains(shown), "{shown}");
+        }
+    }
+}
