@@ -123,15 +123,18 @@ impl<'a> Numbers<'a> {
         (headings, rows.collect())
     }
 
-    /// Methods without numbers on a row, and why.
+    /// Why methods have no numbers on some rows: a line per reason.
     pub(super) fn problems(&self) -> Vec<String> {
-        self.entries
-            .iter()
-            .filter_map(|e| {
-                let method = &self.experiment.methods[e.method].label;
-                e.problem.as_ref().map(|p| format!("{}, {method}: {p}", self.row_label(e.row)))
-            })
-            .collect()
+        let mut reasons: Vec<(&str, Vec<String>)> = Vec::new();
+        for e in &self.entries {
+            let Some(problem) = &e.problem else { continue };
+            let place = format!("{}, {}", self.row_label(e.row), self.experiment.methods[e.method].label);
+            match reasons.iter_mut().find(|r| r.0 == problem) {
+                Some(reason) => reason.1.push(place),
+                None => reasons.push((problem, vec![place])),
+            }
+        }
+        reasons.iter().map(|(reason, places)| format!("{}: {reason}", places.join("; "))).collect()
     }
 
     /// Markdown: a table per main column, then all numbers, then what is missing.

@@ -278,26 +278,28 @@ impl Transport<'_> {
         let k = self.views.k;
         let mut scale = f64::INFINITY;
         for _ in 0..steps {
+            // Central differences: a one-sided slope shares its noise with the residual it is multiplied with, and that product has
+            // a mean, which pushes the center away along everything that the patterns hardly tell.
             let probe = |i: usize| {
                 let mut t = s;
-                if i < 3 {
-                    t[i] += H;
+                if i < 6 {
+                    t[i / 2] += if i.is_multiple_of(2) { H } else { -H };
                 }
                 frame.direction(t)
             };
-            let probes: Vec<_> = (0..4).map(probe).collect();
-            // Residual and Jacobian of every sample that lands under all four probes.
+            let probes: [_; 7] = std::array::from_fn(probe);
+            // Residual and Jacobian of every sample that lands under all probes.
             let rows: Vec<[f64; 4]> = seeds
                 .par_chunks(512)
                 .map(|chunk| {
                     let mut out = Vec::new();
-                    let mut r = vec![vec![0.0; k]; 4];
+                    let mut r = vec![vec![0.0; k]; 7];
                     for seed in chunk {
                         let to = self.partner(seed, arm);
-                        if (0..4).all(|i| self.carry(seed, &probes[i].0, probes[i].1, to, &mut r[i])) {
+                        if (0..7).all(|i| self.carry(seed, &probes[i].0, probes[i].1, to, &mut r[i])) {
                             out.extend((0..k).map(|c| {
-                                let base = r[3][c];
-                                [(r[0][c] - base) / H, (r[1][c] - base) / H, (r[2][c] - base) / H, base]
+                                let slope = |i: usize| (r[2 * i][c] - r[2 * i + 1][c]) / (2.0 * H);
+                                [slope(0), slope(1), slope(2), r[6][c]]
                             }));
                         }
                     }
