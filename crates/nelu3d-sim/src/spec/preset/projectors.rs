@@ -26,7 +26,7 @@ fn camera() -> CameraSpec {
         gain: 1.0,
         read_noise_electrons: 2.8,
         psf_sigma_px: 0.45,
-        electrons_per_sec: 510_000.0.into(),
+        electrons_per_sec: 700_000.0.into(),
         exposure_secs: 1.0 / 60.0,
         dark_electrons_per_sec: 3.0,
         shutter_samples: 1,
