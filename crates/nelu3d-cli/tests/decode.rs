@@ -28,6 +28,7 @@ fn spec() -> Spec {
     spec.scenes.retain(|s| s.name == "sphere");
     spec.supersampling = 3;
     (spec.camera.full_well_electrons, spec.camera.read_noise_electrons) = (1e9, 0.01);
+    spec.camera.electrons_per_sec = (0.8e9 / spec.camera.exposure_secs).into();
     let SweepSpec::Stage { positions, .. } = &mut spec.sweep else { panic!("the preset's board is on a stage") };
     *positions = 5;
     let LightSpec::Projector(p) = &mut spec.light else { panic!("the preset has a projector") };

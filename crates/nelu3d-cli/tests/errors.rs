@@ -34,7 +34,8 @@ black_level = 64.0
 full_well_electrons = 10000.0
 read_noise_electrons = 6.0
 psf_sigma_px = 0.4
-exposure = 0.8
+electrons_per_sec = 800000.0
+exposure_secs = 0.01
 
 [light]
 kind = "projector"

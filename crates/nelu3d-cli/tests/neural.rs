@@ -29,10 +29,11 @@ fn spec() -> Spec {
     let mut spec = Spec::preset("shapes").expect("a preset");
     spec.scenes.retain(|s| s.name == "sphere");
     (spec.camera.full_well_electrons, spec.camera.read_noise_electrons) = (1e9, 0.01);
+    spec.camera.electrons_per_sec = (0.8e9 / spec.camera.exposure_secs).into();
     let SweepSpec::Stage { positions, .. } = &mut spec.sweep else { panic!("the preset's board is on a stage") };
     *positions = 8;
     let LightSpec::Projector(p) = &mut spec.light else { panic!("the preset has a projector") };
-    (p.sharp_sigma_px, p.aperture_mm, p.gamma) = (0.5, 4.0, 1.0);
+    (p.sharp_sigma_px, p.aperture_mm, p.gamma) = (0.5, 4.0, 1.0.into());
     let random = |seed| Pattern::Random(Random { axis: Axis::X, min_period_px: 60.0, max_period_px: 400.0, seed });
     let sine = Pattern::Sinusoid(Sinusoid { axis: Axis::X, period_px: 160.0, steps: 2 });
     let patterns = vec![sine, random(1), random(2)];

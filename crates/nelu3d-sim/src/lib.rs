@@ -2,7 +2,7 @@
 //! with the truth beside them.
 //!
 //! ```text
-//! Spec ─► sweep poses ─► Scene (board or objects) ─► render (Light × rays) ─► sensor noise ─► rig folder
+//! Spec ─► sweep poses ─► Scene (board or objects, at their moment) ─► render (Light × rays) ─► sensor noise ─► rig folder
 //!                                     └► Truth: depth, mask, mesh
 //! ```
 //!
@@ -12,16 +12,20 @@
 //!
 //! Nothing that reconstructs may depend on this crate: it knows the truth.
 
+mod capture;
 mod light;
 mod random;
 mod render;
 mod scene;
 mod sensor;
+mod sequence;
+mod shown;
 mod simulate;
 pub mod spec;
 mod sweep;
 mod truth;
 
+pub use sequence::object_at;
 pub use simulate::{SimError, simulate};
 pub use spec::Spec;
 pub use sweep::sweep_poses;

@@ -1,24 +1,23 @@
 //! Writing a virtual scanner's captures as an ordinary rig folder.
 
-use std::collections::HashMap;
 use std::io;
 use std::path::Path;
 
 use nelu3d_scan::Image;
 use nelu3d_scan::board::{Artwork, BoardError};
-use nelu3d_scan::image::{write_gray8, write_png8, write_png16};
+use nelu3d_scan::image::write_gray8;
 use nelu3d_scan::mesh::MeshFileError;
 use nelu3d_scan::output::{OutputDir, create_dir, write_atomic};
-use nelu3d_scan::pattern::{self, PatternImage};
-use nelu3d_scan::rig::{PatternSet, Rig, RigError};
-use rayon::prelude::*;
+use nelu3d_scan::rig::{Rig, RigError};
 
-use crate::light::{Frame, Light};
-use crate::random::{Use, generator};
+use crate::capture::Capture;
+use crate::light::Light;
 use crate::render::Renderer;
 use crate::scene::Scene;
 use crate::sensor::Sensor;
-use crate::spec::{LightSpec, Spec, SpecError};
+use crate::sequence::shoot_sequence;
+use crate::shown::{Shown, write_patterns};
+use crate::spec::{FilmSpec, LightSpec, Spec, SpecError};
 use crate::sweep::sweep_poses;
 use crate::truth::Truth;
 
@@ -48,8 +47,11 @@ const SPEC_FILE: &str = "simulation.toml";
 /// Numbers of scenes' shots start here, so that their random numbers do not depend on the length of the sweep.
 const FIRST_SCENE_SHOT: u64 = 1 << 32;
 
-/// Captures everything a spec describes and writes the rig folder `out`: patterns, sweep, scenes with their truth, and the
-/// spec itself as `simulation.toml`. The folder is written whole or not at all; an earlier simulation in its place is
+/// And those of sequences' frames here, each sequence's 2²⁰ after the one's before it.
+const FIRST_SEQUENCE_SHOT: u64 = 1 << 33;
+
+/// Captures everything a spec describes and writes the rig folder `out`: patterns, sweep, scenes and sequences with their
+/// truth, and the spec itself as `simulation.toml` (with a film's picture beside it). The folder is written whole or not at all; an earlier simulation in its place is
 /// replaced, anything else is not.
 ///
 /// `progress` is told the stage, how many of its shots are done, and how many there are.
@@ -63,7 +65,8 @@ pub fn simulate(spec: &Spec, out: &Path, progress: &(dyn Fn(&str, usize, usize) 
     let artwork = Artwork::new(&board)?;
     let folder = OutputDir::create(out, SPEC_FILE)?;
     let root = folder.path();
-    write_atomic(&root.join(SPEC_FILE), |w| w.write_all(spec.to_toml().as_bytes()))?;
+    let saved = with_picture_in(spec, root)?;
+    write_atomic(&root.join(SPEC_FILE), |w| w.write_all(saved.to_toml().as_bytes()))?;
 
     // What the light source can show.
     let shown = Shown::new(spec)?;
@@ -97,7 +100,7 @@ pub fn simulate(spec: &Spec, out: &Path, progress: &(dyn Fn(&str, usize, usize) 
     let frames = shown.frames(true, false);
     for (i, pose) in poses.iter().enumerate() {
         progress("sweep", i, poses.len());
-        let scene = Scene::of_board(&board, artwork.clone(), spec.board_albedo, &pose.cam_from_board);
+        let scene = Scene::of_board(&board, artwork.clone(), spec.board_albedo, spec.print_dpi, &pose.cam_from_board);
         camera.shoot(&scene, &frames, i as u64, &root.join("calibration").join(&pose.position))?;
     }
     progress("sweep", poses.len(), poses.len());
@@ -111,120 +114,37 @@ pub fn simulate(spec: &Spec, out: &Path, progress: &(dyn Fn(&str, usize, usize) 
         write_truth(&dir.join("truth"), &rig, &Truth::new(renderer.camera(), &scene, &light))?;
     }
     progress("scenes", spec.scenes.len(), spec.scenes.len());
+
+    for (i, sequence) in spec.sequences.iter().enumerate() {
+        let patterns = shown.frames_of_set(sequence.pattern_set.as_deref());
+        for frame in 0..sequence.frames {
+            progress(&sequence.name, frame, sequence.frames);
+            let shot = FIRST_SEQUENCE_SHOT + ((i as u64) << 20) + frame as u64;
+            let dir = root.join("sequences").join(&sequence.name).join(frame_name(frame, sequence.frames));
+            let truth = shoot_sequence(&camera, sequence, frame, &patterns, shot, &dir)?;
+            write_truth(&dir.join("truth"), &rig, &truth)?;
+        }
+        progress(&sequence.name, sequence.frames, sequence.frames);
+    }
     folder.commit()?;
     Ok(())
 }
 
-/// The images a light source shows, and the sets they belong to.
-struct Shown {
-    /// Every different image once, named as its file without extension; codes as the projector has them.
-    images: Vec<PatternImage>,
-    /// How many of `images`, from the first, are no inverses.
-    n_patterns: usize,
-    sets: Vec<PatternSet>,
+/// Frames are named by their number, with as many digits as the last needs, at least three.
+fn frame_name(frame: usize, frames: usize) -> String {
+    let digits = (frames - 1).to_string().len().max(3);
+    format!("{frame:0digits$}")
 }
 
-impl Shown {
-    fn new(spec: &Spec) -> Result<Self, SpecError> {
-        let (width, height) = match &spec.light {
-            LightSpec::Projector(p) => (p.width, p.height),
-            LightSpec::Film(_) => {
-                let image = PatternImage { name: "pattern".into(), image: Image::new(0, 0, 3) };
-                let set = PatternSet { name: "film".into(), images: vec!["pattern.png".into()], inverse: Vec::new() };
-                return Ok(Self { images: vec![image], n_patterns: 1, sets: vec![set] });
-            }
-        };
-        let mut made = Vec::new();
-        for set in &spec.pattern_sets {
-            let images = pattern::generate(&set.patterns, width, height)
-                .map_err(|source| SpecError::Pattern { set: set.name.clone(), source })?;
-            made.push(images);
-        }
-        let mut images: Vec<PatternImage> = Vec::new();
-        let mut taken: HashMap<String, usize> = HashMap::new();
-        let mut place = |p: &PatternImage| {
-            let image = eight_bits(&p.image);
-            let (stem, number) = p.name.rsplit_once('_').expect("named with a number");
-            let first: usize = number.parse().expect("named with a number");
-            for number in first.. {
-                let name = format!("{stem}_{number:02}");
-                match taken.get(&name) {
-                    // Sets that show the same image share it.
-                    Some(&i) if images[i].image == image => return format!("{name}.png"),
-                    Some(_) => {}
-                    None => {
-                        taken.insert(name.clone(), images.len());
-                        let file = format!("{name}.png");
-                        images.push(PatternImage { name, image });
-                        return file;
-                    }
-                }
-            }
-            unreachable!("there are more numbers than images")
-        };
-        let patterns: Vec<Vec<String>> = made.iter().map(|m| m.images.iter().map(&mut place).collect()).collect();
-        let inverses: Vec<Vec<String>> = made.iter().map(|m| m.inverse.iter().map(&mut place).collect()).collect();
-        let n_patterns = patterns.iter().flatten().collect::<std::collections::HashSet<_>>().len();
-        let sets = patterns
-            .into_iter()
-            .zip(inverses)
-            .zip(&spec.pattern_sets)
-            .map(|((images, inverse), set)| PatternSet { name: set.name.clone(), images, inverse })
-            .collect();
-        Ok(Self { images, n_patterns, sets })
+/// The spec as it is saved: a film's picture is copied beside it, so that the rig can be made again from itself.
+fn with_picture_in(spec: &Spec, root: &Path) -> Result<Spec, SimError> {
+    let mut saved = spec.clone();
+    if let LightSpec::Film(FilmSpec { image: Some(image), .. }) = &mut saved.light {
+        let name = Path::new("film").with_extension(image.extension().unwrap_or_default());
+        std::fs::copy(&*image, root.join(&name)).map_err(|e| SpecError::Io { path: image.clone(), source: e })?;
+        *image = name;
     }
-
-    /// What to capture of a shot, with its file names.
-    fn frames(&self, black: bool, inverses: bool) -> Vec<(Frame, String)> {
-        let mut frames = vec![(Frame::White, "white.png".to_owned())];
-        if black {
-            frames.push((Frame::Black, "black.png".into()));
-        }
-        let n = if inverses { self.images.len() } else { self.n_patterns };
-        frames.extend((0..n).map(|i| (Frame::Pattern(i), format!("{}.png", self.images[i].name))));
-        frames
-    }
-}
-
-/// The codes an 8-bit projector has for an image.
-fn eight_bits(image: &Image) -> Image {
-    let data = image.data.iter().map(|v| (v * 255.0).round() / 255.0).collect();
-    Image { data, ..image.clone() }
-}
-
-fn write_patterns(dir: &Path, images: &[PatternImage], [width, height]: [usize; 2]) -> io::Result<()> {
-    create_dir(dir)?;
-    for p in images {
-        write_png8(&dir.join(format!("{}.png", p.name)), &p.image, 0.0, 255.0)?;
-    }
-    write_gray8(&dir.join("white.png"), width, height, &vec![255; width * height])
-}
-
-/// The camera before the light.
-struct Capture<'a> {
-    spec: &'a Spec,
-    renderer: &'a Renderer,
-    light: &'a Light,
-    sensor: Sensor,
-}
-
-impl Capture<'_> {
-    /// Takes all images of a shot and writes them into the folder `dir`, which is created.
-    fn shoot(&self, scene: &Scene, frames: &[(Frame, String)], shot: u64, dir: &Path) -> io::Result<()> {
-        create_dir(dir)?;
-        let shows: Vec<Frame> = frames.iter().map(|f| f.0).collect();
-        let mut images = self.renderer.render(scene, self.light, &shows, shot);
-        let camera = &self.spec.camera;
-        images.par_iter_mut().zip(frames).enumerate().try_for_each(|(f, (image, (_, file)))| {
-            let row_len = image.width * image.channels;
-            image.data.par_chunks_mut(row_len).enumerate().for_each(|(y, row)| {
-                let mut random = generator(self.spec.seed, Use::Sensor, [shot, f as u64, y as u64]);
-                row.iter_mut().for_each(|v| *v = self.sensor.read(*v, &mut random));
-            });
-            let write = if camera.bits <= 8 { write_png8 } else { write_png16 };
-            write(&dir.join(file), image, camera.black_level, camera.saturation())
-        })
-    }
+    Ok(saved)
 }
 
 fn write_truth(dir: &Path, rig: &Rig, truth: &Truth) -> Result<(), SimError> {

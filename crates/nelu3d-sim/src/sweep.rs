@@ -16,6 +16,7 @@ pub fn sweep_poses(spec: &Spec) -> Vec<KnownPose> {
     let [x0, y0, x1, y1] = spec.board.board().extent_mm;
     let middle = Translation3::new(0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0);
     let n = spec.sweep.positions();
+    let turn = |rotation: [f64; 3]| UnitQuaternion::from_scaled_axis(Vector3::from(rotation));
     let digits = (n - 1).to_string().len().max(3);
     (0..n)
         .map(|i| {
@@ -23,21 +24,23 @@ pub fn sweep_poses(spec: &Spec) -> Vec<KnownPose> {
             let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
             let part = i as f64 / (n - 1) as f64;
             let (position, rotation) = match &spec.sweep {
-                SweepSpec::Stage { first_mm, last_mm, center_mm, slope, rotation, step_error_mm, .. } => {
+                SweepSpec::Stage {
+                    first_mm, last_mm, center_mm, slope, rotation, step_error_mm, tilt_jitter, ..
+                } => {
                     let z = first_mm + (last_mm - first_mm) * part + step_error_mm * normal();
                     let along = z - 0.5 * (first_mm + last_mm);
                     let at = Vector3::new(center_mm[0] + slope[0] * along, center_mm[1] + slope[1] * along, z);
-                    (at, Vector3::from(*rotation))
+                    let wobble = Vector3::from_fn(|_, _| tilt_jitter * normal());
+                    (at, UnitQuaternion::from_scaled_axis(wobble) * turn(*rotation))
                 }
                 SweepSpec::Handheld { first_mm, last_mm, center_mm, position_sigma_mm, tilt_sigma, .. } => {
                     let z = first_mm + (last_mm - first_mm) * part;
                     let jitter = Vector3::from_fn(|_, _| position_sigma_mm * normal());
                     let at = Vector3::new(center_mm[0], center_mm[1], z) + jitter;
-                    (at, Vector3::from_fn(|_, _| tilt_sigma * normal()))
+                    (at, turn([0, 1, 2].map(|_| tilt_sigma * normal())))
                 }
             };
-            let turn = UnitQuaternion::from_scaled_axis(rotation);
-            let cam_from_middle = Isometry3::from_parts(Translation3::from(position), turn);
+            let cam_from_middle = Isometry3::from_parts(Translation3::from(position), rotation);
             KnownPose { position: format!("{i:0digits$}"), cam_from_board: cam_from_middle * middle.inverse() }
         })
         .collect()
@@ -66,6 +69,27 @@ mod tests {
             assert!((p - expected).norm() < 1e-9, "{p}");
         }
         assert_eq!((poses[0].position.as_str(), poses[23].position.as_str()), ("000", "023"));
+    }
+
+    #[test]
+    fn a_stage_wobbles_about_the_middle_of_the_board_as_declared() {
+        let mut spec = Spec::preset("color").unwrap();
+        let straight = {
+            let SweepSpec::Stage { positions, step_error_mm, .. } = &mut spec.sweep else { panic!("a stage") };
+            (*positions, *step_error_mm) = (300, 0.0);
+            sweep_poses(&spec)
+        };
+        let SweepSpec::Stage { tilt_jitter, .. } = &mut spec.sweep else { panic!("a stage") };
+        *tilt_jitter = 0.01;
+        let mut square = 0.0;
+        for (a, b) in straight.iter().zip(sweep_poses(&spec)) {
+            let middle = Point3::new(108.0, 84.0, 0.0);
+            assert!((a.cam_from_board * middle - b.cam_from_board * middle).norm() < 1e-9);
+            let wobble = b.cam_from_board.rotation * a.cam_from_board.rotation.inverse();
+            square += wobble.scaled_axis().norm_squared() / 900.0;
+        }
+        // Four standard errors of a standard deviation from 900 numbers.
+        assert!((square.sqrt() / 0.01 - 1.0).abs() < 4.0 / 1800f64.sqrt(), "{}", square.sqrt());
     }
 
     #[test]

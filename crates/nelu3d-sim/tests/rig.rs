@@ -31,6 +31,7 @@ fn positions(spec: &mut Spec, n: usize) {
 fn quiet(mut spec: Spec) -> Spec {
     spec.camera.bits = 16;
     spec.camera.full_well_electrons = 1e9;
+    spec.camera.electrons_per_sec = (0.8 * 1e9 / spec.camera.exposure_secs).into();
     spec.camera.read_noise_electrons = 0.0;
     spec
 }

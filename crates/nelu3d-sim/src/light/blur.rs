@@ -5,13 +5,13 @@ use std::sync::OnceLock;
 use nelu3d_scan::Image;
 
 /// Images of one size, their channels side by side, at levels of growing blur that are made when first needed. A lookup
-/// reads all channels at once and interpolates between two levels and between pixels. Outside of the images it is dark.
+/// reads all channels at once and interpolates between two levels and (quadratic B-spline) between pixels. Outside of the images it is dark.
 #[derive(Debug)]
 pub(crate) struct BlurStack {
     width: usize,
     height: usize,
     channels: usize,
-    /// `(height + 2) × (width + 2) × channels`: a dark border of a pixel saves the lookups every check of bounds.
+    /// `(height + 4) × (width + 4) × channels`: a dark border of two pixels saves the lookups every check of bounds.
     levels: Vec<OnceLock<Vec<f32>>>,
     /// Variance of each level's blur, px².
     variances: [f64; N_LEVELS],
@@ -23,8 +23,11 @@ const GROWTH: f64 = 1.25;
 /// The last level has 54 px: more blur than that is clamped.
 const N_LEVELS: usize = 24;
 
-/// Variance of linear interpolation between pixels, px²: that of a triangle of half width 1.
-const INTERPOLATION_VARIANCE: f64 = 1.0 / 6.0;
+/// Dark pixels around the images, as far as an interpolation from inside reaches.
+const BORDER: usize = 2;
+
+/// Variance of the interpolation between pixels, px²: that of a quadratic B-spline, three boxes of a pixel.
+const INTERPOLATION_VARIANCE: f64 = 0.25;
 
 impl BlurStack {
     /// A stack of all channels of `images`, which have the same size.
@@ -32,10 +35,10 @@ impl BlurStack {
         let (width, height) = (images[0].width, images[0].height);
         assert!(images.iter().all(|i| i.width == width && i.height == height), "images of one size");
         let channels = images.iter().map(|i| i.channels).sum();
-        let mut sharp = vec![0.0; (width + 2) * (height + 2) * channels];
+        let mut sharp = vec![0.0; (width + 2 * BORDER) * (height + 2 * BORDER) * channels];
         for y in 0..height {
             for x in 0..width {
-                let at = ((y + 1) * (width + 2) + x + 1) * channels;
+                let at = ((y + BORDER) * (width + 2 * BORDER) + x + BORDER) * channels;
                 let values = images.iter().flat_map(|i| i.pixel(x, y));
                 sharp[at..at + channels].iter_mut().zip(values).for_each(|(s, v)| *s = *v);
             }
@@ -54,18 +57,26 @@ impl BlurStack {
         self.channels
     }
 
+    /// All channels of a pixel without blur, or `None` outside of the images.
+    pub(crate) fn sharp(&self, x: i64, y: i64) -> Option<&[f32]> {
+        let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
+        let at = ((y + BORDER) * (self.width + 2 * BORDER) + x + BORDER) * self.channels;
+        (x < self.width && y < self.height).then(|| &self.level(0)[at..at + self.channels])
+    }
+
     /// All channels at (u, v) px under a Gaussian of standard deviation `sigma` px. A blur narrower than the
-    /// interpolation's own (0.41 px) is not possible.
+    /// interpolation's own (0.5 px) is not possible.
     pub(crate) fn at(&self, [u, v]: [f64; 2], sigma: f64, out: &mut [f32]) {
         out.fill(0.0);
         // NaN is outside too.
-        if !(u > -1.0 && v > -1.0 && u < self.width as f64 && v < self.height as f64) {
+        if !(u > -1.5 && v > -1.5 && u < self.width as f64 + 0.5 && v < self.height as f64 + 0.5) {
             return;
         }
-        let (x, y) = (u.floor(), v.floor());
-        let (fx, fy) = ((u - x) as f32, (v - y) as f32);
-        let corner = ((y + 1.0) as usize * (self.width + 2) + (x + 1.0) as usize) * self.channels;
-        let row = (self.width + 2) * self.channels;
+        let (x, y) = ((u + 0.5).floor(), (v + 0.5).floor());
+        let (wx, wy) = (b_spline((u - x) as f32), b_spline((v - y) as f32));
+        let row = (self.width + 2 * BORDER) * self.channels;
+        // The pixel before the nearest one on either axis.
+        let corner = (y + BORDER as f64 - 1.0) as usize * row + (x + BORDER as f64 - 1.0) as usize * self.channels;
 
         let variance = (sigma * sigma - INTERPOLATION_VARIANCE).max(0.0);
         let i = (1..N_LEVELS - 1).find(|&i| self.variances[i] >= variance).unwrap_or(N_LEVELS - 1);
@@ -78,12 +89,13 @@ impl BlurStack {
                 continue;
             }
             let image = self.level(level);
-            for (at, fy) in [(corner, 1.0 - fy), (corner + row, fy)] {
-                let (a, b) = (part * fy * (1.0 - fx), part * fy * fx);
-                let pixels = &image[at..at + 2 * self.channels];
-                let (left, right) = pixels.split_at(self.channels);
-                for ((o, l), r) in out.iter_mut().zip(left).zip(right) {
-                    *o += a * l + b * r;
+            for (k, wy) in wy.iter().enumerate() {
+                let [a, b, c] = wx.map(|w| part * wy * w);
+                let pixels = &image[corner + k * row..][..3 * self.channels];
+                let (left, others) = pixels.split_at(self.channels);
+                let (middle, right) = others.split_at(self.channels);
+                for (((o, l), m), r) in out.iter_mut().zip(left).zip(middle).zip(right) {
+                    *o += a * l + b * m + c * r;
                 }
             }
         }
@@ -95,23 +107,44 @@ impl BlurStack {
 
     /// The sharp level under a sampled Gaussian along both axes.
     fn blurred(&self, sigma: f64) -> Vec<f32> {
-        let radius = (4.0 * sigma).ceil() as usize;
-        let taps: Vec<f64> = (0..=2 * radius).map(|i| (i as f64 - radius as f64) / sigma).collect();
-        let taps: Vec<f64> = taps.into_iter().map(|x| (-0.5 * x * x).exp()).collect();
-        let total: f64 = taps.iter().sum();
-        let taps: Vec<f32> = taps.iter().map(|t| (t / total) as f32).collect();
-        let (n, row) = (self.channels, (self.width + 2) * self.channels);
+        let radius = (4.0 * sigma).ceil() as usize + 1;
+        let half = sampled_gaussian(sigma * sigma, radius);
+        let taps: Vec<f32> = (0..=2 * radius).map(|i| half[i.abs_diff(radius)] as f32).collect();
+        let (n, row) = (BORDER * self.channels, (self.width + 2 * BORDER) * self.channels);
         let sharp = self.levels[0].get().expect("set by new");
         // Each pass adds shifted copies; what is shifted over an end is lost in the dark.
         let mut across = vec![0.0; sharp.len()];
-        for y in 1..=self.height {
+        for y in BORDER..BORDER + self.height {
             let (from, to) = (&sharp[y * row + n..(y + 1) * row - n], &mut across[y * row + n..(y + 1) * row - n]);
-            add_shifted(from, to, &taps, n);
+            add_shifted(from, to, &taps, self.channels);
         }
         let mut both = vec![0.0; sharp.len()];
-        add_shifted(&across[row..][..self.height * row], &mut both[row..][..self.height * row], &taps, row);
+        let inside = BORDER * row..(BORDER + self.height) * row;
+        add_shifted(&across[inside.clone()], &mut both[inside], &taps, row);
         both
     }
+}
+
+/// Weights of the pixels before, at and after the nearest one for a place `d` in [−½, ½] from it.
+fn b_spline(d: f32) -> [f32; 3] {
+    [0.5 * (0.5 - d) * (0.5 - d), 0.75 - d * d, 0.5 * (0.5 + d) * (0.5 + d)]
+}
+
+/// Taps 0 to `radius` of a sampled Gaussian whose variance, as a sum over its samples, is `variance`. Below 1 px the samples
+/// are too few for the sum to equal the parameter of the exponential, which is therefore found by bisection.
+fn sampled_gaussian(variance: f64, radius: usize) -> Vec<f64> {
+    let taps = |t: f64| -> Vec<f64> {
+        let half: Vec<f64> = (0..=radius).map(|n| (-0.5 * (n * n) as f64 / t).exp()).collect();
+        let total = 2.0 * half.iter().sum::<f64>() - half[0];
+        half.into_iter().map(|v| v / total).collect()
+    };
+    let sum = |half: &[f64]| 2.0 * half.iter().enumerate().map(|(n, v)| (n * n) as f64 * v).sum::<f64>();
+    let (mut low, mut high) = (0.5 * variance, 1.1 * variance + 0.5);
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        if sum(&taps(middle)) < variance { low = middle } else { high = middle }
+    }
+    taps(0.5 * (low + high))
 }
 
 /// `to += Σ_k taps[k] · from shifted by (k − middle) · step`.
@@ -157,6 +190,21 @@ mod tests {
     }
 
     #[test]
+    fn sampled_gaussians_have_their_variance() {
+        for sigma in [0.4, 0.5, 1.0, 7.0, 54.0] {
+            let half = sampled_gaussian(sigma * sigma, (4.0f64 * sigma).ceil() as usize + 1);
+            let total = 2.0 * half.iter().sum::<f64>() - half[0];
+            let variance = 2.0 * half.iter().enumerate().map(|(n, v)| (n * n) as f64 * v).sum::<f64>();
+            assert!(
+                (total - 1.0).abs() < 1e-9 && (variance / (sigma * sigma) - 1.0).abs() < 1e-9,
+                "{total}, {variance}"
+            );
+        }
+        let taps = b_spline(0.3);
+        assert!((taps.iter().sum::<f32>() - 1.0).abs() < 1e-6 && (taps[2] - taps[0] - 0.3).abs() < 1e-6);
+    }
+
+    #[test]
     fn a_point_spreads_evenly_and_keeps_its_light() {
         let mut image = Image::new(41, 31, 1);
         image.data[15 * 41 + 20] = 1.0;
@@ -172,17 +220,15 @@ mod tests {
             let (dx, dy) = (x - 20.0, y - 15.0);
             [v, v * dx + v * dy, v * dx * dx, v * dy * dy].iter().zip(&mut moments).for_each(|(a, m)| *m += a);
         }
-        // Read at the pixels, interpolation adds no variance of its own.
-        let expected = 4.0 - INTERPOLATION_VARIANCE;
         assert!((moments[0] - 1.0).abs() < 1e-4 && moments[1].abs() < 1e-4, "{moments:?}");
-        assert!((moments[2] - expected).abs() < 0.02 && (moments[3] - expected).abs() < 0.02, "{moments:?}");
+        assert!((moments[2] - 4.0).abs() < 0.004 && (moments[3] - 4.0).abs() < 0.004, "{moments:?}");
     }
 
     #[test]
     fn outside_is_dark() {
         let stack = BlurStack::new(&[Image { width: 4, height: 4, channels: 3, data: vec![1.0; 48] }]);
         for (u, v, expected) in
-            [(-1.5, 1.0, 0.0), (f64::NAN, 1.0, 0.0), (4.0, 1.0, 0.0), (1.5, 1.0, 1.0), (3.5, 3.0, 0.5)]
+            [(-1.5, 1.0, 0.0), (f64::NAN, 1.0, 0.0), (4.5, 1.0, 0.0), (1.5, 1.0, 1.0), (3.5, 2.0, 0.5)]
         {
             let mut out = [7.0; 3];
             stack.at([u, v], 0.1, &mut out);

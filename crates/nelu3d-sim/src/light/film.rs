@@ -1,12 +1,13 @@
-//! A color film before a small lamp, and a white lamp beside it. There are no pixels: the film's transmission is a sum of
-//! plane waves, and the lamp's size damps each of them by a known factor.
+//! A color film before a small lamp, and a second lamp beside it. There are no pixels: the film's transmission is a sum of
+//! plane waves, and the lamp's size damps each of them by a known factor; or it is a picture, blurred by the lamp's disc.
 
 use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Point3, Vector3};
+use nelu3d_scan::Image;
 use rand::RngExt;
 
-use super::{Frame, Lit, small_lamp};
+use super::{BlurStack, Frame, Lit, small_lamp};
 use crate::random::{Use, generator};
 use crate::scene::look_at;
 use crate::spec::FilmSpec;
@@ -18,8 +19,17 @@ pub(crate) struct Film {
     /// Where the white lamp and the pattern's lamp are.
     lamps: [Point3<f64>; 2],
     axis: Vector3<f64>,
+    /// Strength of the flash's and of the film's lamp in red, green and blue.
+    leds: [[f32; 3]; 2],
+    transmission: Transmission,
+}
+
+#[derive(Debug)]
+enum Transmission {
     /// Of red, green and blue.
-    waves: [Vec<Wave>; 3],
+    Waves([Vec<Wave>; 3]),
+    /// A picture that fills the film, and its width in pixels.
+    Picture(Box<BlurStack>, [f64; 2]),
 }
 
 /// `cos(k · uv + phase)`.
@@ -31,10 +41,29 @@ struct Wave {
 }
 
 impl Film {
-    pub(crate) fn new(spec: &FilmSpec) -> Self {
+    /// The film of a spec, with its picture where it has one.
+    pub(crate) fn new(spec: &FilmSpec, picture: Option<&Image>) -> Self {
         let cam_from_lamp = look_at(spec.position_mm, spec.target_mm);
         let lamp = Point3::from(spec.position_mm);
-        let waves = [0, 1, 2].map(|color| {
+        let transmission = match picture.filter(|p| spec.image.is_some() && p.channels == 3) {
+            Some(p) => Transmission::Picture(
+                Box::new(BlurStack::new(std::slice::from_ref(p))),
+                [p.width as f64, p.height as f64],
+            ),
+            None => Transmission::Waves(Self::waves(spec)),
+        };
+        Self {
+            lamp_from_cam: cam_from_lamp.inverse(),
+            lamps: [lamp + Vector3::from(spec.flash_offset_mm), lamp],
+            axis: cam_from_lamp * Vector3::z(),
+            leds: [spec.flash_led, spec.film_led].map(|led| led.map(|v| v as f32)),
+            transmission,
+            spec: spec.clone(),
+        }
+    }
+
+    fn waves(spec: &FilmSpec) -> [Vec<Wave>; 3] {
+        [0, 1, 2].map(|color| {
             let mut random = generator(spec.seed, Use::Film, [color, 0, 0]);
             let n = spec.waves;
             (0..n)
@@ -47,14 +76,7 @@ impl Film {
                     Wave { k: [k * angle.cos(), k * angle.sin()], phase: TAU * random.random::<f64>() }
                 })
                 .collect()
-        });
-        Self {
-            lamp_from_cam: cam_from_lamp.inverse(),
-            lamps: [lamp + Vector3::from(spec.flash_offset_mm), lamp],
-            axis: cam_from_lamp * Vector3::z(),
-            waves,
-            spec: spec.clone(),
-        }
+        })
     }
 
     pub(super) fn lit(&self, p: &Point3<f64>, normal: &Vector3<f64>, sees: impl Fn(&Point3<f64>) -> bool) -> Lit {
@@ -75,18 +97,33 @@ impl Film {
     pub(super) fn irradiance(&self, frames: &[Frame], lit: &Lit, out: &mut [[f32; 3]]) {
         for (frame, rgb) in frames.iter().zip(out) {
             *rgb = match frame {
-                Frame::White => [lit.strength[0]; 3],
+                Frame::White => self.leds[0].map(|led| led * lit.strength[0]),
                 Frame::Black => [0.0; 3],
                 Frame::Pattern(_) if lit.strength[1] == 0.0 || !self.in_image(lit.uv) => [0.0; 3],
-                Frame::Pattern(_) => self.transmission(lit.uv, lit.sigma).map(|v| v as f32 * lit.strength[1]),
+                Frame::Pattern(_) => {
+                    let passes = self.transmission(lit.uv, lit.sigma);
+                    [0, 1, 2].map(|c| passes[c] * self.leds[1][c] * lit.strength[1])
+                }
             };
         }
     }
 
-    /// Transmission in red, green and blue: ½ + ½ · mean of the waves, each damped by exp(−½ σ² |k|²).
-    fn transmission(&self, [u, v]: [f64; 2], sigma: f64) -> [f64; 3] {
+    /// Transmission in red, green and blue at (u, v) mm under the lamp's disc of standard deviation `sigma` mm: a picture's,
+    /// or ½ + ½ · mean of the waves, each damped by exp(−½ σ² |k|²).
+    fn transmission(&self, [u, v]: [f64; 2], sigma: f64) -> [f32; 3] {
+        let waves = match &self.transmission {
+            Transmission::Waves(waves) => waves,
+            Transmission::Picture(stack, [w, h]) => {
+                let [x, y] = self.spec.film_half_size_mm;
+                let mut out = [0.0; 3];
+                // Row 0 is at the film's top, which the shadow's top is too: the lamp's frame has y down.
+                let at = [(0.5 + 0.5 * u / x) * w - 0.5, (0.5 + 0.5 * v / y) * h - 0.5];
+                stack.at(at, sigma * 0.5 * w / x, &mut out);
+                return out;
+            }
+        };
         [0, 1, 2].map(|color| {
-            let waves = &self.waves[color];
+            let waves = &waves[color];
             let sum: f64 = waves
                 .iter()
                 .map(|w| {
@@ -94,7 +131,7 @@ impl Film {
                     damping * (w.k[0] * u + w.k[1] * v + w.phase).cos()
                 })
                 .sum();
-            0.5 + 0.5 * sum / waves.len() as f64
+            (0.5 + 0.5 * sum / waves.len() as f64) as f32
         })
     }
 

@@ -6,6 +6,7 @@
 
 mod blur;
 mod film;
+mod grid;
 mod projector;
 
 use nalgebra::{Point3, Vector3};
@@ -14,6 +15,7 @@ use nelu3d_scan::Projector;
 use crate::spec::{BlackImage, LightSpec, Spec};
 use blur::BlurStack;
 pub(crate) use film::Film;
+use grid::PixelGrid;
 pub(crate) use projector::ProjectorLight;
 
 /// What the light source shows in an image.
@@ -46,11 +48,12 @@ pub(crate) struct Lit {
 }
 
 impl Light {
-    /// The light of a checked spec. `patterns` are the images a projector shows; see [`Frame::Pattern`].
+    /// The light of a checked spec. `patterns` are the images a projector shows (see [`Frame::Pattern`]), or the picture of
+    /// a film that has one.
     pub(crate) fn new(spec: &Spec, patterns: &[nelu3d_scan::Image]) -> Self {
         match &spec.light {
             LightSpec::Projector(p) => Self::Projector(Box::new(ProjectorLight::new(p, patterns))),
-            LightSpec::Film(f) => Self::Film(Box::new(Film::new(f))),
+            LightSpec::Film(f) => Self::Film(Box::new(Film::new(f, patterns.first()))),
         }
     }
 
@@ -70,8 +73,8 @@ impl Light {
         }
     }
 
-    /// Irradiance in red, green and blue in every frame, without ambient light. 1: white, perpendicular, at the reference
-    /// distance. `scratch` is memory to use again.
+    /// Irradiance in red, green and blue in every frame, without ambient light. 1: the flash of a lamp of strength 1, falling
+    /// perpendicularly at the reference distance. `scratch` is memory to use again.
     pub(crate) fn irradiance(&self, frames: &[Frame], lit: &Lit, scratch: &mut Vec<f32>, out: &mut [[f32; 3]]) {
         assert_eq!(frames.len(), out.len(), "one irradiance per frame");
         match self {

@@ -3,9 +3,9 @@
 use nalgebra::{Point3, Vector3};
 use nelu3d_scan::{Image, Projector};
 
-use super::{BlackImage, BlurStack, Frame, Lit, small_lamp};
+use super::{BlackImage, Frame, Lit, PixelGrid, small_lamp};
 use crate::scene::look_at;
-use crate::spec::ProjectorSpec;
+use crate::spec::{PerColor, ProjectorSpec};
 
 #[derive(Debug)]
 pub(crate) struct ProjectorLight {
@@ -14,9 +14,11 @@ pub(crate) struct ProjectorLight {
     center: Point3<f64>,
     axis: Vector3<f64>,
     /// White, then all patterns.
-    shown: BlurStack,
+    shown: PixelGrid,
     /// First channel in `shown` and number of channels of every pattern.
     channels: Vec<(usize, usize)>,
+    /// Light of each channel (rows) in the camera's bands.
+    primaries: [[f32; 3]; 3],
 }
 
 impl ProjectorLight {
@@ -27,14 +29,19 @@ impl ProjectorLight {
         let projector = Projector { optics, proj_from_cam: cam_from_proj.inverse() };
         let white = Image { data: vec![1.0; spec.width * spec.height], ..Image::new(spec.width, spec.height, 1) };
         let mut images = vec![white];
-        images.extend_from_slice(patterns);
+        // Channels of different responses make a gray code a color.
+        let colored = matches!(spec.gamma, PerColor::Each(_));
+        images.extend(patterns.iter().map(|p| if colored { in_three_channels(p) } else { p.clone() }));
         // What it emits: from the code by its response, above its leak.
-        for v in images.iter_mut().flat_map(|i| &mut i.data) {
-            let light = f64::from(*v).powf(spec.gamma);
-            *v = (spec.black_leak + (1.0 - spec.black_leak) * light) as f32;
+        let gamma = spec.gamma.rgb();
+        for image in &mut images {
+            for (i, v) in image.data.iter_mut().enumerate() {
+                let light = f64::from(*v).powf(gamma[i % image.channels]);
+                *v = (spec.black_leak + (1.0 - spec.black_leak) * light) as f32;
+            }
         }
         let mut next = 1;
-        let channels = patterns.iter().map(|p| {
+        let channels = images[1..].iter().map(|p| {
             next += p.channels;
             (next - p.channels, p.channels)
         });
@@ -43,7 +50,8 @@ impl ProjectorLight {
             axis: cam_from_proj * Vector3::z(),
             projector,
             channels: channels.collect(),
-            shown: BlurStack::new(&images),
+            shown: PixelGrid::new(&images, spec.fill_factor),
+            primaries: spec.primaries.map(|row| row.map(|v| v as f32)),
             spec: spec.clone(),
         }
     }
@@ -60,10 +68,20 @@ impl ProjectorLight {
         if !sees(&self.center) {
             return Lit::default();
         }
-        // Circle of confusion: the lens's opening seen through the focus plane, on the image plane in pixels. A uniform
-        // disc's standard deviation per axis is a quarter of its diameter.
-        let defocus = 0.25 * s.aperture_mm * s.fx * (1.0 / s.focus_mm - 1.0 / local.z).abs();
-        Lit { strength: [strength; 2], uv, sigma: s.sharp_sigma_px.hypot(defocus) }
+        Lit { strength: [strength; 2], uv, sigma: s.sharp_sigma_px.hypot(self.defocus_px(&local)) }
+    }
+
+    /// Standard deviation of the blur away from the focus at a point of the projector's frame, px.
+    ///
+    /// Circle of confusion of a thin lens: its opening A, seen from the point through the plane of focus, has the diameter
+    /// `A · |z − z_f| / z_f` at the point, and `A · f · |1/z_f − 1/z|` in pixels of the image plane. A uniform disc's
+    /// standard deviation per axis is a quarter of its diameter. On a tilted plane `z = focus + x tan a_x + y tan a_y` the
+    /// focus of the ray (x/z, y/z) is at `1/z_f = (1 − x/z tan a_x − y/z tan a_y) / focus`.
+    fn defocus_px(&self, local: &Point3<f64>) -> f64 {
+        let s = &self.spec;
+        let [tilt_x, tilt_y] = s.focus_tilt.map(f64::tan);
+        let at_focus = (1.0 - (local.x * tilt_x + local.y * tilt_y) / local.z) / s.focus_mm;
+        0.25 * s.aperture_mm * s.fx * (at_focus - 1.0 / local.z).abs()
     }
 
     pub(super) fn irradiance(&self, frames: &[Frame], lit: &Lit, scratch: &mut Vec<f32>, out: &mut [[f32; 3]]) {
@@ -76,14 +94,16 @@ impl ProjectorLight {
         self.shown.at(lit.uv, lit.sigma, scratch);
         let black = if self.spec.black == BlackImage::Off { 0.0 } else { self.spec.black_leak as f32 };
         for (frame, rgb) in frames.iter().zip(out) {
-            *rgb = match frame {
-                Frame::White => [scratch[0] * strength; 3],
-                Frame::Black => [scratch[0] * black * strength; 3],
+            let emitted = match frame {
+                Frame::White => [scratch[0]; 3],
+                Frame::Black => [scratch[0] * black; 3],
                 Frame::Pattern(i) => match self.channels[*i] {
-                    (at, 3) => [0, 1, 2].map(|c| scratch[at + c] * strength),
-                    (at, _) => [scratch[at] * strength; 3],
+                    (at, 3) => [0, 1, 2].map(|c| scratch[at + c]),
+                    (at, _) => [scratch[at]; 3],
                 },
             };
+            let p = &self.primaries;
+            *rgb = [0, 1, 2].map(|band| strength * (0..3).map(|c| emitted[c] * p[c][band]).sum::<f32>());
         }
     }
 
@@ -91,4 +111,12 @@ impl ProjectorLight {
         let (w, h) = (self.spec.width as f64, self.spec.height as f64);
         u >= -0.5 && v >= -0.5 && u <= w - 0.5 && v <= h - 0.5
     }
+}
+
+/// An image of red, green and blue: a gray one's channel thrice.
+fn in_three_channels(image: &Image) -> Image {
+    if image.channels == 3 {
+        return image.clone();
+    }
+    Image { channels: 3, data: image.data.iter().flat_map(|v| [*v; 3]).collect(), ..image.clone() }
 }

@@ -27,6 +27,8 @@ pub(crate) struct Renderer {
     camera: Camera,
     channels: Channels,
     mixing: [[f32; 3]; 3],
+    /// Power of the cosine to the optical axis.
+    vignetting: f64,
     ambient: f32,
     /// Sub-rows and sub-columns of a pixel.
     n: usize,
@@ -45,6 +47,7 @@ impl Renderer {
             camera,
             channels: spec.camera.channels().expect("checked with the spec"),
             mixing: spec.camera.color_mixing.map(|row| row.map(|v| v as f32)),
+            vignetting: spec.camera.vignetting,
             ambient: spec.ambient as f32,
             n: spec.supersampling,
             seed: spec.seed,
@@ -145,7 +148,8 @@ impl Renderer {
                 continue;
             };
             let lit = light.lit(&hit.point, &hit.normal, |to| scene.sees(&hit, to));
-            let albedo = scene.albedo(&hit);
+            let falloff = ray.dir.z.powf(self.vignetting) as f32;
+            let albedo = scene.albedo(&hit).map(|a| a * falloff);
             light.irradiance(frames, &lit, &mut scratch, &mut irradiance);
             for (f, irradiance) in irradiance.iter().enumerate() {
                 let radiance: [f32; 3] = std::array::from_fn(|c| albedo[c] * (irradiance[c] + self.ambient));

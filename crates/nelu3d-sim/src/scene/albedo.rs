@@ -10,8 +10,18 @@ use crate::spec::AlbedoSpec;
 #[derive(Clone, Debug)]
 pub(crate) enum Albedo {
     Constant([f32; 3]),
-    Waves { from: [f32; 3], to: [f32; 3], per_mm: f64 },
-    Board { artwork: Box<Artwork>, ink: f32, paper: f32 },
+    Waves {
+        from: [f32; 3],
+        to: [f32; 3],
+        per_mm: f64,
+    },
+    /// `dot_mm`: side of a printer's dot; 0 for exact edges.
+    Board {
+        artwork: Box<Artwork>,
+        ink: f32,
+        paper: f32,
+        dot_mm: f64,
+    },
 }
 
 impl Albedo {
@@ -33,7 +43,11 @@ impl Albedo {
                 let part = (0.5 + waves / 6.0) as f32;
                 std::array::from_fn(|c| from[c] + part * (to[c] - from[c]))
             }
-            Self::Board { artwork, ink, paper } => [ink + (paper - ink) * artwork.albedo(p.x, p.y); 3],
+            Self::Board { artwork, ink, paper, dot_mm } => {
+                // A dot is ink or paper as the artwork is at its center.
+                let [x, y] = [p.x, p.y].map(|v| if *dot_mm > 0.0 { ((v / dot_mm).floor() + 0.5) * dot_mm } else { v });
+                [ink + (paper - ink) * artwork.albedo(x, y); 3]
+            }
         }
     }
 }

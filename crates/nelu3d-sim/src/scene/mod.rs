@@ -51,16 +51,18 @@ impl Scene {
         Self { objects: objects.collect() }
     }
 
-    /// A board by itself.
+    /// A board by itself, printed in dots or, without `print_dpi`, exactly.
     pub(crate) fn of_board(
         board: &Board,
         artwork: Artwork,
         [ink, paper]: [f64; 2],
+        print_dpi: Option<f64>,
         cam_from_board: &Isometry3<f64>,
     ) -> Self {
         let [x0, y0, x1, y1] = board.extent_mm;
         let shape = Shape::Rectangle(shape::Rectangle::new([x0, y0], [x1, y1]));
-        let albedo = Albedo::Board { artwork: Box::new(artwork), ink: ink as f32, paper: paper as f32 };
+        let dot_mm = print_dpi.map_or(0.0, |dpi| 25.4 / dpi);
+        let albedo = Albedo::Board { artwork: Box::new(artwork), ink: ink as f32, paper: paper as f32, dot_mm };
         Self { objects: vec![Object::new(shape, *cam_from_board, albedo)] }
     }
 

@@ -4,8 +4,34 @@ use nelu3d_scan::camera::{Camera, Distortion};
 use nelu3d_scan::rig::Channels;
 use serde::{Deserialize, Serialize};
 
-/// A camera: a pinhole with OpenCV's distortion, a point spread function, and a sensor with shot noise, read noise,
-/// clipping and quantization.
+/// One number for all three colors, or one each for red, green and blue.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "give a number, or three for [red, green, blue]")]
+pub enum PerColor {
+    /// The same for all.
+    Same(f64),
+    /// Red, green, blue.
+    Each([f64; 3]),
+}
+
+impl PerColor {
+    /// Red, green, blue.
+    pub fn rgb(self) -> [f64; 3] {
+        match self {
+            PerColor::Same(v) => [v; 3],
+            PerColor::Each(rgb) => rgb,
+        }
+    }
+}
+
+impl From<f64> for PerColor {
+    fn from(v: f64) -> Self {
+        PerColor::Same(v)
+    }
+}
+
+/// A camera: a pinhole with OpenCV's distortion, a point spread function, and a sensor with shot noise, dark current, read
+/// noise, gain, clipping and quantization.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSpec {
@@ -30,20 +56,44 @@ pub struct CameraSpec {
     pub bits: u32,
     /// Sensor code for no light.
     pub black_level: f64,
-    /// Electrons at saturation. With the code range this fixes the gain and the shot noise.
+    /// Electrons a pixel holds. At a gain of 1 they are the largest code, at a higher one `full_well / gain` are.
     pub full_well_electrons: f64,
+    /// Amplification before the converter, 1 or more. It does not amplify the read noise, which counts at its input.
+    #[serde(default = "one")]
+    pub gain: f64,
     /// Standard deviation of the read noise, electrons.
     pub read_noise_electrons: f64,
     /// Standard deviation of the lens's Gaussian blur, px; the pixel's own area comes on top.
     pub psf_sigma_px: f64,
-    /// Which part of the full well a surface of albedo 1 fills that faces the flash at its reference distance.
-    pub exposure: f64,
+    /// Electrons per pixel and second from a surface of albedo 1 that faces a white flash at its reference distance: of each
+    /// channel, or one number for all. A mono camera has one.
+    pub electrons_per_sec: PerColor,
+    /// Exposure time, seconds.
+    pub exposure_secs: f64,
+    /// Dark current, electrons per pixel and second.
+    #[serde(default)]
+    pub dark_electrons_per_sec: f64,
+    /// Moments of the exposure that are averaged where things move, 1 to 64. One freezes the motion.
+    #[serde(default = "frozen")]
+    pub shutter_samples: usize,
+    /// Natural vignetting: a pixel's light falls by the cosine of its angle to the optical axis to this power (4 for a thin
+    /// lens).
+    #[serde(default)]
+    pub vignetting: f64,
     /// How much of each band of light (columns: red, green, blue) each channel of a color camera collects (rows).
     #[serde(default = "identity")]
     pub color_mixing: [[f64; 3]; 3],
 }
 
-fn identity() -> [[f64; 3]; 3] {
+fn one() -> f64 {
+    1.0
+}
+
+fn frozen() -> usize {
+    1
+}
+
+pub(super) fn identity() -> [[f64; 3]; 3] {
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 }
 

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use nelu3d_scan::pattern::{self, Pattern, PatternError};
 use nelu3d_scan::rig::Channels;
 
-use super::{AlbedoSpec, BoardSpec, LightSpec, ObjectSpec, ShapeSpec, Spec, SweepSpec};
+use super::{AlbedoSpec, BoardSpec, LightSpec, ObjectSpec, PerColor, SequenceSpec, ShapeSpec, Spec, SweepSpec};
 use crate::scene::shape::Vase;
 
 /// Why a spec cannot be simulated.
@@ -132,8 +132,13 @@ impl Spec {
         for scene in &self.scenes {
             name("scenes.name", &scene.name, &mut names)?;
             for object in &scene.objects {
-                check_object(&scene.name, object)?;
+                check_object(&format!("scenes `{}`", scene.name), object)?;
             }
+        }
+        names.clear();
+        for sequence in &self.sequences {
+            name("sequences.name", &sequence.name, &mut names)?;
+            self.check_sequence(sequence)?;
         }
         Ok(())
     }
@@ -151,13 +156,48 @@ impl Spec {
         within("camera.full_well_electrons", c.full_well_electrons, 1.0, 1e9)?;
         within("camera.read_noise_electrons", c.read_noise_electrons, 0.0, 1e6)?;
         within("camera.psf_sigma_px", c.psf_sigma_px, 0.0, 20.0)?;
+        within("camera.gain", c.gain, 1.0, 1e4)?;
+        let rates = c.electrons_per_sec;
+        for rate in rates.rgb() {
+            let good = rate > 0.0 && rate <= 1e15;
+            check(good, "camera.electrons_per_sec", rate, "give a number above 0, up to 1e15")?;
+        }
+        let one = matches!(rates, PerColor::Same(_)) || c.channels() != Some(Channels::Mono);
         check(
-            c.exposure > 0.0 && c.exposure <= 1e3,
-            "camera.exposure",
-            c.exposure,
-            "give a number above 0, up to 1000",
+            one,
+            "camera.electrons_per_sec",
+            format!("{:?}", rates.rgb()),
+            "a mono camera has one channel: give one number",
         )?;
+        let good = c.exposure_secs > 0.0 && c.exposure_secs <= 3600.0;
+        check(good, "camera.exposure_secs", c.exposure_secs, "give seconds above 0, up to 3600")?;
+        within("camera.dark_electrons_per_sec", c.dark_electrons_per_sec, 0.0, 1e9)?;
+        within("camera.shutter_samples", c.shutter_samples as f64, 1.0, 64.0)?;
+        within("camera.vignetting", c.vignetting, 0.0, 100.0)?;
         finite("camera.color_mixing", c.color_mixing.as_flattened())
+    }
+
+    fn check_sequence(&self, s: &SequenceSpec) -> Result<(), SpecError> {
+        let key = |field: &str| format!("sequences `{}`: {field}", s.name);
+        check(s.fps > 0.0 && s.fps <= 1e7, key("fps"), s.fps, "give a number above 0, up to ten million")?;
+        within(&key("frames"), s.frames as f64, 1.0, 100_000.0)?;
+        within(&key("flash_delay_secs"), s.flash_delay_secs, -3600.0, 3600.0)?;
+        within(&key("pattern_interval_secs"), s.pattern_interval_secs, 0.0, 3600.0)?;
+        if let Some(set) = &s.pattern_set {
+            let known = match &self.light {
+                LightSpec::Projector(_) => self.pattern_sets.iter().any(|p| p.name == *set),
+                LightSpec::Film(_) => false,
+            };
+            check(known, key("pattern_set"), format!("\"{set}\""), "give a name from pattern_sets, or leave it out")?;
+        }
+        for moving in &s.objects {
+            check_object(&format!("sequences `{}`", s.name), &moving.object)?;
+            let m = &moving.motion;
+            finite(&key("objects.motion.velocity_mm_per_sec"), &m.velocity_mm_per_sec)?;
+            finite(&key("objects.motion.acceleration_mm_per_sec2"), &m.acceleration_mm_per_sec2)?;
+            finite(&key("objects.motion.angular_velocity"), &m.angular_velocity)?;
+        }
+        Ok(())
     }
 
     fn check_light(&self) -> Result<(), SpecError> {
@@ -174,7 +214,17 @@ impl Spec {
                 within("light.aperture_mm", p.aperture_mm, 0.0, 1e3)?;
                 within("light.vignetting", p.vignetting, 0.0, 100.0)?;
                 within("light.black_leak", p.black_leak, 0.0, 0.99)?;
-                within("light.gamma", p.gamma, 0.1, 10.0)?;
+                for gamma in p.gamma.rgb() {
+                    within("light.gamma", gamma, 0.1, 10.0)?;
+                }
+                let good = p.fill_factor > 0.0 && p.fill_factor <= 1.0;
+                check(good, "light.fill_factor", p.fill_factor, "give a number above 0, up to 1")?;
+                for tilt in p.focus_tilt {
+                    within("light.focus_tilt", tilt, -1.5, 1.5)?;
+                }
+                for v in p.primaries.as_flattened() {
+                    within("light.primaries", *v, 0.0, 1e3)?;
+                }
                 check(!self.pattern_sets.is_empty(), "pattern_sets", "empty", "give a projector a pattern to show")?;
                 let mut names = HashSet::new();
                 for set in &self.pattern_sets {
@@ -199,6 +249,10 @@ impl Spec {
                 aim("light", f.position_mm, f.target_mm)?;
                 finite("light.flash_offset_mm", &f.flash_offset_mm)?;
                 positive("light.reference_mm", f.reference_mm)?;
+                for v in f.film_led.iter().chain(&f.flash_led) {
+                    let good = *v > 0.0 && *v <= 1e3;
+                    check(good, "light.film_led, flash_led", v, "give numbers above 0, up to 1000")?;
+                }
                 positive("light.film_mm", f.film_mm)?;
                 within("light.lamp_sigma_mm", f.lamp_sigma_mm, 0.0, 1e3)?;
                 positive("light.film_half_size_mm", f.film_half_size_mm[0].min(f.film_half_size_mm[1]))?;
@@ -229,6 +283,9 @@ impl Spec {
             check((3..=1000).contains(rows), "board.rows", rows, "give 3 to 1000 squares")?;
             positive("board.square_mm", *square_mm)?;
         }
+        if let Some(dpi) = self.print_dpi {
+            within("print_dpi", dpi, 1.0, 100_000.0)?;
+        }
         within("sweep.positions", self.sweep.positions() as f64, 3.0, 100_000.0)?;
         let (SweepSpec::Stage { first_mm, last_mm, center_mm, .. }
         | SweepSpec::Handheld { first_mm, last_mm, center_mm, .. }) = &self.sweep;
@@ -236,7 +293,8 @@ impl Spec {
         positive("sweep.last_mm", *last_mm)?;
         finite("sweep.center_mm", center_mm)?;
         match &self.sweep {
-            SweepSpec::Stage { slope, rotation, step_error_mm, .. } => {
+            SweepSpec::Stage { slope, rotation, step_error_mm, tilt_jitter, .. } => {
+                within("sweep.tilt_jitter", *tilt_jitter, 0.0, 1.0)?;
                 finite("sweep.slope", slope)?;
                 finite("sweep.rotation", rotation)?;
                 within("sweep.step_error_mm", *step_error_mm, 0.0, 1e3)
@@ -249,8 +307,8 @@ impl Spec {
     }
 }
 
-fn check_object(scene: &str, object: &ObjectSpec) -> Result<(), SpecError> {
-    let key = |field: &str| format!("scenes `{scene}`: objects.{field}");
+fn check_object(place: &str, object: &ObjectSpec) -> Result<(), SpecError> {
+    let key = |field: &str| format!("{place}: objects.{field}");
     finite(&key("position_mm"), &object.position_mm)?;
     finite(&key("rotation"), &object.rotation)?;
     match &object.shape {

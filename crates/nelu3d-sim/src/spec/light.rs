@@ -1,7 +1,12 @@
 //! The light source: anything that throws a pattern.
 
+use std::path::PathBuf;
+
 use nelu3d_scan::camera::{Camera, Distortion};
 use serde::{Deserialize, Serialize};
+
+use super::PerColor;
+use super::camera::identity;
 
 /// The light source.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,7 +39,8 @@ pub enum BlackImage {
     Darkest,
 }
 
-/// A projector. Its rays leave one point; a surface at distance d receives (reference/d)² of the reference irradiance.
+/// A projector. Its rays leave one point; a surface at distance d receives (reference/d)² of the reference irradiance, inside
+/// the lit square of a white pixel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProjectorSpec {
@@ -59,9 +65,15 @@ pub struct ProjectorSpec {
     pub target_mm: [f64; 3],
     /// Distance at which the irradiance of the flash is 1, mm.
     pub reference_mm: f64,
-    /// Depth (in the projector's frame) of sharpest focus, mm.
+    /// Side of a pixel's lit square, as a part of the pixels' pitch: the rest are dark gaps. The area that is lit is its square.
+    #[serde(default = "one")]
+    pub fill_factor: f64,
+    /// Depth (in the projector's frame) of sharpest focus on the optical axis, mm.
     pub focus_mm: f64,
-    /// Standard deviation of the blur at the focus, projector px.
+    /// Tilt of the plane of sharpest focus: radians by which it recedes toward the projector's +x and +y.
+    #[serde(default)]
+    pub focus_tilt: [f64; 2],
+    /// Standard deviation of the lens's blur at the focus, projector px; the pixel's own square comes on top.
     pub sharp_sigma_px: f64,
     /// Diameter of the lens's opening, mm: blur grows with it away from the focus.
     pub aperture_mm: f64,
@@ -71,9 +83,12 @@ pub struct ProjectorSpec {
     /// Light that a black projector pixel still emits, as a part of a white one's.
     #[serde(default)]
     pub black_leak: f64,
-    /// Light = code to this power.
-    #[serde(default = "one")]
-    pub gamma: f64,
+    /// Light = code to this power; a number for all channels, or one each.
+    #[serde(default = "linear")]
+    pub gamma: PerColor,
+    /// Light of each channel (rows: red, green, blue) in the camera's bands (columns). The flash is their sum.
+    #[serde(default = "identity")]
+    pub primaries: [[f64; 3]; 3],
     /// What black.png is.
     #[serde(default)]
     pub black: BlackImage,
@@ -87,6 +102,22 @@ fn one() -> f64 {
     1.0
 }
 
+fn linear() -> PerColor {
+    PerColor::Same(1.0)
+}
+
+fn white() -> [f64; 3] {
+    [1.0; 3]
+}
+
+fn waves() -> usize {
+    4
+}
+
+fn five() -> f64 {
+    5.0
+}
+
 impl ProjectorSpec {
     /// The optics, or `None` for a number of distortion coefficients that OpenCV does not know.
     pub(crate) fn optics(&self) -> Option<Camera> {
@@ -98,7 +129,7 @@ impl ProjectorSpec {
 
 /// A color film before a small lamp, which throws the film's shadow on the scene, and a white lamp beside it.
 ///
-/// The film's transmission is a sum of plane waves per color, so its blur by the lamp's size has a closed form.
+/// The film's transmission is a sum of plane waves per color, whose blur by the lamp's size has a closed form, or an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FilmSpec {
@@ -110,6 +141,12 @@ pub struct FilmSpec {
     /// differently on a surface, and their ratio is not exactly the pattern.
     #[serde(default)]
     pub flash_offset_mm: [f64; 3],
+    /// Strength of the film's LED in red, green and blue.
+    #[serde(default = "white")]
+    pub film_led: [f64; 3],
+    /// Strength of the flash's LED in red, green and blue.
+    #[serde(default = "white")]
+    pub flash_led: [f64; 3],
     /// Distance at which the irradiance of the flash is 1, mm.
     pub reference_mm: f64,
     /// Distance from the lamp to the film, mm.
@@ -121,11 +158,18 @@ pub struct FilmSpec {
     /// Intensity falls by the cosine of the angle to the axis to this power.
     #[serde(default)]
     pub vignetting: f64,
+    /// A picture of the film instead of the waves: PNG, TIFF or EXR, its values are the transmission (linear, no gamma), it
+    /// fills the film. A path in a spec file starts from that file's folder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<PathBuf>,
     /// Plane waves per color, 1 to 64. Few keep the contrast, many avoid repetition.
+    #[serde(default = "waves")]
     pub waves: usize,
     /// Shortest period on the film, mm.
+    #[serde(default = "one")]
     pub min_period_mm: f64,
     /// Longest period on the film, mm.
+    #[serde(default = "five")]
     pub max_period_mm: f64,
     /// Waves run along the film's rows give or take this angle. A change of depth shifts the pattern along the line from
     /// lamp to camera only, so waves across that line tell nothing.

@@ -6,14 +6,16 @@ mod check;
 mod light;
 mod preset;
 mod scene;
+mod sequence;
 mod sweep;
 
 pub use board::BoardSpec;
-pub use camera::CameraSpec;
+pub use camera::{CameraSpec, PerColor};
 pub use check::SpecError;
 pub use light::{BlackImage, FilmSpec, LightSpec, ProjectorSpec};
 pub use preset::PRESETS;
 pub use scene::{AlbedoSpec, ObjectSpec, SceneSpec, ShapeSpec};
+pub use sequence::{MotionSpec, MovingObjectSpec, SequenceSpec};
 pub use sweep::SweepSpec;
 
 use std::path::Path;
@@ -49,11 +51,17 @@ pub struct Spec {
     /// Albedo of the board's ink and of its paper. Gray ink still shows the pattern, black ink hardly does.
     #[serde(default = "ink_and_paper")]
     pub board_albedo: [f64; 2],
+    /// Resolution of the printer that made the board, dots per inch; none: edges are exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub print_dpi: Option<f64>,
     /// Where the board is put.
     pub sweep: SweepSpec,
     /// The scenes to scan.
     #[serde(default)]
     pub scenes: Vec<SceneSpec>,
+    /// The moving scenes to scan.
+    #[serde(default)]
+    pub sequences: Vec<SequenceSpec>,
 }
 
 fn ink_and_paper() -> [f64; 2] {
@@ -89,8 +97,12 @@ impl Spec {
     pub fn read(path: &Path) -> Result<Self, SpecError> {
         let text = std::fs::read_to_string(path).map_err(|source| SpecError::Io { path: path.into(), source })?;
         let located = |e: SpecError| SpecError::File { path: path.into(), source: Box::new(e) };
-        let spec: Self = toml::from_str(&text)
+        let mut spec: Self = toml::from_str(&text)
             .map_err(|e| located(SpecError::Syntax { reason: e.to_string().trim_end().into() }))?;
+        // A film's picture lies beside the spec that names it.
+        if let LightSpec::Film(FilmSpec { image: Some(image), .. }) = &mut spec.light {
+            *image = path.parent().unwrap_or(Path::new("")).join(&*image);
+        }
         spec.check().map_err(located)?;
         Ok(spec)
     }

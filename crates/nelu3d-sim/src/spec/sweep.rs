@@ -26,6 +26,9 @@ pub enum SweepSpec {
         /// Standard deviation of a position along the line, mm.
         #[serde(default)]
         step_error_mm: f64,
+        /// Standard deviation of the board's wobble about each axis, anew at each position, radians.
+        #[serde(default)]
+        tilt_jitter: f64,
         /// Whether rig.toml tells the poses.
         #[serde(default)]
         write_poses: bool,

@@ -1,5 +1,8 @@
 //! The specs that come with the program.
 
+mod films;
+mod projectors;
+
 use nelu3d_scan::board::Marker;
 use nelu3d_scan::pattern::{Axis, Pattern, Random, Sinusoid, Triangle};
 
@@ -9,10 +12,20 @@ use super::{
 };
 
 /// Names of the presets, and what each is.
-pub const PRESETS: [(&str, &str); 3] = [
+pub const PRESETS: [(&str, &str); 7] = [
     ("demo", "a mono camera and a projector, three patterns, a board with markers, a vase"),
     ("shapes", "the scanner of `demo` with a plane, a ball, a step and a ball before a plane"),
     ("color", "a color camera and film: one color pattern and a flash, a charuco board, no black images of scenes"),
+    (
+        "dlp",
+        "a machine-vision camera of 640 × 480 and a good DLP projector, three patterns, a sphere, a vase, two objects",
+    ),
+    ("lcd", "the same before a 50-dollar LCD projector: gaps, gamma, distortion, vignetting, no one plane of focus"),
+    ("film-triton", "a LUCID Triton color camera and an RGB film projector, with a sequence of a flying ball"),
+    (
+        "film-chronos",
+        "a Kron Chronos high-speed color camera, short of light, and the same film, with the same sequence",
+    ),
 ];
 
 pub(super) fn preset(name: &str) -> Option<Spec> {
@@ -20,12 +33,18 @@ pub(super) fn preset(name: &str) -> Option<Spec> {
         "demo" => Some(demo()),
         "shapes" => Some(Spec { name: "shapes".into(), scenes: shapes(), ..demo() }),
         "color" => Some(color()),
+        "dlp" => Some(projectors::dlp()),
+        "lcd" => Some(projectors::lcd()),
+        "film-triton" => Some(films::triton()),
+        "film-chronos" => Some(films::chronos()),
         _ => None,
     }
 }
 
 /// Depth of the middle of every preset's volume, mm.
 const MIDDLE_MM: f64 = 700.0;
+
+const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 fn demo() -> Spec {
     Spec {
@@ -47,8 +66,13 @@ fn demo() -> Spec {
             full_well_electrons: 10_000.0,
             read_noise_electrons: 6.0,
             psf_sigma_px: 0.4,
-            exposure: 0.8,
-            color_mixing: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            gain: 1.0,
+            electrons_per_sec: 800_000.0.into(),
+            exposure_secs: 0.01,
+            dark_electrons_per_sec: 0.0,
+            shutter_samples: 1,
+            vignetting: 0.0,
+            color_mixing: IDENTITY,
         },
         light: LightSpec::Projector(ProjectorSpec {
             width: 640,
@@ -61,12 +85,15 @@ fn demo() -> Spec {
             position_mm: [190.0, -25.0, 20.0],
             target_mm: [0.0, 0.0, MIDDLE_MM],
             reference_mm: MIDDLE_MM,
+            fill_factor: 1.0,
             focus_mm: MIDDLE_MM,
+            focus_tilt: [0.0; 2],
             sharp_sigma_px: 0.6,
             aperture_mm: 10.0,
             vignetting: 4.0,
             black_leak: 0.004,
-            gamma: 1.0,
+            gamma: 1.0.into(),
+            primaries: IDENTITY,
             black: BlackImage::Off,
         }),
         pattern_sets: vec![PatternSetSpec {
@@ -87,9 +114,12 @@ fn demo() -> Spec {
             slope: [0.004, -0.006],
             rotation: [0.03, -0.05, 0.01],
             step_error_mm: 0.02,
+            tilt_jitter: 0.0,
             write_poses: false,
         },
         scenes: vec![SceneSpec { name: "vase".into(), black: true, objects: vec![vase(AlbedoSpec::default())] }],
+        print_dpi: None,
+        sequences: Vec::new(),
     }
 }
 
@@ -167,6 +197,9 @@ fn color() -> Spec {
             position_mm: [170.0, -20.0, 60.0],
             target_mm: [0.0, 0.0, MIDDLE_MM],
             flash_offset_mm: [4.0, 0.0, 0.0],
+            film_led: [1.0; 3],
+            flash_led: [1.0; 3],
+            image: None,
             reference_mm: MIDDLE_MM,
             film_mm: 40.0,
             lamp_sigma_mm: 0.05,

@@ -1,0 +1,58 @@
+//! The camera takes pictures: light to codes to files.
+
+use std::io;
+use std::path::Path;
+
+use nelu3d_scan::Image;
+use nelu3d_scan::image::{write_png8, write_png16};
+use nelu3d_scan::output::create_dir;
+use nelu3d_scan::rig::Channels;
+use rayon::prelude::*;
+
+use crate::light::{Frame, Light};
+use crate::random::{Use, generator};
+use crate::render::Renderer;
+use crate::scene::Scene;
+use crate::sensor::Sensor;
+use crate::spec::Spec;
+
+/// The camera before the light.
+pub(crate) struct Capture<'a> {
+    pub(crate) spec: &'a Spec,
+    pub(crate) renderer: &'a Renderer,
+    pub(crate) light: &'a Light,
+    pub(crate) sensor: Sensor,
+}
+
+impl Capture<'_> {
+    /// Takes all images of a shot and writes them into the folder `dir`, which is created.
+    pub(crate) fn shoot(&self, scene: &Scene, frames: &[(Frame, String)], shot: u64, dir: &Path) -> io::Result<()> {
+        let shows: Vec<Frame> = frames.iter().map(|f| f.0).collect();
+        let images = self.renderer.render(scene, self.light, &shows, shot);
+        let files: Vec<&str> = frames.iter().map(|f| f.1.as_str()).collect();
+        self.develop(images, &files, shot, dir)
+    }
+
+    /// Reads the sensor after each of a shot's images, given as light, and writes the codes into the folder `dir`.
+    pub(crate) fn develop(&self, mut images: Vec<Image>, files: &[&str], shot: u64, dir: &Path) -> io::Result<()> {
+        create_dir(dir)?;
+        let camera = &self.spec.camera;
+        let channels = camera.channels().expect("checked with the spec");
+        images.par_iter_mut().zip(files).enumerate().try_for_each(|(f, (image, file))| {
+            let row_len = image.width * image.channels;
+            image.data.par_chunks_mut(row_len).enumerate().for_each(|(y, row)| {
+                let mut random = generator(self.spec.seed, Use::Sensor, [shot, f as u64, y as u64]);
+                for (i, v) in row.iter_mut().enumerate() {
+                    let channel = match channels {
+                        Channels::Mono => 0,
+                        Channels::Rgb => i % 3,
+                        Channels::Bayer(cell) => usize::from(cell[(y % 2) * 2 + i % 2]),
+                    };
+                    *v = self.sensor.read(*v, channel, &mut random);
+                }
+            });
+            let write = if camera.bits <= 8 { write_png8 } else { write_png16 };
+            write(&dir.join(file), image, camera.black_level, camera.saturation())
+        })
+    }
+}

@@ -1,0 +1,99 @@
+//! Moving scenes: where things are at a moment, and what the camera collects while they move.
+
+use std::io;
+use std::path::Path;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use nelu3d_scan::Image;
+
+use crate::capture::Capture;
+use crate::light::{Frame, Light};
+use crate::render::Renderer;
+use crate::scene::Scene;
+use crate::spec::{CameraSpec, MovingObjectSpec, ObjectSpec, SequenceSpec, Spec};
+use crate::truth::Truth;
+
+/// A moving object at a moment, seconds from the beginning of its sequence.
+///
+/// With p₀ and R₀ its place and rotation at the time 0: `p = p₀ + v t + ½ a t²`, `R = exp(ω t) R₀`.
+pub fn object_at(moving: &MovingObjectSpec, time_secs: f64) -> ObjectSpec {
+    let m = &moving.motion;
+    let mut object = moving.object.clone();
+    for (k, p) in object.position_mm.iter_mut().enumerate() {
+        *p += m.velocity_mm_per_sec[k] * time_secs + 0.5 * m.acceleration_mm_per_sec2[k] * time_secs * time_secs;
+    }
+    if m.angular_velocity != [0.0; 3] {
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::from(m.angular_velocity) * time_secs);
+        let rotation = turn * UnitQuaternion::from_scaled_axis(Vector3::from(object.rotation));
+        object.rotation = rotation.scaled_axis().into();
+    }
+    object
+}
+
+fn scene_at(sequence: &SequenceSpec, time_secs: f64) -> Scene {
+    let objects: Vec<ObjectSpec> = sequence.objects.iter().map(|o| object_at(o, time_secs)).collect();
+    Scene::new(&objects)
+}
+
+/// Middle of the exposure of a frame's first pattern, seconds.
+fn start_secs(sequence: &SequenceSpec, frame: usize) -> f64 {
+    frame as f64 / sequence.fps
+}
+
+/// Takes the images of a frame, each of its own moment, writes them into the folder `dir` and returns the truth of the
+/// moment of the first pattern.
+pub(crate) fn shoot_sequence(
+    camera: &Capture,
+    sequence: &SequenceSpec,
+    frame: usize,
+    patterns: &[(Frame, String)],
+    shot: u64,
+    dir: &Path,
+) -> io::Result<Truth> {
+    let start = start_secs(sequence, frame);
+    let flash = start + sequence.flash_delay_secs;
+    let mut shots = vec![(Frame::White, "white.png", flash)];
+    if sequence.black {
+        shots.push((Frame::Black, "black.png", flash));
+    }
+    for (i, (show, file)) in patterns.iter().enumerate() {
+        shots.push((*show, file, start + i as f64 * sequence.pattern_interval_secs));
+    }
+    let images = shots.iter().map(|(show, _, time)| exposed(camera, sequence, *show, *time, shot)).collect();
+    let files: Vec<&str> = shots.iter().map(|s| s.1).collect();
+    camera.develop(images, &files, shot, dir)?;
+    Ok(Truth::new(camera.renderer.camera(), &scene_at(sequence, start), camera.light))
+}
+
+/// The light of an exposure about a moment: the mean of those of its parts, each frozen in its middle.
+fn exposed(camera: &Capture, sequence: &SequenceSpec, show: Frame, time_secs: f64, shot: u64) -> Image {
+    let CameraSpec { shutter_samples: n, exposure_secs, .. } = camera.spec.camera;
+    let mut sum: Option<Image> = None;
+    for part in 0..n {
+        let offset = ((part as f64 + 0.5) / n as f64 - 0.5) * exposure_secs;
+        let scene = scene_at(sequence, time_secs + offset);
+        // Each part samples its pixels anew.
+        let place = shot | (part as u64) << 48;
+        let image = camera.renderer.render(&scene, camera.light, &[show], place).pop().expect("an image per frame");
+        match &mut sum {
+            None => sum = Some(image),
+            Some(sum) => sum.data.iter_mut().zip(&image.data).for_each(|(s, v)| *s += v),
+        }
+    }
+    let mut mean = sum.expect("at least one part");
+    mean.data.iter_mut().for_each(|v| *v /= n as f32);
+    mean
+}
+
+impl Truth {
+    /// The truth about frame `frame` of sequence `index` of a spec: that of the moment of its first pattern.
+    ///
+    /// # Panics
+    ///
+    /// If the spec does not pass [`Spec::check`] or has no such sequence.
+    pub fn of_frame(spec: &Spec, index: usize, frame: usize) -> Self {
+        let sequence = &spec.sequences[index];
+        let scene = scene_at(sequence, start_secs(sequence, frame));
+        Self::new(Renderer::new(spec).camera(), &scene, &Light::new(spec, &[]))
+    }
+}
