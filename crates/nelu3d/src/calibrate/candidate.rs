@@ -246,6 +246,18 @@ fn resolution(placed: &Placed<'_>, frame: &Frame, center: Center) -> [usize; 3] 
     cells
 }
 
+/// The contrast (white − black) from which a sample is well lit: a tenth of full scale, or half of what the best tenth of
+/// the position's samples have where the exposure is short. Black ink is below it.
+fn well_lit(contrast: &[f32]) -> f32 {
+    let mut usable: Vec<f32> = contrast.iter().copied().filter(|c| *c > 0.0).collect();
+    if usable.is_empty() {
+        return 0.1;
+    }
+    let at = usable.len() * 9 / 10;
+    let (_, bright, _) = usable.select_nth_unstable_by(at, f32::total_cmp);
+    (0.5 * *bright).min(0.1)
+}
+
 /// Sums of a field's errors at positions that it was not made from.
 #[derive(Default)]
 struct Errors {
@@ -265,6 +277,7 @@ impl Errors {
         let mut s = Self::default();
         let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
         let mut n = 0usize;
+        let lit = well_lit(&position.contrast);
         placed.for_each(p, position, |i, t, v, w| {
             n += 1;
             let m = frame.along_ray(&placed.dirs[i]).at(t);
@@ -282,7 +295,7 @@ impl Errors {
                 let e = c[j] - v[j];
                 s.all.0 += f64::from(e * e);
                 s.all.1 += 1;
-                if position.contrast[i * channels + j % channels] >= 0.1 {
+                if position.contrast[i * channels + j % channels] >= lit {
                     s.lit.0 += f64::from(e * e);
                     s.lit.1 += 1;
                     s.noise += f64::from(1.0 / w[j]);
@@ -320,5 +333,26 @@ impl Errors {
             ceiling_db: noise,
             depth_mm: self.depth.get(self.depth.len() / 2).copied().unwrap_or(f32::NAN).into(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn well_lit_follows_the_exposure_but_not_the_ink() {
+        // A third ink of a twentieth of the paper's albedo; a few highlights; unusable pixels.
+        let board = |paper: f32| -> Vec<f32> {
+            let kinds = [paper, paper, 0.05 * paper, 0.0];
+            let mut all: Vec<f32> = (0..4000).map(|i| kinds[i % 4]).collect();
+            all[..20].fill(0.9);
+            all
+        };
+        for paper in [0.8f32, 0.3, 0.08, 0.03] {
+            let limit = well_lit(&board(paper));
+            assert!(limit <= 0.1 && limit > 0.05 * paper && limit < paper, "{paper}: {limit}");
+        }
+        assert_eq!(well_lit(&board(0.8)), 0.1);
     }
 }

@@ -87,7 +87,8 @@ pub struct Quality {
     pub held_out: Vec<String>,
     /// Samples compared.
     pub n: usize,
-    /// PSNR over well-lit samples (white − black of at least 10 % of full scale), peak 1, dB.
+    /// PSNR over well-lit samples (white − black of at least 10 % of full scale, or half of what the position's best-lit
+    /// tenth has, if that is less), peak 1, dB.
     #[serde(deserialize_with = "or_nan")]
     pub psnr_db: f64,
     /// PSNR over every usable sample (dim ones, on black ink, are mostly noise), dB.

@@ -15,6 +15,7 @@ mod shares;
 mod smooth;
 pub mod surface;
 mod thin_plate;
+mod uncertainty;
 mod window;
 
 use std::collections::VecDeque;
@@ -350,9 +351,8 @@ pub fn reconstruct(
             if !kept(i) {
                 return f32::NAN;
             }
-            // From 1/z to z; a local misfit above the noise means that the noise is not all there is.
-            let z2 = depth[i] * depth[i];
-            refined.sigma[i] * z2 * misfit[i].max(1.0).sqrt()
+            // From 1/z to z.
+            refined.sigma[i] * depth[i] * depth[i]
         })
         .collect();
     let median_residual = {

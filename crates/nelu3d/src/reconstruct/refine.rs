@@ -9,7 +9,6 @@
 //! and the mask. It is minimized by Gauss-Newton, each step one sparse linear system.
 
 use nelu3d_field::volrend::reference::render_weights;
-use rand::SeedableRng;
 use rayon::prelude::*;
 
 use super::indirect::{Surface, gather};
@@ -17,6 +16,7 @@ use super::lookup::{Lookup, Rays};
 use super::measure::{Measurements, SharesPrior};
 use super::shares::Shares;
 use super::thin_plate::{Plate, Until};
+use super::uncertainty::{self, Information, systematic};
 use super::window::Window;
 use crate::progress::Progress;
 
@@ -40,20 +40,17 @@ pub struct RefineSettings {
     /// Least roughness of the surface: standard deviation of second differences between neighboring pixels, in labels (a
     /// label is about 0.7 px of disparity). Smaller is smoother.
     pub roughness: f32,
-    /// Draws for the uncertainty; a multiple of [`LANES`].
+    /// Draws for the uncertainty.
     pub draws: usize,
     /// Seed of everything random.
     pub seed: u64,
 }
 
-/// Draws that are solved together.
-pub const LANES: usize = 4;
-
 /// A refined surface over the window of the image that holds kept pixels. All maps have the whole image's size.
 pub struct Refined {
     /// Inverse depth, 1/mm; NaN where there is none.
     pub inv_z: Vec<f32>,
-    /// Its standard deviation from the measurements' noise and the surface's own smoothness, 1/mm.
+    /// Its standard deviation, 1/mm: see [`uncertainty`].
     pub sigma: Vec<f32>,
     /// Share per pixel, mean over color channels, of the light that is not in c.
     pub ambient: Vec<f32>,
@@ -240,7 +237,19 @@ pub fn refine(
         });
     }
 
-    let sigma = draw_sigma(&plate, &data, s.draws, s.seed);
+    let information: Vec<Information> =
+        data.iter().map(|d| Information { h: d.h, chi2: d.chi2 / k as f32 }).collect();
+    let (mut whitened, mut slopes) = (vec![0.0f32; nw * k], vec![0.0f32; nw * k]);
+    for i in (0..nw).filter(|i| active[*i]) {
+        let px = win.at(i);
+        for j in 0..k {
+            let weight = m.inv_var[px * k + j].sqrt();
+            whitened[i * k + j] = weight * (shares.explain(i, px, j, rendered[i * 2 * k + j]) - m.p[px * k + j]);
+            slopes[i * k + j] = weight * rendered[i * 2 * k + k + j];
+        }
+    }
+    let shared = systematic(&whitened, &slopes, k, &active, win.w, win.h);
+    let sigma = uncertainty::sigma(&plate, &x, &information, &shared, s.draws, s.seed);
     let mut out = Refined { losses, albedo: shares.albedo.clone(), ..Refined::empty(n) };
     let mut residuals = vec![0.0f32; k];
     for i in (0..nw).filter(|i| active[*i]) {
@@ -271,46 +280,6 @@ const STEP_REDUCTION: f64 = 1e-2;
 fn gathers_at(step: usize, s: &RefineSettings) -> bool {
     let first = 2.min(s.steps.saturating_sub(2));
     (0..s.gathers).any(|g| step == first + g * (s.steps - first) / s.gathers)
-}
-
-/// Standard deviation of the posterior by draws: solutions of the last linear system for random right-hand sides with the
-/// covariance of data and prior, pooled over 3 × 3 pixels.
-fn draw_sigma(plate: &Plate, data: &[Data], draws: usize, seed: u64) -> Vec<f32> {
-    use rand_distr::{Distribution, StandardNormal};
-    let mut rng = rand::rngs::StdRng::seed_from_u64(seed);
-    let h: Vec<f32> = data.iter().map(|d| d.h).collect();
-    let n = h.len();
-    let mut sum = vec![0.0f32; n];
-    let rounds = draws.div_ceil(LANES);
-    for _ in 0..rounds {
-        let mut b = vec![[0.0f32; LANES]; n];
-        for lane in 0..LANES {
-            let mut normal = || -> f32 { StandardNormal.sample(&mut rng) };
-            let noise = plate.noise(&mut normal);
-            for i in (0..n).filter(|i| plate.active[*i]) {
-                b[i][lane] = noise[i] + h[i].sqrt() * normal();
-            }
-        }
-        let mut y = vec![[0.0; LANES]; n];
-        // A tenth of a percent in the solution is far below the scatter of a dozen draws.
-        plate.solve(&h, &b, &mut y, Until { reduction: 1e-3, iterations: 80 });
-        for i in 0..n {
-            sum[i] += y[i].iter().map(|y| y * y).sum::<f32>();
-        }
-    }
-    let w = plate.width;
-    (0..n)
-        .into_par_iter()
-        .with_min_len(w)
-        .map(|i| {
-            if !plate.active[i] {
-                return f32::NAN;
-            }
-            let around = [i - w, i, i + w].into_iter().flat_map(|j| [j - 1, j, j + 1]).filter(|j| plate.active[*j]);
-            let (total, count) = around.fold((0.0, 0), |(t, c), j| (t + sum[j], c + rounds * LANES));
-            (total / count.max(1) as f32).sqrt()
-        })
-        .collect()
 }
 
 /// Slopes of the unknown along x and y, per pixel: central differences, one-sided where the other side lies across a jump

@@ -56,12 +56,16 @@ impl Plate {
         [a[i - 1] && a[i + 1], a[i - w] && a[i + w], a[i + 1] && a[i + w] && a[i + w + 1]]
     }
 
-    /// The three second differences of `x` at pixel `i`, where they exist.
+    /// A second difference of `x` at pixel `i`, where it exists: along x, along y, mixed.
     #[inline]
-    fn differences(&self, x: &[[f32; 1]], i: usize) -> [f32; 3] {
+    fn difference(&self, x: &[[f32; 1]], i: usize, direction: usize) -> f32 {
         let w = self.width;
         let x = |i: usize| x[i][0];
-        [x(i - 1) - 2.0 * x(i) + x(i + 1), x(i - w) - 2.0 * x(i) + x(i + w), x(i) - x(i + 1) - x(i + w) + x(i + w + 1)]
+        match direction {
+            0 => x(i - 1) - 2.0 * x(i) + x(i + 1),
+            1 => x(i - w) - 2.0 * x(i) + x(i + w),
+            _ => x(i) - x(i + 1) - x(i + w) + x(i + w + 1),
+        }
     }
 
     /// Sets the weights of all differences from their values in `x`. A surface is smooth to a degree that varies from place
@@ -77,7 +81,7 @@ impl Plate {
                 let there = |i: usize| this.there(i)[direction];
                 let (mut sum, mut count) = (vec![0.0f32; w * h], vec![0.0f32; w * h]);
                 for i in (0..w * h).filter(|i| there(*i)) {
-                    let d = this.differences(x, i)[direction];
+                    let d = this.difference(x, i, direction);
                     if d.abs() < crease {
                         sum[i] = d * d;
                         count[i] = 1.0;
@@ -90,7 +94,7 @@ impl Plate {
                 for i in 0..w * h {
                     sum[i] = if there(i) {
                         let mean = if count[i] > 0.0 { sum[i] / count[i] } else { 0.0 };
-                        let d = this.differences(x, i)[direction];
+                        let d = this.difference(x, i, direction);
                         let broken = 1.0 + d * d / (crease * crease);
                         times / ((floor * floor + mean) * broken * broken)
                     } else {
@@ -161,6 +165,26 @@ impl Plate {
             }
         }
         dot
+    }
+
+    /// Σ w (D x)² of the differences at each pixel.
+    pub(super) fn energy(&self, x: &[[f32; 1]]) -> Vec<f32> {
+        let one = |i: usize| {
+            let weights = [self.wxx[i], self.wyy[i], self.wxy[i]];
+            if weights == [0.0; 3] {
+                return 0.0;
+            }
+            let there = self.there(i);
+            let d = |j: usize| if there[j] { self.difference(x, i, j) } else { 0.0 };
+            (0..3).map(|j| weights[j] * d(j).powi(2)).sum()
+        };
+        (0..x.len()).into_par_iter().with_min_len(self.width).map(one).collect()
+    }
+
+    /// How many weighed differences there are at each pixel.
+    pub(super) fn n_differences(&self) -> Vec<f32> {
+        let weighed = |i: usize| [self.wxx[i], self.wyy[i], self.wxy[i]].iter().filter(|w| **w > 0.0).count() as f32;
+        (0..self.active.len()).map(weighed).collect()
     }
 
     /// Dᵀ√W ε for random ε: with √h ε it makes a right-hand side whose solution is a draw from the posterior.

@@ -1,0 +1,286 @@
+//! How far to trust each depth: one standard deviation, from what the method knows without a truth.
+//!
+//! Three parts, added as variances:
+//!
+//! 1. the sensor's noise, carried through the last linear system by random draws;
+//! 2. what the thin plate smooths away, by draws from its prior, scaled by how rough the found surface really is: the plate allows
+//!    every surface a least roughness, and many are smoother;
+//! 3. what is systematic: light that no part of the model explains (cross-talk of colors, errors of the color field, light by
+//!    way of other surfaces). It differs from noise in that neighbors share it, so averaging over the plate does not remove it. It
+//!    is seen in the directions of code space that depth cannot explain, and taken to be as large in the one that it can.
+
+use rand::SeedableRng;
+use rayon::prelude::*;
+
+use super::smooth::box_mean;
+use super::thin_plate::{Plate, Until};
+
+/// Draws that are solved together, half of them of noise and half of the prior.
+const LANES: usize = 4;
+
+/// Radius over which variances of draws are pooled, px.
+const POOL_RADIUS: usize = 2;
+/// Radius over which the surface's roughness is compared with the plate's, px.
+const ROUGHNESS_RADIUS: usize = 12;
+/// Radius of the squares that share a systematic error, px: about what the plate averages over.
+const SHARED_RADIUS: usize = 2;
+/// Radius over which the size of systematic errors is estimated, px.
+const SYSTEMATIC_RADIUS: usize = 10;
+
+/// What one pixel's last step says about its uncertainty.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Information {
+    /// Σ w J², in units of the unknown.
+    pub h: f32,
+    /// χ² per measurement: around a pixel above 1, noise is more than the sensor's model says.
+    pub chi2: f32,
+}
+
+/// One standard deviation of the unknown per pixel of the plate's window; NaN where there is no surface. `systematic` is
+/// that of [`systematic`]; `x` the solution.
+pub(super) fn sigma(
+    plate: &Plate,
+    x: &[[f32; 1]],
+    information: &[Information],
+    systematic: &[f32],
+    draws: usize,
+    seed: u64,
+) -> Vec<f32> {
+    let (w, h, n) = (plate.width, plate.height, information.len());
+    let drawn = draw(plate, information, draws, seed);
+    let scale = prior_scale(plate, x, &drawn);
+    let pooled = |v: &[f32]| mean_over(v, &plate.active, w, h, POOL_RADIUS);
+    let (noise, prior) = (pooled(&drawn.noise), pooled(&drawn.prior));
+    let misfit = pooled(&information.iter().map(|i| i.chi2).collect::<Vec<_>>());
+    (0..n)
+        .into_par_iter()
+        .with_min_len(w)
+        .map(|i| {
+            if !plate.active[i] {
+                return f32::NAN;
+            }
+            let info = &information[i];
+            let shared = if info.h > 0.0 { systematic[i] / info.h } else { 0.0 };
+            (noise[i] * misfit[i].max(1.0) + scale[i] * prior[i] + shared).sqrt()
+        })
+        .collect()
+}
+
+/// Variances of draws and their energies on the plate, per pixel.
+struct Drawn {
+    noise: Vec<f32>,
+    prior: Vec<f32>,
+    noise_energy: Vec<f32>,
+    prior_energy: Vec<f32>,
+}
+
+/// Solutions of the last linear system for random right-hand sides with the covariance of the data's noise, and of the prior.
+fn draw(plate: &Plate, information: &[Information], draws: usize, seed: u64) -> Drawn {
+    use rand_distr::{Distribution, StandardNormal};
+    let mut rng = rand::rngs::StdRng::seed_from_u64(seed);
+    let h: Vec<f32> = information.iter().map(|i| i.h).collect();
+    let n = h.len();
+    let zero = || vec![0.0f32; n];
+    let mut out = Drawn { noise: zero(), prior: zero(), noise_energy: zero(), prior_energy: zero() };
+    let rounds = draws.div_ceil(LANES).max(1);
+    let each = 1.0 / (rounds * LANES / 2) as f32;
+    for _ in 0..rounds {
+        let mut b = vec![[0.0f32; LANES]; n];
+        for lane in 0..LANES {
+            let mut normal = || -> f32 { StandardNormal.sample(&mut rng) };
+            if lane % 2 == 0 {
+                for i in (0..n).filter(|i| plate.active[*i]) {
+                    b[i][lane] = h[i].sqrt() * normal();
+                }
+            } else {
+                let noise = plate.noise(&mut normal);
+                b.iter_mut().zip(noise).for_each(|(b, v)| b[lane] = v);
+            }
+        }
+        let mut y = vec![[0.0; LANES]; n];
+        // A tenth of a percent in the solution is far below the scatter of a dozen draws.
+        plate.solve(&h, &b, &mut y, Until { reduction: 1e-3, iterations: 80 });
+        for lane in 0..LANES {
+            let one: Vec<[f32; 1]> = y.iter().map(|y| [y[lane]]).collect();
+            let (variance, energy) = match lane % 2 {
+                0 => (&mut out.noise, &mut out.noise_energy),
+                _ => (&mut out.prior, &mut out.prior_energy),
+            };
+            variance.iter_mut().zip(&one).for_each(|(s, y)| *s += each * y[0] * y[0]);
+            energy.iter_mut().zip(plate.energy(&one)).for_each(|(s, e)| *s += each * e);
+        }
+    }
+    out
+}
+
+/// The variance of the surface's true second differences around each pixel, as a part of the plate's own.
+///
+/// With H the data's information, Q = DᵀWD and Σ = (H + Q)⁻¹, the solution for a true surface of covariance γ Q⁻¹ has the
+/// expected energy E = tr(QΣHΣ) + γ (N − tr(QΣQΣ) − 2 tr(QΣHΣ)), N differences; the two traces are the energies of the
+/// draws of noise and of prior. That is solved for γ.
+fn prior_scale(plate: &Plate, x: &[[f32; 1]], drawn: &Drawn) -> Vec<f32> {
+    let (w, h) = (plate.width, plate.height);
+    let local = |v: Vec<f32>| {
+        let mut v = v;
+        box_mean(&mut v, w, h, ROUGHNESS_RADIUS);
+        v
+    };
+    let found = local(plate.energy(x));
+    let (noise, prior) = (local(drawn.noise_energy.clone()), local(drawn.prior_energy.clone()));
+    let count = local(plate.n_differences());
+    (0..found.len())
+        .map(|i| {
+            let free = count[i] - prior[i] - 2.0 * noise[i];
+            // Where the data say next to nothing about roughness, the prior stands.
+            if free > 0.02 * count[i] { ((found[i] - noise[i]) / free).clamp(0.0, 1.0) } else { 1.0 }
+        })
+        .collect()
+}
+
+/// The variance of what is systematic, in units of the noise's, per pixel of a window of width `w` and height `h`.
+///
+/// `residuals` and `slopes` are `n × k`: residuals of the normalized intensities and their slopes along the unknown, both
+/// divided by the noise's standard deviation. In the k − 1 directions across the slope, means over squares of n pixels have variance
+/// 1/n from noise alone; what they have above that is shared.
+pub(super) fn systematic(
+    residuals: &[f32],
+    slopes: &[f32],
+    k: usize,
+    active: &[bool],
+    w: usize,
+    h: usize,
+) -> Vec<f32> {
+    let n = active.len();
+    assert!(residuals.len() == n * k && slopes.len() == n * k && n == w * h, "maps of one size");
+    if k < 2 {
+        return vec![0.0; n];
+    }
+    let on: Vec<f32> = active.iter().map(|a| if *a { 1.0 } else { 0.0 }).collect();
+    let mut near = on.clone();
+    box_mean(&mut near, w, h, SHARED_RADIUS);
+    let across = |i: usize, j: usize| {
+        let (r, g) = (&residuals[i * k..(i + 1) * k], &slopes[i * k..(i + 1) * k]);
+        let (mut gg, mut gr) = (0.0, 0.0);
+        for (r, g) in r.iter().zip(g) {
+            gg += g * g;
+            gr += g * r;
+        }
+        // One wild pixel (a highlight, an edge) is not what its neighbors share.
+        let v = if gg > 0.0 { r[j] - g[j] * gr / gg } else { r[j] };
+        v.clamp(-10.0, 10.0)
+    };
+    let (mut shared, mut alone) = (vec![0.0f32; n], vec![0.0f32; n]);
+    for j in 0..k {
+        let own: Vec<f32> = (0..n).into_par_iter().map(|i| if active[i] { across(i, j) } else { 0.0 }).collect();
+        let mut mean = own.clone();
+        box_mean(&mut mean, w, h, SHARED_RADIUS);
+        for i in (0..n).filter(|i| active[*i]) {
+            shared[i] += (mean[i] / near[i]).powi(2);
+            alone[i] += own[i] * own[i];
+        }
+    }
+    // The share of noise in the means, from the residuals' own spread, so that a wrong noise level does not look systematic.
+    let side = (2 * SHARED_RADIUS + 1) as f32;
+    let (mut number, mut excess) = (on, vec![0.0f32; n]);
+    for i in (0..n).filter(|i| active[*i]) {
+        let pixels = near[i] * side * side;
+        let white = (alone[i] - shared[i]).max(0.0) / (pixels - 1.0).max(1.0);
+        excess[i] = (shared[i] - white) / (k - 1) as f32;
+    }
+    box_mean(&mut excess, w, h, SYSTEMATIC_RADIUS);
+    box_mean(&mut number, w, h, SYSTEMATIC_RADIUS);
+    excess.iter().zip(&number).map(|(e, n)| if *n > 0.0 { (e / n).max(0.0) } else { 0.0 }).collect()
+}
+
+/// Means over squares of a map, of the pixels that count.
+fn mean_over(v: &[f32], active: &[bool], w: usize, h: usize, radius: usize) -> Vec<f32> {
+    let mut sum: Vec<f32> = v.iter().zip(active).map(|(v, a)| if *a { *v } else { 0.0 }).collect();
+    let mut count: Vec<f32> = active.iter().map(|a| if *a { 1.0 } else { 0.0 }).collect();
+    box_mean(&mut sum, w, h, radius);
+    box_mean(&mut count, w, h, radius);
+    sum.iter().zip(&count).map(|(s, c)| if *c > 0.0 { s / c } else { 0.0 }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+
+    fn normals(n: usize, seed: u64) -> Vec<f32> {
+        let mut rng = rand::rngs::StdRng::seed_from_u64(seed);
+        (0..n).map(|_| StandardNormal.sample(&mut rng)).collect()
+    }
+
+    fn window(w: usize, h: usize) -> Vec<bool> {
+        (0..w * h).map(|i| i % w > 0 && i % w + 1 < w && i / w > 0 && i / w + 1 < h).collect()
+    }
+
+    /// Noise that neighbors do not share is none of it, whatever its level; an offset that they share is found at its size.
+    #[test]
+    fn what_neighbors_share_is_told_from_noise() {
+        let (w, h, k) = (96, 80, 3);
+        let active = window(w, h);
+        let noise = normals(w * h * k, 1);
+        let slopes: Vec<f32> = (0..w * h * k).map(|i| ((i / k) as f32 * 0.1 + (i % k) as f32 * 2.0).sin()).collect();
+        let middle = 40 * w + 48;
+        for level in [1.0f32, 1.5] {
+            let white: Vec<f32> = noise.iter().map(|v| level * v).collect();
+            let s = systematic(&white, &slopes, k, &active, w, h);
+            assert!(s[middle] < 0.03, "{}", s[middle]);
+            // An offset of 0.8 in a direction of code space that turns slowly over the image.
+            let offset: Vec<f32> = white
+                .iter()
+                .enumerate()
+                .map(|(i, v)| v + 0.8 * ((i / k % w) as f32 * 0.02 + (i % k) as f32 * std::f32::consts::TAU / 3.0).cos())
+                .collect();
+            let s = systematic(&offset, &slopes, k, &active, w, h);
+            // |offset|² = 0.64 · 3/2, spread over three directions.
+            let expected = 0.64 * 1.5 / 3.0;
+            assert!((s[middle] / expected - 1.0).abs() < 0.35, "{} {expected}", s[middle]);
+        }
+    }
+
+    /// Surfaces of known roughness under known noise: errors of the solution are as large as it says, whether the surface is
+    /// as rough as the plate allows, smoother, or flat.
+    #[test]
+    fn sigma_is_that_of_the_errors_whatever_the_roughness() {
+        let (w, h) = (120, 100);
+        let active = window(w, h);
+        let n = w * h;
+        for (case, part) in [1.0f32, 0.2, 0.0].into_iter().enumerate() {
+            let mut plate = Plate::new(w, h, active.clone());
+            plate.reweight(&vec![[0.0]; n], 0.1, 0.5, 3);
+            let weak = vec![1e-4f32; n];
+            // A surface drawn from the plate itself, `part` as rough.
+            let eps = normals(3 * n, 7 + case as u64);
+            let mut at = 0;
+            let b: Vec<[f32; 1]> = plate
+                .noise(|| {
+                    at += 1;
+                    eps[at % eps.len()]
+                })
+                .into_iter()
+                .map(|v| [v * part])
+                .collect();
+            let mut truth = vec![[0.0f32]; n];
+            plate.solve(&weak, &b, &mut truth, Until { reduction: 1e-6, iterations: 4000 });
+            // Measured with noise of variance 1/h.
+            let info: Vec<Information> =
+                active.iter().map(|a| Information { h: if *a { 0.5 } else { 0.0 }, chi2: 1.0 }).collect();
+            let data: Vec<f32> = info.iter().map(|i| i.h).collect();
+            let noise = normals(n, 31 + case as u64);
+            let b: Vec<[f32; 1]> =
+                (0..n).map(|i| [data[i] * truth[i][0] + data[i].sqrt() * noise[i]]).collect();
+            let mut x = vec![[0.0f32]; n];
+            plate.solve(&data, &b, &mut x, Until { reduction: 1e-6, iterations: 4000 });
+            let s = sigma(&plate, &x, &info, &vec![0.0; n], 24, 3);
+            let inner: Vec<usize> = (0..n)
+                .filter(|i| (8..w - 8).contains(&(i % w)) && (8..h - 8).contains(&(i / w)))
+                .collect();
+            let within = inner.iter().filter(|i| (x[**i][0] - truth[**i][0]).abs() <= s[**i]).count();
+            let share = within as f64 / inner.len() as f64;
+            assert!((share - 0.683).abs() < 0.08, "{part}: {share}");
+        }
+    }
+}
