@@ -13,7 +13,9 @@ pub use camera::CameraSpec;
 pub use check::SpecError;
 pub use light::{BlackImage, FilmSpec, LightSpec, ProjectorSpec};
 pub use preset::PRESETS;
-pub use scene::{AlbedoSpec, ObjectSpec, SceneSpec, ShapeSpec};
+pub use scene::{
+    AlbedoSpec, AxisSpec, DeformationSpec, InterreflectionSpec, MaterialSpec, ObjectSpec, SceneSpec, ShapeSpec,
+};
 pub use sweep::SweepSpec;
 
 use std::path::Path;
@@ -37,6 +39,9 @@ pub struct Spec {
     /// distance. It falls on every surface alike and casts no shadow.
     #[serde(default)]
     pub ambient: f64,
+    /// Light between surfaces; off where it is not given.
+    #[serde(default = "no_interreflection")]
+    pub interreflection: InterreflectionSpec,
     /// The camera.
     pub camera: CameraSpec,
     /// The light source.
@@ -60,6 +65,10 @@ fn ink_and_paper() -> [f64; 2] {
     [0.04, 0.85]
 }
 
+fn no_interreflection() -> InterreflectionSpec {
+    InterreflectionSpec::OFF
+}
+
 fn supersampling() -> usize {
     4
 }
@@ -80,7 +89,7 @@ impl Spec {
         preset::preset(name)
     }
 
-    /// Reads a TOML file and checks its values.
+    /// Reads a TOML file and checks its values. Files that it names are looked for from its folder, and are read.
     ///
     /// # Errors
     ///
@@ -89,8 +98,11 @@ impl Spec {
     pub fn read(path: &Path) -> Result<Self, SpecError> {
         let text = std::fs::read_to_string(path).map_err(|source| SpecError::Io { path: path.into(), source })?;
         let located = |e: SpecError| SpecError::File { path: path.into(), source: Box::new(e) };
-        let spec: Self = toml::from_str(&text)
+        let mut spec: Self = toml::from_str(&text)
             .map_err(|e| located(SpecError::Syntax { reason: e.to_string().trim_end().into() }))?;
+        for object in spec.scenes.iter_mut().flat_map(|s| &mut s.objects) {
+            object.resolve(path.parent().unwrap_or(Path::new("")));
+        }
         spec.check().map_err(located)?;
         Ok(spec)
     }
