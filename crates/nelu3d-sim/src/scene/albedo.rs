@@ -15,11 +15,33 @@ use crate::spec::AlbedoSpec;
 #[derive(Clone, Debug)]
 pub(crate) enum Albedo {
     Constant([f32; 3]),
-    Waves { from: [f32; 3], to: [f32; 3], per_mm: f64 },
-    Checker { from: [f32; 3], to: [f32; 3], size: f64 },
-    Wood { from: [f32; 3], to: [f32; 3], ring: f64, axis: usize, seed: u64 },
-    Image { image: Arc<Image>, size: [f64; 2], axes: [usize; 2] },
-    Board { artwork: Box<Artwork>, ink: f32, paper: f32 },
+    Waves {
+        from: [f32; 3],
+        to: [f32; 3],
+        per_mm: f64,
+    },
+    Checker {
+        from: [f32; 3],
+        to: [f32; 3],
+        size: f64,
+    },
+    Wood {
+        from: [f32; 3],
+        to: [f32; 3],
+        ring: f64,
+        axis: usize,
+        seed: u64,
+    },
+    Image {
+        image: Arc<Image>,
+        size: [f64; 2],
+        axes: [usize; 2],
+    },
+    Board {
+        artwork: Box<Artwork>,
+        ink: f32,
+        paper: f32,
+    },
     /// Of the mesh's vertices: they need to know the place on the mesh, see [`super::Scene::albedo`].
     Vertices(Arc<Vec<Vector3<f64>>>),
 }
@@ -167,7 +189,8 @@ mod tests {
         let spec = |seed| AlbedoSpec::Wood { from: [0.8; 3], to: [0.2; 3], ring_mm: 4.0, axis: AxisSpec::Y, seed };
         let wood = of(&spec(3));
         // Dark edges along a radius: about one per ring.
-        let dark: Vec<bool> = (0..8000).map(|i| wood.at(&Point3::new(0.01 * f64::from(i), 1.0, 0.0))[0] < 0.45).collect();
+        let dark: Vec<bool> =
+            (0..8000).map(|i| wood.at(&Point3::new(0.01 * f64::from(i), 1.0, 0.0))[0] < 0.45).collect();
         let rings = dark.windows(2).filter(|w| w[0] && !w[1]).count();
         assert!((16..=24).contains(&rings), "{rings}");
         // Nearly alike along the axis, and another tree for another seed.
@@ -197,6 +220,12 @@ mod tests {
         assert!((y.at(&Point3::new(-15.0, 77.0, -5.0))[0] - 188.0 / 255.0).abs() < 1e-3);
         let x = of(&spec(AxisSpec::X, false));
         assert!((x.at(&Point3::new(77.0, -5.0, -15.0))[0] - 188.0 / 255.0).abs() < 1e-3);
-        assert!(Albedo::new(&AlbedoSpec::Image { file: "none.png".into(), size_mm: [1.0; 2], axis: AxisSpec::Z, srgb: true }, &[]).is_err());
+        assert!(
+            Albedo::new(
+                &AlbedoSpec::Image { file: "none.png".into(), size_mm: [1.0; 2], axis: AxisSpec::Z, srgb: true },
+                &[]
+            )
+            .is_err()
+        );
     }
 }

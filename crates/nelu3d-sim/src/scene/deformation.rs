@@ -99,7 +99,8 @@ mod tests {
 
     #[test]
     fn a_wave_lifts_and_a_twist_turns() {
-        let wave = DeformationSpec::Wave { amplitude_mm: 2.0, wavelength_mm: 40.0, phase: 0.0, direction: [0.0, 3.0, 0.0] };
+        let wave =
+            DeformationSpec::Wave { amplitude_mm: 2.0, wavelength_mm: 40.0, phase: 0.0, direction: [0.0, 3.0, 0.0] };
         let p = Deformation(wave).map(&Point3::new(5.0, 10.0, 1.0));
         assert!((p - Point3::new(5.0, 10.0, 3.0)).norm() < 1e-12);
         let slope = Deformation(wave).normal(&Point3::origin(), &Vector3::z());

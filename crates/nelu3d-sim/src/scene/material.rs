@@ -22,7 +22,9 @@ impl Material {
     pub(crate) fn new(spec: &MaterialSpec) -> Self {
         match *spec {
             MaterialSpec::Lambert => Self::Lambert,
-            MaterialSpec::Glossy { roughness, reflectance } => Self::Glossy(Arc::new(Gloss::new(roughness, reflectance))),
+            MaterialSpec::Glossy { roughness, reflectance } => {
+                Self::Glossy(Arc::new(Gloss::new(roughness, reflectance)))
+            }
             MaterialSpec::Translucent { mean_free_path_mm, share } => {
                 Self::Translucent { mean_free_path: mean_free_path_mm, share }
             }

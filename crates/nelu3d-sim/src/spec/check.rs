@@ -324,7 +324,12 @@ fn check_albedo(key: &dyn Fn(&str) -> String, object: &ObjectSpec) -> Result<(),
         AlbedoSpec::Image { size_mm: [w, h], .. } => (vec![], ("size_mm", w.min(*h))),
         AlbedoSpec::VertexColors { .. } => {
             let mesh = matches!(object.shape, ShapeSpec::Mesh { .. });
-            check(mesh, key("albedo.kind"), "vertex-colors", "only a mesh has vertices with colors; give another kind")?;
+            check(
+                mesh,
+                key("albedo.kind"),
+                "vertex-colors",
+                "only a mesh has vertices with colors; give another kind",
+            )?;
             return Ok(());
         }
     };
@@ -347,7 +352,12 @@ fn check_material_and_deformation(key: &dyn Fn(&str) -> String, object: &ObjectS
         }
     }
     let not_z = |axis: AxisSpec| {
-        check(axis != AxisSpec::Z, key("deformation.axis"), "z", "a sheet in z = 0 bends about x or y; give one of them")
+        check(
+            axis != AxisSpec::Z,
+            key("deformation.axis"),
+            "z",
+            "a sheet in z = 0 bends about x or y; give one of them",
+        )
     };
     match object.deformation {
         None => Ok(()),

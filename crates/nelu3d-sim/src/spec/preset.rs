@@ -4,8 +4,8 @@ use nelu3d_scan::board::Marker;
 use nelu3d_scan::pattern::{Axis, Pattern, Random, Sinusoid, Triangle};
 
 use super::{
-    AlbedoSpec, BlackImage, BoardSpec, CameraSpec, FilmSpec, InterreflectionSpec, LightSpec, MaterialSpec, ObjectSpec, PatternSetSpec, ProjectorSpec,
-    SceneSpec, ShapeSpec, Spec, SweepSpec,
+    AlbedoSpec, BlackImage, BoardSpec, CameraSpec, FilmSpec, InterreflectionSpec, LightSpec, MaterialSpec, ObjectSpec,
+    PatternSetSpec, ProjectorSpec, SceneSpec, ShapeSpec, Spec, SweepSpec,
 };
 
 /// Names of the presets, and what each is.

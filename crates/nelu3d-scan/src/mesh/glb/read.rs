@@ -134,9 +134,7 @@ fn check(accessor: &Accessor, blob: &[u8], shape: Dimensions, types: &[DataType]
     let needed = (accessor.count().checked_sub(1))
         .and_then(|n| n.checked_mul(stride)?.checked_add(size)?.checked_add(accessor.offset()));
     let end = view.offset().checked_add(view.length());
-    let fits = stride >= size
-        && needed.is_some_and(|n| n <= view.length())
-        && end.is_some_and(|end| end <= blob.len());
+    let fits = stride >= size && needed.is_some_and(|n| n <= view.length()) && end.is_some_and(|end| end <= blob.len());
     if fits { Ok(()) } else { Err(format!("its accessor {} needs data that are not there", accessor.index())) }
 }
 

@@ -49,7 +49,8 @@ impl Cylinder {
         if start > end {
             return None;
         }
-        let found = [(start, start_on_disc, -1.0), (end, end_on_disc, 1.0)].into_iter().find(|(t, ..)| *t > 0.0 && *t < limit);
+        let found =
+            [(start, start_on_disc, -1.0), (end, end_on_disc, 1.0)].into_iter().find(|(t, ..)| *t > 0.0 && *t < limit);
         found.map(|(t, on_disc, sign)| {
             let p = ray.at(t);
             let disc = Vector3::new(0.0, sign * d.y.signum(), 0.0);

@@ -146,7 +146,9 @@ impl Shape {
     /// Triangles small enough to be bent.
     fn fine_mesh(&self) -> Mesh {
         match self {
-            Self::Rectangle(_) | Self::Step(_) | Self::Cuboid(_) => (0..FLAT_LEVELS).fold(self.mesh(), |m, _| divided(&m)),
+            Self::Rectangle(_) | Self::Step(_) | Self::Cuboid(_) => {
+                (0..FLAT_LEVELS).fold(self.mesh(), |m, _| divided(&m))
+            }
             Self::Vase(s) => s.mesh(FINE_DISC_RINGS),
             Self::Cylinder(s) => s.mesh(FINE_DISC_RINGS),
             Self::Sphere(_) | Self::Torus(_) | Self::Triangles(_) => self.mesh(),
@@ -274,14 +276,10 @@ pub(crate) mod tests {
             Shape::Cylinder(Cylinder { radius: 20.0, half_height: 30.0 }),
             Shape::Torus(Torus { major: 15.0, minor: 8.0 }),
             Shape::Triangles(Arc::new(Triangles::new(&icosphere(30.0, 4), 1.0))),
-            Shape::Rectangle(Rectangle::new([-30.0, -20.0], [30.0, 25.0])).deformed(&DeformationSpec::Bend {
-                curvature_per_mm: 0.02,
-                axis: crate::spec::AxisSpec::Y,
-            }),
-            Shape::Cylinder(Cylinder { radius: 12.0, half_height: 30.0 }).deformed(&DeformationSpec::Twist {
-                rate_per_mm: 0.01,
-                axis: crate::spec::AxisSpec::Y,
-            }),
+            Shape::Rectangle(Rectangle::new([-30.0, -20.0], [30.0, 25.0]))
+                .deformed(&DeformationSpec::Bend { curvature_per_mm: 0.02, axis: crate::spec::AxisSpec::Y }),
+            Shape::Cylinder(Cylinder { radius: 12.0, half_height: 30.0 })
+                .deformed(&DeformationSpec::Twist { rate_per_mm: 0.01, axis: crate::spec::AxisSpec::Y }),
         ]
     }
 
@@ -315,7 +313,8 @@ pub(crate) mod tests {
                     assert!(n.dot(&outward) > 0.7, "{}: normal {n} against {outward}", name(&shape));
                 }
                 let ray = Ray { origin: Point3::from(middle + outward * 200.0), dir: -outward };
-                let Meeting { t, normal, .. } = shape.hit(&ray, f64::INFINITY).unwrap_or_else(|| panic!("{} missed", name(&shape)));
+                let Meeting { t, normal, .. } =
+                    shape.hit(&ray, f64::INFINITY).unwrap_or_else(|| panic!("{} missed", name(&shape)));
                 assert!(t < 200.1, "{}: {t}", name(&shape));
                 assert!((normal.norm() - 1.0).abs() < 1e-9);
                 if t > 199.9 {

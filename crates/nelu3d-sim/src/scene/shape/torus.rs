@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Point3, Vector3};
 use nelu3d_scan::{Mesh, Ray};
 
-use super::{N_RINGS, N_SEGMENTS, roots::first_root, revolve};
+use super::{N_RINGS, N_SEGMENTS, revolve, roots::first_root};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Torus {
@@ -28,7 +28,8 @@ impl Torus {
         }
         let o = ray.at(start);
         // (|p|² + R² − r²)² = 4 R² (x² + z²), with p = o + s d.
-        let [k0, k1] = [o.coords.norm_squared() + self.major.powi(2) - self.minor.powi(2), 2.0 * o.coords.dot(&ray.dir)];
+        let [k0, k1] =
+            [o.coords.norm_squared() + self.major.powi(2) - self.minor.powi(2), 2.0 * o.coords.dot(&ray.dir)];
         let four = 4.0 * self.major * self.major;
         let poly = [
             k0 * k0 - four * (o.x * o.x + o.z * o.z),

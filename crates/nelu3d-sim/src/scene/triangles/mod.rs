@@ -74,7 +74,10 @@ impl Triangles {
                 let corners = f.map(|i| (vertices[i as usize] - center).map(|c| c as f32));
                 let low = corners[0].inf(&corners[1]).inf(&corners[2]);
                 let high = corners[0].sup(&corners[1]).sup(&corners[2]);
-                Aabb::new([low.x - pad, low.y - pad, low.z - pad].into(), [high.x + pad, high.y + pad, high.z + pad].into())
+                Aabb::new(
+                    [low.x - pad, low.y - pad, low.z - pad].into(),
+                    [high.x + pad, high.y + pad, high.z + pad].into(),
+                )
             })
             .collect();
         let tree = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut std::time::Duration::default());
@@ -248,7 +251,10 @@ mod tests {
             for i in 0..=n {
                 let s = f64::from(i) / f64::from(n);
                 for (from, to) in [(a, b), (b, c), (c, a)] {
-                    let ray = Ray { origin: Point3::new(1.0, 2.0, 3.0), dir: (from + (to - from) * s - Point3::new(1.0, 2.0, 3.0)).normalize() };
+                    let ray = Ray {
+                        origin: Point3::new(1.0, 2.0, 3.0),
+                        dir: (from + (to - from) * s - Point3::new(1.0, 2.0, 3.0)).normalize(),
+                    };
                     assert!(mesh.hit(&ray, f64::INFINITY).is_some(), "{ray:?}");
                     rays += 1;
                 }
