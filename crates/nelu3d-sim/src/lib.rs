@@ -6,9 +6,8 @@
 //!                                     └► Truth: depth, mask, mesh
 //! ```
 //!
-//! The physics, each in one place: [`spec`] declares all quantities with their units; `scene` has closed-form surfaces,
-//! `light` what falls on them, `render` what a pixel collects, `sensor` what it makes of it. Light that bounces between
-//! surfaces is not simulated. The same spec (with its seed) gives the same bytes, whatever the number of threads.
+//! The physics, each in one place: [`spec`] declares all quantities with their units; `scene` has surfaces and materials,
+//! `light` what falls on them, `render` what a pixel collects, also by way of other surfaces, `sensor` what it makes of it. The same spec (with its seed) gives the same bytes, whatever the number of threads.
 //!
 //! Nothing that reconstructs may depend on this crate: it knows the truth.
 

@@ -1,6 +1,5 @@
 //! Moving scenes: where things are at a moment, and what the camera collects while they move.
 
-use std::io;
 use std::path::Path;
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -10,7 +9,8 @@ use crate::capture::Capture;
 use crate::light::{Frame, Light};
 use crate::render::Renderer;
 use crate::scene::Scene;
-use crate::spec::{CameraSpec, MovingObjectSpec, ObjectSpec, SequenceSpec, Spec};
+use crate::simulate::SimError;
+use crate::spec::{CameraSpec, DeformationSpec, MovingObjectSpec, ObjectSpec, SequenceSpec, Spec, SpecError};
 use crate::truth::Truth;
 
 /// A moving object at a moment, seconds from the beginning of its sequence.
@@ -27,10 +27,20 @@ pub fn object_at(moving: &MovingObjectSpec, time_secs: f64) -> ObjectSpec {
         let rotation = turn * UnitQuaternion::from_scaled_axis(Vector3::from(object.rotation));
         object.rotation = rotation.scaled_axis().into();
     }
+    let swing = (std::f64::consts::TAU * m.vibration_hz * time_secs).cos();
+    match &mut object.deformation {
+        Some(DeformationSpec::Wave { amplitude_mm, phase, .. }) => {
+            *amplitude_mm *= swing;
+            *phase += m.phase_per_sec * time_secs;
+        }
+        Some(DeformationSpec::Bend { curvature_per_mm, .. }) => *curvature_per_mm *= swing,
+        Some(DeformationSpec::Twist { rate_per_mm, .. }) => *rate_per_mm *= swing,
+        None => {}
+    }
     object
 }
 
-fn scene_at(sequence: &SequenceSpec, time_secs: f64) -> Scene {
+fn scene_at(sequence: &SequenceSpec, time_secs: f64) -> Result<Scene, SpecError> {
     let objects: Vec<ObjectSpec> = sequence.objects.iter().map(|o| object_at(o, time_secs)).collect();
     Scene::new(&objects)
 }
@@ -49,7 +59,7 @@ pub(crate) fn shoot_sequence(
     patterns: &[(Frame, String)],
     shot: u64,
     dir: &Path,
-) -> io::Result<Truth> {
+) -> Result<Truth, SimError> {
     let start = start_secs(sequence, frame);
     let flash = start + sequence.flash_delay_secs;
     let mut shots = vec![(Frame::White, "white.png", flash)];
@@ -59,19 +69,26 @@ pub(crate) fn shoot_sequence(
     for (i, (show, file)) in patterns.iter().enumerate() {
         shots.push((*show, file, start + i as f64 * sequence.pattern_interval_secs));
     }
-    let images = shots.iter().map(|(show, _, time)| exposed(camera, sequence, *show, *time, shot)).collect();
+    let images =
+        shots.iter().map(|(show, _, time)| exposed(camera, sequence, *show, *time, shot)).collect::<Result<_, _>>()?;
     let files: Vec<&str> = shots.iter().map(|s| s.1).collect();
     camera.develop(images, &files, shot, dir)?;
-    Ok(Truth::new(camera.renderer.camera(), &scene_at(sequence, start), camera.light))
+    Ok(Truth::new(camera.renderer.camera(), &scene_at(sequence, start)?, camera.light))
 }
 
 /// The light of an exposure about a moment: the mean of those of its parts, each frozen in its middle.
-fn exposed(camera: &Capture, sequence: &SequenceSpec, show: Frame, time_secs: f64, shot: u64) -> Image {
+fn exposed(
+    camera: &Capture,
+    sequence: &SequenceSpec,
+    show: Frame,
+    time_secs: f64,
+    shot: u64,
+) -> Result<Image, SpecError> {
     let CameraSpec { shutter_samples: n, exposure_secs, .. } = camera.spec.camera;
     let mut sum: Option<Image> = None;
     for part in 0..n {
         let offset = ((part as f64 + 0.5) / n as f64 - 0.5) * exposure_secs;
-        let scene = scene_at(sequence, time_secs + offset);
+        let scene = scene_at(sequence, time_secs + offset)?;
         // Each part samples its pixels anew.
         let place = shot | (part as u64) << 48;
         let image = camera.renderer.render(&scene, camera.light, &[show], place).pop().expect("an image per frame");
@@ -82,7 +99,7 @@ fn exposed(camera: &Capture, sequence: &SequenceSpec, show: Frame, time_secs: f6
     }
     let mut mean = sum.expect("at least one part");
     mean.data.iter_mut().for_each(|v| *v /= n as f32);
-    mean
+    Ok(mean)
 }
 
 impl Truth {
@@ -91,9 +108,13 @@ impl Truth {
     /// # Panics
     ///
     /// If the spec does not pass [`Spec::check`] or has no such sequence.
-    pub fn of_frame(spec: &Spec, index: usize, frame: usize) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// A file that an object names cannot be read.
+    pub fn of_frame(spec: &Spec, index: usize, frame: usize) -> Result<Self, SpecError> {
         let sequence = &spec.sequences[index];
-        let scene = scene_at(sequence, start_secs(sequence, frame));
-        Self::new(Renderer::new(spec).camera(), &scene, &Light::new(spec, &[]))
+        let scene = scene_at(sequence, start_secs(sequence, frame))?;
+        Ok(Self::new(Renderer::new(spec).camera(), &scene, &Light::new(spec, &[])))
     }
 }

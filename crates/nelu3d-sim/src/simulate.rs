@@ -107,7 +107,7 @@ pub fn simulate(spec: &Spec, out: &Path, progress: &(dyn Fn(&str, usize, usize) 
 
     for (i, scene_spec) in spec.scenes.iter().enumerate() {
         progress("scenes", i, spec.scenes.len());
-        let scene = Scene::new(&scene_spec.objects);
+        let scene = Scene::new(&scene_spec.objects)?;
         let dir = root.join("scenes").join(&scene_spec.name);
         let frames = shown.frames(scene_spec.black, true);
         camera.shoot(&scene, &frames, FIRST_SCENE_SHOT + i as u64, &dir)?;

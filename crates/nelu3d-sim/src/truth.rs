@@ -40,10 +40,10 @@ impl Truth {
     ///
     /// # Panics
     ///
-    /// If the spec does not pass [`Spec::check`] or has no such scene.
+    /// If the spec does not pass [`Spec::check`] (which reads the files it names) or has no such scene.
     pub fn of_scene(spec: &Spec, index: usize) -> Self {
         let camera = spec.camera.optics().expect("checked with the spec");
-        let scene = Scene::new(&spec.scenes[index].objects);
+        let scene = Scene::new(&spec.scenes[index].objects).expect("checked with the spec");
         // What the light shows does not matter for whether it reaches.
         Self::new(&camera, &scene, &Light::new(spec, &[]))
     }

@@ -58,7 +58,8 @@ pub(crate) fn run(args: &args::Experiment, context: &Context) -> Result<ExitCode
         write_atomic(&dir.join(file), |w| w.write_all(content.as_bytes()))?;
     }
     let (ran, reused) = (runner.ran, runner.reused);
-    let answer = serde_json::json!({ "experiment": name, "folder": dir, "ran": ran, "reused": reused, "numbers": json });
+    let answer =
+        serde_json::json!({ "experiment": name, "folder": dir, "ran": ran, "reused": reused, "numbers": json });
     context.answer(&answer, || {
         let mut text = format!("{}\n\n", experiment.title);
         for (i, column) in experiment.columns.iter().enumerate().filter(|(_, c)| c.main) {

@@ -16,7 +16,13 @@ use crate::report::page::{details, page, section};
 const WIDTH: usize = 260;
 
 /// The page. `plots` are SVG, one per main column; `made` says when and where.
-pub(super) fn html(name: &str, numbers: &Numbers<'_>, plots: &[(String, String)], cells: &[Cell], made: &str) -> Result<String> {
+pub(super) fn html(
+    name: &str,
+    numbers: &Numbers<'_>,
+    plots: &[(String, String)],
+    cells: &[Cell],
+    made: &str,
+) -> Result<String> {
     let experiment = numbers.experiment;
     let mut body = String::new();
     let mut about = format!("<p>{}</p>", escape(experiment.note.trim()).replace("\n\n", "</p><p>"));
@@ -82,10 +88,11 @@ fn pictures(numbers: &Numbers<'_>, cells: &[Cell]) -> Result<String> {
         let truth = if truth_dir.exists() { Some(Truth::read(&truth_dir, &results[0].camera)?) } else { None };
         // One scale for the whole row: that of the first method's depth, and of the best one's error.
         let [near, far] = limits(truth.as_ref().map_or(&results[0].depth, |t| &t.depth), 1.0, 99.0);
-        let errors: Vec<Vec<f32>> = results.iter().map(|r| truth.as_ref().map_or_else(Vec::new, |t| error(r, t))).collect();
-        let p95 = errors.iter().map(|e| {
-            percentile(e.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v.abs())).collect(), 95.0)
-        });
+        let errors: Vec<Vec<f32>> =
+            results.iter().map(|r| truth.as_ref().map_or_else(Vec::new, |t| error(r, t))).collect();
+        let p95 = errors
+            .iter()
+            .map(|e| percentile(e.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v.abs())).collect(), 95.0));
         let limit = p95.filter(|v| v.is_finite() && *v > 0.0).fold(f64::INFINITY, f64::min);
         let limit = if limit.is_finite() { 2.0 * limit } else { 1.0 };
         let _ = write!(html, "<h3>{}</h3><div class=grid>", escape(&numbers.row_label(row)));

@@ -261,9 +261,8 @@ fn scale_camera(spec: &mut Table, scale: f64) {
 
 /// A folder of links to everything in a rig, so that fields can be put beside it.
 fn link(rig: &Path, dir: &Path) -> Result<()> {
-    let rig = rig.canonicalize().with_context(|| {
-        format!("{}: is no folder; this experiment needs that rig", shown(rig))
-    })?;
+    let rig =
+        rig.canonicalize().with_context(|| format!("{}: is no folder; this experiment needs that rig", shown(rig)))?;
     create_dir(dir)?;
     for entry in std::fs::read_dir(&rig).with_context(|| format!("{}: cannot be read", shown(&rig)))? {
         let entry = entry?;
@@ -271,7 +270,8 @@ fn link(rig: &Path, dir: &Path) -> Result<()> {
         let ours = matches!(entry.file_name().to_str(), Some("fields" | "results"));
         if !ours && !to.exists() {
             #[cfg(unix)]
-            std::os::unix::fs::symlink(entry.path(), &to).with_context(|| format!("{}: cannot be linked", shown(&to)))?;
+            std::os::unix::fs::symlink(entry.path(), &to)
+                .with_context(|| format!("{}: cannot be linked", shown(&to)))?;
             #[cfg(not(unix))]
             anyhow::bail!("{}: rigs that exist can be used on Unix only", shown(&rig));
         }

@@ -114,7 +114,9 @@ fn draw(
         let rows = numbers.n_rows();
         let x_label = |x: &f64| match lines {
             true => tick(*x, log_x),
-            false if (x - x.round()).abs() < 1e-6 && *x >= 0.0 && (*x as usize) < rows => numbers.row_label(x.round() as usize),
+            false if (x - x.round()).abs() < 1e-6 && *x >= 0.0 && (*x as usize) < rows => {
+                numbers.row_label(x.round() as usize)
+            }
             false => String::new(),
         };
         let x_description = experiment.vary.as_ref().filter(|_| lines).map_or("", |v| v.label.as_str());

@@ -92,9 +92,8 @@ impl<'a> Numbers<'a> {
         let mut headings = vec![experiment.vary.as_ref().map_or_else(String::new, |v| v.label.clone())];
         headings.extend(experiment.methods.iter().map(|m| m.label.clone()));
         let rows = (0..self.n_rows()).map(|row| {
-            let numbers: Vec<Option<Number>> = (0..experiment.methods.len())
-                .map(|m| self.entry(row, m).and_then(|e| e.numbers[column]))
-                .collect();
+            let numbers: Vec<Option<Number>> =
+                (0..experiment.methods.len()).map(|m| self.entry(row, m).and_then(|e| e.numbers[column])).collect();
             let better = |a: f64, b: f64| if c.more_is_better { a > b } else { a < b };
             let best = numbers.iter().flatten().map(|n| n.mean).reduce(|a, b| if better(b, a) { b } else { a });
             let contested = numbers.iter().flatten().count() > 1;

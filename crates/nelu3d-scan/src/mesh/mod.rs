@@ -5,7 +5,7 @@
 //! | `.ply` | ASCII, binary | binary | mm, camera frame (x right, y down, z forward) |
 //! | `.obj` | yes | yes, with vertex colors | mm, camera frame |
 //! | `.stl` | ASCII, binary | binary, no colors | mm, camera frame |
-//! | `.glb` | no | yes | **meters, y up**: (x, −y, −z) / 1000, as glTF 2.0 demands |
+//! | `.glb` | yes | yes | **meters, y up**: (x, −y, −z) / 1000, as glTF 2.0 demands |
 
 mod glb;
 mod obj;
@@ -50,7 +50,7 @@ pub enum MeshFileError {
         reason: String,
     },
     /// A file name whose ending says no known format.
-    #[error("{}: is of no mesh format that can be read; give a .ply, .obj or .stl file", path.display())]
+    #[error("{}: is of no mesh format that can be read; give a .ply, .obj, .stl or .glb file", path.display())]
     Format {
         /// The file.
         path: PathBuf,
@@ -58,7 +58,7 @@ pub enum MeshFileError {
 }
 
 impl Mesh {
-    /// Reads a mesh; the format is told by the name's ending (`.ply`, `.obj`, `.stl`). Polygons are cut into triangles.
+    /// Reads a mesh; the format is told by the name's ending (`.ply`, `.obj`, `.stl`, `.glb`). Polygons are cut into triangles.
     ///
     /// # Errors
     ///
@@ -68,6 +68,7 @@ impl Mesh {
             "ply" => ply::parse,
             "obj" => obj::parse,
             "stl" => stl::parse,
+            "glb" => glb::parse,
             _ => return Err(MeshFileError::Format { path: path.into() }),
         };
         let bytes = std::fs::read(path).map_err(|source| MeshFileError::Io { path: path.to_path_buf(), source })?;

@@ -192,7 +192,7 @@ fn bad_files_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
     assert!(complaint(&path("none.ply")).contains("cannot be read"));
-    assert!(complaint(&path("a.step")).contains("give a .ply, .obj or .stl file"));
+    assert!(complaint(&path("a.step")).contains("give a .ply, .obj, .stl or .glb file"));
     let e = tetrahedron().write(&path("a.step")).unwrap_err().to_string();
     assert!(e.contains("a.step") && e.contains("name it .ply, .obj, .stl or .glb"), "{e}");
     assert!(tetrahedron().write(&path("no/folder/a.ply")).unwrap_err().to_string().contains("a.ply"));
@@ -237,6 +237,7 @@ fn damaged_files_never_panic() {
         ),
         (obj::write, obj::parse),
         (stl::write, stl::parse),
+        (glb::write, glb::parse),
     ] {
         let mut whole = Vec::new();
         write(&tetrahedron(), &mut whole).unwrap();
@@ -249,4 +250,74 @@ fn damaged_files_never_panic() {
             }
         }
     }
+}
+
+#[test]
+fn glb_round_trips() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.glb");
+    let full = tetrahedron();
+    for mesh in [full.clone(), Mesh { colors: vec![], ..full.clone() }, Mesh { faces: vec![], ..full }] {
+        mesh.write(&path).unwrap();
+        let back = Mesh::read(&path).unwrap();
+        assert_eq!((&back.faces, &back.colors), (&mesh.faces, &mesh.colors));
+        assert_eq!((back.vertices.len(), back.normals.len()), (mesh.vertices.len(), mesh.normals.len()));
+        for (a, b) in back.vertices.iter().flatten().zip(mesh.vertices.iter().flatten()) {
+            // Meters and back: two roundings.
+            assert!((a - b).abs() <= 2e-7 * b.abs(), "{a} instead of {b}");
+        }
+        for (a, b) in back.normals.iter().flatten().zip(mesh.normals.iter().flatten()) {
+            assert!((a - b).abs() < 1e-6);
+        }
+    }
+    Mesh::default().write(&path).unwrap();
+    assert_eq!(Mesh::read(&path).unwrap(), Mesh::default());
+}
+
+/// A file whose triangle is used by two nodes below a third: one moved, one mirrored and stretched.
+#[test]
+fn glb_nodes_are_placed() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("nodes.glb");
+    let corners = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let mut bin: Vec<u8> = corners.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
+    bin.extend([[0.0f32, 0.0, 1.0]; 3].iter().flatten().flat_map(|c| c.to_le_bytes()));
+    let write = |nodes: serde_json::Value| {
+        let json = serde_json::json!({
+            "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes,
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}}]}],
+            "buffers": [{"byteLength": 72}],
+            "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 36}],
+            "accessors": [
+                {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]},
+                {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC3"},
+            ],
+        });
+        let mut text = json.to_string().into_bytes();
+        text.resize(text.len().next_multiple_of(4), b' ');
+        let mut bytes = b"glTF\x02\0\0\0".to_vec();
+        bytes.extend(((28 + text.len() + bin.len()) as u32).to_le_bytes());
+        bytes.extend((text.len() as u32).to_le_bytes());
+        bytes.extend(b"JSON");
+        bytes.extend(&text);
+        bytes.extend((bin.len() as u32).to_le_bytes());
+        bytes.extend(b"BIN\0");
+        bytes.extend(&bin);
+        fs::write(&path, bytes).unwrap();
+    };
+    write(serde_json::json!([
+        {"translation": [0, 0, 1], "children": [1, 2]},
+        {"mesh": 0, "translation": [0, 2, 0]},
+        {"mesh": 0, "scale": [-2, 1, 1]},
+    ]));
+    let mesh = Mesh::read(&path).unwrap();
+    let triangles: Vec<_> = mesh.faces.iter().map(|f| f.map(|i| mesh.vertices[i as usize])).collect();
+    let moved = [[0.0, -2000.0, -1000.0], [1000.0, -2000.0, -1000.0], [0.0, -3000.0, -1000.0]];
+    // Mirrored, and its corners in the other order, so that it faces where it did.
+    let mirrored = [[0.0, 0.0, -1000.0], [0.0, -1000.0, -1000.0], [-2000.0, 0.0, -1000.0]];
+    assert!(triangles.len() == 2 && triangles.contains(&moved) && triangles.contains(&mirrored), "{triangles:?}");
+    assert!(mesh.normals.iter().all(|n| *n == [0.0, 0.0, -1.0]), "{:?}", mesh.normals);
+
+    write(serde_json::json!([{"mesh": 0, "children": [1]}, {"children": [0]}]));
+    assert!(complaint(&path).contains("hangs from two others"));
 }

@@ -5,6 +5,7 @@
 
 mod filter;
 mod rays;
+mod transport;
 
 use nelu3d_scan::Image;
 use nelu3d_scan::camera::Camera;
@@ -14,9 +15,10 @@ use rayon::prelude::*;
 use crate::light::{Frame, Light};
 use crate::random::{Use, hash, mix};
 use crate::scene::Scene;
-use crate::spec::Spec;
+use crate::spec::{InterreflectionSpec, Spec};
 use filter::Filter;
 use rays::RayGrid;
+use transport::{Place, Transport};
 
 /// Rows rendered together. More rows repeat less of the filter's margin, fewer spread better over threads.
 const BAND_ROWS: usize = 24;
@@ -30,6 +32,7 @@ pub(crate) struct Renderer {
     /// Power of the cosine to the optical axis.
     vignetting: f64,
     ambient: f32,
+    interreflection: InterreflectionSpec,
     /// Sub-rows and sub-columns of a pixel.
     n: usize,
     seed: u64,
@@ -49,6 +52,7 @@ impl Renderer {
             mixing: spec.camera.color_mixing.map(|row| row.map(|v| v as f32)),
             vignetting: spec.camera.vignetting,
             ambient: spec.ambient as f32,
+            interreflection: spec.interreflection,
             n: spec.supersampling,
             seed: spec.seed,
             filter,
@@ -130,8 +134,9 @@ impl Renderer {
         let radius = self.filter.radius() as i64;
         let length = lines.len() / frames.len();
         let (y, sub_y) = (sub_row.div_euclid(n), sub_row.rem_euclid(n));
-        let (mut scratch, mut irradiance) = (Vec::new(), vec![[0.0; 3]; frames.len()]);
+        let mut transport = Transport::new(scene, light, frames, self.ambient, self.interreflection, self.n * self.n);
         let row_hash = hash(self.seed, Use::Pixels, [shot, sub_row as u64, 0]);
+        let pixels_hash = hash(self.seed, Use::Pixels, [shot, y as u64, 1]);
         for (i, sub_column) in (-radius..self.camera.width as i64 * n + radius).enumerate() {
             let (x, sub_x) = (sub_column.div_euclid(n), sub_column.rem_euclid(n));
             // Multi-jittered (Chiu, Shirley and Wang, Graphics Gems IV): the n² samples of a pixel also differ by 1/n² in x
@@ -147,12 +152,10 @@ impl Renderer {
                 }
                 continue;
             };
-            let lit = light.lit(&hit.point, &hit.normal, |to| scene.sees(&hit, to));
             let falloff = ray.dir.z.powf(self.vignetting) as f32;
-            let albedo = scene.albedo(&hit).map(|a| a * falloff);
-            light.irradiance(frames, &lit, &mut scratch, &mut irradiance);
-            for (f, irradiance) in irradiance.iter().enumerate() {
-                let radiance: [f32; 3] = std::array::from_fn(|c| albedo[c] * (irradiance[c] + self.ambient));
+            let place = Place { pixel: mix(pixels_hash ^ x as u64), sample: (sub_y * n + sub_x) as usize };
+            for (f, radiance) in transport.radiance(&hit, &-ray.dir, place).iter().enumerate() {
+                let radiance = radiance.map(|r| r * falloff);
                 let out = &mut lines[f * length + i * values..][..values];
                 if values == 1 {
                     out[0] = (radiance[0] + radiance[1] + radiance[2]) / 3.0;

@@ -1,10 +1,15 @@
-//! Colors of diffuse surfaces.
+//! Colors of surfaces.
 
 use std::f64::consts::TAU;
+use std::path::Path;
+use std::sync::Arc;
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
+use nelu3d_scan::Image;
 use nelu3d_scan::board::Artwork;
+use nelu3d_scan::image::{ImageFileError, read_any};
 
+use crate::random::mix;
 use crate::spec::AlbedoSpec;
 
 #[derive(Clone, Debug)]
@@ -15,6 +20,23 @@ pub(crate) enum Albedo {
         to: [f32; 3],
         per_mm: f64,
     },
+    Checker {
+        from: [f32; 3],
+        to: [f32; 3],
+        size: f64,
+    },
+    Wood {
+        from: [f32; 3],
+        to: [f32; 3],
+        ring: f64,
+        axis: usize,
+        seed: u64,
+    },
+    Image {
+        image: Arc<Image>,
+        size: [f64; 2],
+        axes: [usize; 2],
+    },
     /// `dot_mm`: side of a printer's dot; 0 for exact edges.
     Board {
         artwork: Box<Artwork>,
@@ -22,16 +44,35 @@ pub(crate) enum Albedo {
         paper: f32,
         dot_mm: f64,
     },
+    /// Of the mesh's vertices: they need to know the place on the mesh, see [`super::Scene::albedo`].
+    Vertices(Arc<Vec<Vector3<f64>>>),
 }
 
 impl Albedo {
-    pub(crate) fn new(spec: &AlbedoSpec) -> Self {
-        match *spec {
-            AlbedoSpec::Constant { rgb } => Self::Constant(rgb.map(|v| v as f32)),
+    /// The color of a checked spec. `colors` are the mesh's.
+    pub(crate) fn new(spec: &AlbedoSpec, colors: &[[u8; 3]]) -> Result<Self, ImageFileError> {
+        let f32s = |rgb: &[f64; 3]| rgb.map(|v| v as f32);
+        Ok(match spec {
+            AlbedoSpec::Constant { rgb } => Self::Constant(f32s(rgb)),
             AlbedoSpec::Waves { from, to, period_mm } => {
-                Self::Waves { from: from.map(|v| v as f32), to: to.map(|v| v as f32), per_mm: TAU / period_mm }
+                Self::Waves { from: f32s(from), to: f32s(to), per_mm: TAU / period_mm }
             }
-        }
+            AlbedoSpec::Checker { from, to, size_mm } => {
+                Self::Checker { from: f32s(from), to: f32s(to), size: *size_mm }
+            }
+            AlbedoSpec::Wood { from, to, ring_mm, axis, seed } => {
+                Self::Wood { from: f32s(from), to: f32s(to), ring: *ring_mm, axis: axis.index(), seed: *seed }
+            }
+            AlbedoSpec::Image { file, size_mm, axis, srgb } => {
+                let axes = [[2, 1], [0, 2], [0, 1]][axis.index()];
+                Self::Image { image: Arc::new(read_image(file, *srgb)?), size: *size_mm, axes }
+            }
+            AlbedoSpec::VertexColors { srgb } => {
+                let value = |c: &u8| if *srgb { linear(f32::from(*c) / 255.0) } else { f32::from(*c) / 255.0 };
+                let color = |rgb: &[u8; 3]| Vector3::from_iterator(rgb.iter().map(|c| f64::from(value(c))));
+                Self::Vertices(Arc::new(colors.iter().map(color).collect()))
+            }
+        })
     }
 
     /// Red, green and blue at a point of the object's frame.
@@ -40,14 +81,157 @@ impl Albedo {
             Self::Constant(rgb) => *rgb,
             Self::Waves { from, to, per_mm } => {
                 let waves = (p.x * per_mm).sin() + (p.y * per_mm + 1.0).sin() + (p.z * per_mm + 2.0).sin();
-                let part = (0.5 + waves / 6.0) as f32;
-                std::array::from_fn(|c| from[c] + part * (to[c] - from[c]))
+                between(from, to, (0.5 + waves / 6.0) as f32)
+            }
+            Self::Checker { from, to, size } => {
+                let odd = p.iter().map(|v| (v / size).floor()).sum::<f64>().rem_euclid(2.0) >= 1.0;
+                if odd { *to } else { *from }
+            }
+            Self::Wood { from, to, ring, axis, seed } => {
+                let across = p[(axis + 1) % 3].hypot(p[(axis + 2) % 3]);
+                // Unevenness is long along the axis, as a trunk's is.
+                let mut q = p.coords / (4.0 * ring);
+                q[*axis] *= 0.2;
+                let phase = (across / ring + 1.5 * noise(&q, *seed)).rem_euclid(1.0);
+                // Wood darkens slowly through a year and ends with a sharp, but smooth, edge.
+                let late = phase * phase * (1.0 - smoothstep((phase - 0.88) / 0.12));
+                between(from, to, late as f32)
+            }
+            Self::Image { image, size, axes } => {
+                let [w, h] = [image.width, image.height];
+                let at = |i: usize, n: usize| (p[axes[i]] / size[i] + 0.5) * n as f64 - 0.5;
+                sample(image, [at(0, w), at(1, h)])
             }
             Self::Board { artwork, ink, paper, dot_mm } => {
                 // A dot is ink or paper as the artwork is at its center.
                 let [x, y] = [p.x, p.y].map(|v| if *dot_mm > 0.0 { ((v / dot_mm).floor() + 0.5) * dot_mm } else { v });
                 [ink + (paper - ink) * artwork.albedo(x, y); 3]
             }
+            Self::Vertices(_) => unreachable!("a mesh looks them up"),
         }
+    }
+}
+
+fn between(from: &[f32; 3], to: &[f32; 3], part: f32) -> [f32; 3] {
+    std::array::from_fn(|c| from[c] + part * (to[c] - from[c]))
+}
+
+/// A picture as albedos, three channels.
+fn read_image(file: &Path, srgb: bool) -> Result<Image, ImageFileError> {
+    let image = read_any(file)?;
+    let value = |v: &f32| if srgb { linear(*v) } else { *v }.clamp(0.0, 1.0);
+    let data: Vec<f32> = match image.channels {
+        3 => image.data.iter().map(value).collect(),
+        _ => image.data.iter().flat_map(|v| [value(v); 3]).collect(),
+    };
+    Ok(Image { channels: 3, data, ..image })
+}
+
+/// An sRGB value to linear light (IEC 61966-2-1).
+fn linear(c: f32) -> f32 {
+    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Bilinear; beyond its border a picture goes on as it ends.
+fn sample(image: &Image, at: [f64; 2]) -> [f32; 3] {
+    let sides = [image.width, image.height];
+    let at: [f64; 2] = std::array::from_fn(|i| at[i].clamp(0.0, (sides[i] - 1) as f64));
+    let low = at.map(|v| v as usize);
+    let part: [f32; 2] = std::array::from_fn(|i| (at[i] - low[i] as f64) as f32);
+    let pixel = |dx: usize, dy: usize| {
+        let (x, y) = ((low[0] + dx).min(sides[0] - 1), (low[1] + dy).min(sides[1] - 1));
+        let i = 3 * (y * sides[0] + x);
+        [image.data[i], image.data[i + 1], image.data[i + 2]]
+    };
+    let [top, bottom] = [0, 1].map(|dy| between(&pixel(0, dy), &pixel(1, dy), part[0]));
+    between(&top, &bottom, part[1])
+}
+
+fn smoothstep(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
+/// Smooth noise in `[−1, 1]` with features of size 1: random values at whole coordinates, between them smooth.
+fn noise(p: &Vector3<f64>, seed: u64) -> f64 {
+    let cell = p.map(f64::floor);
+    let part = (p - cell).map(smoothstep);
+    let mut sum = 0.0;
+    for corner in 0..8 {
+        let offset = [corner & 1, corner >> 1 & 1, corner >> 2];
+        let (mut h, mut weight) = (seed, 1.0);
+        for i in 0..3 {
+            h = mix(h ^ (cell[i] as i64 + offset[i]) as u64);
+            weight *= if offset[i] == 1 { part[i] } else { 1.0 - part[i] };
+        }
+        sum += weight * (2.0 * (h >> 11) as f64 / (1u64 << 53) as f64 - 1.0);
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use nelu3d_scan::image::write_png8;
+
+    use super::*;
+    use crate::spec::AxisSpec;
+
+    fn of(spec: &AlbedoSpec) -> Albedo {
+        Albedo::new(spec, &[]).unwrap()
+    }
+
+    #[test]
+    fn a_checker_changes_across_every_face() {
+        let (from, to) = ([0.1; 3], [0.9; 3]);
+        let checker = of(&AlbedoSpec::Checker { from, to, size_mm: 10.0 });
+        for (p, expected) in [([1.0, 1.0, 1.0], 0.1), ([-1.0, 1.0, 1.0], 0.9), ([-1.0, -1.0, 1.0], 0.1)] {
+            assert_eq!(checker.at(&Point3::from(p)), [expected; 3]);
+        }
+        assert_eq!(checker.at(&Point3::new(35.0, -15.0, 5.0)), [0.9; 3]);
+    }
+
+    #[test]
+    fn wood_has_rings_about_its_axis() {
+        let spec = |seed| AlbedoSpec::Wood { from: [0.8; 3], to: [0.2; 3], ring_mm: 4.0, axis: AxisSpec::Y, seed };
+        let wood = of(&spec(3));
+        // Dark edges along a radius: about one per ring.
+        let dark: Vec<bool> =
+            (0..8000).map(|i| wood.at(&Point3::new(0.01 * f64::from(i), 1.0, 0.0))[0] < 0.45).collect();
+        let rings = dark.windows(2).filter(|w| w[0] && !w[1]).count();
+        assert!((16..=24).contains(&rings), "{rings}");
+        // Nearly alike along the axis, and another tree for another seed.
+        let change = |w: &Albedo, d: [f64; 3]| -> f32 {
+            let value = |i: i32, s: f64| w.at(&(Point3::new(7.0 + f64::from(i), 0.0, 3.0) + Vector3::from(d) * s))[0];
+            (0..50).map(|i| (value(i, 1.0) - value(i, 0.0)).abs()).sum()
+        };
+        assert!(change(&wood, [0.0, 1.0, 0.0]) < 0.3 * change(&wood, [1.0, 0.0, 0.0]));
+        assert_ne!(of(&spec(4)).at(&Point3::new(9.0, 2.0, 1.0)), wood.at(&Point3::new(9.0, 2.0, 1.0)));
+    }
+
+    #[test]
+    fn a_picture_lies_where_it_should() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("a.png");
+        // Bright at the top left, of a value whose linear light is known: sRGB 188 is 0.5029 of white.
+        let mut image = Image::new(4, 2, 1);
+        image.data[0] = 188.0 / 255.0;
+        write_png8(&file, &image, 0.0, 255.0).unwrap();
+        let spec = |axis, srgb| AlbedoSpec::Image { file: file.clone(), size_mm: [40.0, 20.0], axis, srgb };
+        let z = of(&spec(AxisSpec::Z, true));
+        assert!((z.at(&Point3::new(-15.0, -5.0, 99.0))[1] - 0.5029).abs() < 1e-3);
+        assert!((z.at(&Point3::new(-10.0, -5.0, 0.0))[1] - 0.5029 / 2.0).abs() < 1e-3);
+        assert_eq!(z.at(&Point3::new(-5.0, -5.0, 0.0)), [0.0; 3]);
+        assert!((z.at(&Point3::new(-500.0, -50.0, 0.0))[1] - 0.5029).abs() < 1e-3, "beyond its border");
+        let y = of(&spec(AxisSpec::Y, false));
+        assert!((y.at(&Point3::new(-15.0, 77.0, -5.0))[0] - 188.0 / 255.0).abs() < 1e-3);
+        let x = of(&spec(AxisSpec::X, false));
+        assert!((x.at(&Point3::new(77.0, -5.0, -15.0))[0] - 188.0 / 255.0).abs() < 1e-3);
+        assert!(
+            Albedo::new(
+                &AlbedoSpec::Image { file: "none.png".into(), size_mm: [1.0; 2], axis: AxisSpec::Z, srgb: true },
+                &[]
+            )
+            .is_err()
+        );
     }
 }

@@ -4,10 +4,16 @@ use std::collections::HashSet;
 use std::io;
 use std::path::PathBuf;
 
+use nelu3d_scan::image::ImageFileError;
+use nelu3d_scan::mesh::MeshFileError;
 use nelu3d_scan::pattern::{self, Pattern, PatternError};
 use nelu3d_scan::rig::Channels;
 
-use super::{AlbedoSpec, BoardSpec, LightSpec, ObjectSpec, PerColor, SequenceSpec, ShapeSpec, Spec, SweepSpec};
+use super::{
+    AlbedoSpec, AxisSpec, BoardSpec, DeformationSpec, LightSpec, MaterialSpec, ObjectSpec, PerColor, SequenceSpec,
+    ShapeSpec, Spec, SweepSpec,
+};
+use crate::scene::check_files;
 use crate::scene::shape::Vase;
 
 /// Why a spec cannot be simulated.
@@ -44,6 +50,22 @@ pub enum SpecError {
         value: String,
         /// What it must be.
         remedy: String,
+    },
+    /// A mesh that cannot be read.
+    #[error("`{key}`: {source}")]
+    Mesh {
+        /// The key.
+        key: String,
+        /// What is wrong with the file.
+        source: MeshFileError,
+    },
+    /// A picture that cannot be read.
+    #[error("`{key}`: {source}")]
+    Image {
+        /// The key.
+        key: String,
+        /// What is wrong with the file.
+        source: ImageFileError,
     },
     /// A pattern that cannot be made.
     #[error("pattern set `{set}`: {source}")]
@@ -125,6 +147,8 @@ impl Spec {
     pub fn check(&self) -> Result<(), SpecError> {
         within("supersampling", self.supersampling as f64, 1.0, 16.0)?;
         within("ambient", self.ambient, 0.0, 1e3)?;
+        within("interreflection.bounces", self.interreflection.bounces as f64, 0.0, 64.0)?;
+        within("interreflection.paths_per_pixel", self.interreflection.paths_per_pixel as f64, 1.0, 1e5)?;
         self.check_camera()?;
         self.check_light()?;
         self.check_board_and_sweep()?;
@@ -196,6 +220,7 @@ impl Spec {
             finite(&key("objects.motion.velocity_mm_per_sec"), &m.velocity_mm_per_sec)?;
             finite(&key("objects.motion.acceleration_mm_per_sec2"), &m.acceleration_mm_per_sec2)?;
             finite(&key("objects.motion.angular_velocity"), &m.angular_velocity)?;
+            finite(&key("objects.motion.vibration_hz, phase_per_sec"), &[m.vibration_hz, m.phase_per_sec])?;
         }
         Ok(())
     }
@@ -307,7 +332,8 @@ impl Spec {
     }
 }
 
-fn check_object(place: &str, object: &ObjectSpec) -> Result<(), SpecError> {
+/// An object of the scene or sequence `place`; also reads the files it names.
+pub(super) fn check_object(place: &str, object: &ObjectSpec) -> Result<(), SpecError> {
     let key = |field: &str| format!("{place}: objects.{field}");
     finite(&key("position_mm"), &object.position_mm)?;
     finite(&key("rotation"), &object.rotation)?;
@@ -329,13 +355,86 @@ fn check_object(place: &str, object: &ObjectSpec) -> Result<(), SpecError> {
                           between them (the curve through them must not reach the axis)";
             check(good, key, format!("{profile_mm:?}"), remedy)?;
         }
+        ShapeSpec::Box { size_mm } => {
+            positive(&key("shape.size_mm"), size_mm.iter().copied().fold(f64::INFINITY, f64::min))?;
+            finite(&key("shape.size_mm"), size_mm)?;
+        }
+        ShapeSpec::Cylinder { radius_mm, height_mm } => {
+            positive(&key("shape.radius_mm"), *radius_mm)?;
+            positive(&key("shape.height_mm"), *height_mm)?;
+        }
+        ShapeSpec::Torus { major_mm, minor_mm } => {
+            positive(&key("shape.minor_mm"), *minor_mm)?;
+            let good = major_mm > minor_mm && *major_mm < 1e7;
+            check(good, key("shape.major_mm"), major_mm, "it must be larger than minor_mm")?;
+        }
+        ShapeSpec::Mesh { scale, .. } => positive(&key("shape.scale"), *scale)?,
     }
-    let (colors, period_mm) = match &object.albedo {
-        AlbedoSpec::Constant { rgb } => (vec![*rgb], 1.0),
-        AlbedoSpec::Waves { from, to, period_mm } => (vec![*from, *to], *period_mm),
+    check_albedo(&key, object)?;
+    check_material_and_deformation(&key, object)?;
+    check_files(object, &|field| key(field))
+}
+
+fn check_albedo(key: &dyn Fn(&str) -> String, object: &ObjectSpec) -> Result<(), SpecError> {
+    let (colors, length) = match &object.albedo {
+        AlbedoSpec::Constant { rgb } => (vec![*rgb], ("", 1.0)),
+        AlbedoSpec::Waves { from, to, period_mm } => (vec![*from, *to], ("period_mm", *period_mm)),
+        AlbedoSpec::Checker { from, to, size_mm } => (vec![*from, *to], ("size_mm", *size_mm)),
+        AlbedoSpec::Wood { from, to, ring_mm, .. } => (vec![*from, *to], ("ring_mm", *ring_mm)),
+        AlbedoSpec::Image { size_mm: [w, h], .. } => (vec![], ("size_mm", w.min(*h))),
+        AlbedoSpec::VertexColors { .. } => {
+            let mesh = matches!(object.shape, ShapeSpec::Mesh { .. });
+            check(
+                mesh,
+                key("albedo.kind"),
+                "vertex-colors",
+                "only a mesh has vertices with colors; give another kind",
+            )?;
+            return Ok(());
+        }
     };
     for v in colors.as_flattened() {
         within(&key("albedo"), *v, 0.0, 1.0)?;
     }
-    positive(&key("albedo.period_mm"), period_mm)
+    positive(&key(&format!("albedo.{}", length.0)), length.1)
+}
+
+fn check_material_and_deformation(key: &dyn Fn(&str) -> String, object: &ObjectSpec) -> Result<(), SpecError> {
+    match object.material {
+        MaterialSpec::Lambert => {}
+        MaterialSpec::Glossy { roughness, reflectance } => {
+            within(&key("material.roughness"), roughness, 0.05, 1.0)?;
+            within(&key("material.reflectance"), reflectance, 0.0, 1.0)?;
+        }
+        MaterialSpec::Translucent { mean_free_path_mm, share } => {
+            positive(&key("material.mean_free_path_mm"), mean_free_path_mm)?;
+            within(&key("material.share"), share, 0.0, 1.0)?;
+        }
+    }
+    let not_z = |axis: AxisSpec| {
+        check(
+            axis != AxisSpec::Z,
+            key("deformation.axis"),
+            "z",
+            "a sheet in z = 0 bends about x or y; give one of them",
+        )
+    };
+    match object.deformation {
+        None => Ok(()),
+        Some(DeformationSpec::Wave { amplitude_mm, wavelength_mm, phase, direction }) => {
+            finite(&key("deformation.amplitude_mm, phase"), &[amplitude_mm, phase])?;
+            positive(&key("deformation.wavelength_mm"), wavelength_mm)?;
+            finite(&key("deformation.direction"), &direction)?;
+            let length = direction.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let shown = format!("{direction:?}");
+            check(length > 1e-6, key("deformation.direction"), shown, "give the direction in which the wave runs")
+        }
+        Some(DeformationSpec::Bend { curvature_per_mm, axis }) => {
+            not_z(axis)?;
+            within(&key("deformation.curvature_per_mm"), curvature_per_mm, -10.0, 10.0)
+        }
+        Some(DeformationSpec::Twist { rate_per_mm, .. }) => {
+            within(&key("deformation.rate_per_mm"), rate_per_mm, -10.0, 10.0)
+        }
+    }
 }

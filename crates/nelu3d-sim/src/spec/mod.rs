@@ -14,7 +14,9 @@ pub use camera::{CameraSpec, PerColor};
 pub use check::SpecError;
 pub use light::{BlackImage, FilmSpec, LightSpec, ProjectorSpec};
 pub use preset::PRESETS;
-pub use scene::{AlbedoSpec, ObjectSpec, SceneSpec, ShapeSpec};
+pub use scene::{
+    AlbedoSpec, AxisSpec, DeformationSpec, InterreflectionSpec, MaterialSpec, ObjectSpec, SceneSpec, ShapeSpec,
+};
 pub use sequence::{MotionSpec, MovingObjectSpec, SequenceSpec};
 pub use sweep::SweepSpec;
 
@@ -39,6 +41,9 @@ pub struct Spec {
     /// distance. It falls on every surface alike and casts no shadow.
     #[serde(default)]
     pub ambient: f64,
+    /// Light between surfaces; off where it is not given.
+    #[serde(default = "no_interreflection")]
+    pub interreflection: InterreflectionSpec,
     /// The camera.
     pub camera: CameraSpec,
     /// The light source.
@@ -68,6 +73,10 @@ fn ink_and_paper() -> [f64; 2] {
     [0.04, 0.85]
 }
 
+fn no_interreflection() -> InterreflectionSpec {
+    InterreflectionSpec::OFF
+}
+
 fn supersampling() -> usize {
     4
 }
@@ -88,7 +97,7 @@ impl Spec {
         preset::preset(name)
     }
 
-    /// Reads a TOML file and checks its values.
+    /// Reads a TOML file and checks its values. Files that it names are looked for from its folder, and are read.
     ///
     /// # Errors
     ///
@@ -99,9 +108,14 @@ impl Spec {
         let located = |e: SpecError| SpecError::File { path: path.into(), source: Box::new(e) };
         let mut spec: Self = toml::from_str(&text)
             .map_err(|e| located(SpecError::Syntax { reason: e.to_string().trim_end().into() }))?;
-        // A film's picture lies beside the spec that names it.
+        // Files lie beside the spec that names them.
+        let dir = path.parent().unwrap_or(Path::new(""));
         if let LightSpec::Film(FilmSpec { image: Some(image), .. }) = &mut spec.light {
-            *image = path.parent().unwrap_or(Path::new("")).join(&*image);
+            *image = dir.join(&*image);
+        }
+        let moving = spec.sequences.iter_mut().flat_map(|s| &mut s.objects).map(|o| &mut o.object);
+        for object in spec.scenes.iter_mut().flat_map(|s| &mut s.objects).chain(moving) {
+            object.resolve(dir);
         }
         spec.check().map_err(located)?;
         Ok(spec)

@@ -53,6 +53,13 @@ pub struct MotionSpec {
     /// Constant angular velocity, a Rodrigues vector per second (rad/s) in the camera's frame, about the object's origin.
     #[serde(default)]
     pub angular_velocity: [f64; 3],
+    /// The object's deformation swings with this frequency, Hz: its strength (amplitude, curvature or rate) is multiplied by
+    /// cos(2π f t).
+    #[serde(default)]
+    pub vibration_hz: f64,
+    /// How fast the phase of a deformation of kind `wave` grows, rad/s: the wave runs.
+    #[serde(default)]
+    pub phase_per_sec: f64,
 }
 
 /// The key of an object's motion in a file.

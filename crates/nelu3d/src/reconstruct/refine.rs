@@ -237,8 +237,7 @@ pub fn refine(
         });
     }
 
-    let information: Vec<Information> =
-        data.iter().map(|d| Information { h: d.h, chi2: d.chi2 / k as f32 }).collect();
+    let information: Vec<Information> = data.iter().map(|d| Information { h: d.h, chi2: d.chi2 / k as f32 }).collect();
     let (mut whitened, mut slopes) = (vec![0.0f32; nw * k], vec![0.0f32; nw * k]);
     for i in (0..nw).filter(|i| active[*i]) {
         let px = win.at(i);

@@ -142,14 +142,7 @@ fn prior_scale(plate: &Plate, x: &[[f32; 1]], drawn: &Drawn) -> Vec<f32> {
 /// `residuals` and `slopes` are `n × k`: residuals of the normalized intensities and their slopes along the unknown, both
 /// divided by the noise's standard deviation. In the k − 1 directions across the slope, means over squares of n pixels have variance
 /// 1/n from noise alone; what they have above that is shared.
-pub(super) fn systematic(
-    residuals: &[f32],
-    slopes: &[f32],
-    k: usize,
-    active: &[bool],
-    w: usize,
-    h: usize,
-) -> Vec<f32> {
+pub(super) fn systematic(residuals: &[f32], slopes: &[f32], k: usize, active: &[bool], w: usize, h: usize) -> Vec<f32> {
     let n = active.len();
     assert!(residuals.len() == n * k && slopes.len() == n * k && n == w * h, "maps of one size");
     if k < 2 {
@@ -232,7 +225,9 @@ mod tests {
             let offset: Vec<f32> = white
                 .iter()
                 .enumerate()
-                .map(|(i, v)| v + 0.8 * ((i / k % w) as f32 * 0.02 + (i % k) as f32 * std::f32::consts::TAU / 3.0).cos())
+                .map(|(i, v)| {
+                    v + 0.8 * ((i / k % w) as f32 * 0.02 + (i % k) as f32 * std::f32::consts::TAU / 3.0).cos()
+                })
                 .collect();
             let s = systematic(&offset, &slopes, k, &active, w, h);
             // |offset|² = 0.64 · 3/2, spread over three directions.
@@ -270,14 +265,12 @@ mod tests {
                 active.iter().map(|a| Information { h: if *a { 0.5 } else { 0.0 }, chi2: 1.0 }).collect();
             let data: Vec<f32> = info.iter().map(|i| i.h).collect();
             let noise = normals(n, 31 + case as u64);
-            let b: Vec<[f32; 1]> =
-                (0..n).map(|i| [data[i] * truth[i][0] + data[i].sqrt() * noise[i]]).collect();
+            let b: Vec<[f32; 1]> = (0..n).map(|i| [data[i] * truth[i][0] + data[i].sqrt() * noise[i]]).collect();
             let mut x = vec![[0.0f32]; n];
             plate.solve(&data, &b, &mut x, Until { reduction: 1e-6, iterations: 4000 });
             let s = sigma(&plate, &x, &info, &vec![0.0; n], 24, 3);
-            let inner: Vec<usize> = (0..n)
-                .filter(|i| (8..w - 8).contains(&(i % w)) && (8..h - 8).contains(&(i / w)))
-                .collect();
+            let inner: Vec<usize> =
+                (0..n).filter(|i| (8..w - 8).contains(&(i % w)) && (8..h - 8).contains(&(i / w))).collect();
             let within = inner.iter().filter(|i| (x[**i][0] - truth[**i][0]).abs() <= s[**i]).count();
             let share = within as f64 / inner.len() as f64;
             assert!((share - 0.683).abs() < 0.08, "{part}: {share}");

@@ -1,23 +1,55 @@
-//! Forms whose first intersection with a ray is exact. One file per form.
+//! Forms whose first intersection with a ray is exact. One file per form; triangles have a folder of their own.
 //!
-//! Every form promises, in its own frame: `hit(ray, limit)`, the smallest distance in `(0, limit)` at which the ray meets
+//! Every closed form promises, in its own frame: `hit(ray, limit)`, the smallest distance in `(0, limit)` at which the ray meets
 //! the surface, with a unit normal on either side of it; and `mesh()`, triangles with vertices and normals on the surface,
 //! facing outward (toward −z, the camera, where there is no outside). To add one, write its file, add it to [`Shape`], to
 //! the spec and to the test of all forms.
 
+mod cuboid;
+mod cylinder;
 mod rectangle;
+mod roots;
 mod sphere;
 mod step;
+mod torus;
 mod vase;
 
-use nalgebra::Vector3;
+use std::sync::Arc;
+
+use nalgebra::{Point3, Vector3};
 use nelu3d_scan::{Mesh, Ray};
 
-use crate::spec::ShapeSpec;
+use super::deformation::Deformation;
+use super::triangles::Triangles;
+use crate::spec::{DeformationSpec, ShapeSpec};
+pub(crate) use cuboid::Cuboid;
+pub(crate) use cylinder::Cylinder;
 pub(crate) use rectangle::Rectangle;
 pub(crate) use sphere::Sphere;
 pub(crate) use step::Step;
+pub(crate) use torus::Torus;
 pub(crate) use vase::Vase;
+
+/// Where a ray meets a surface, in the form's frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Meeting {
+    /// Distance along the ray.
+    pub(crate) t: f64,
+    /// Unit normal of the surface itself, on either side.
+    pub(crate) normal: Vector3<f64>,
+    /// Unit normal of the smooth surface that triangles stand for; of a closed form the same.
+    pub(crate) smooth: Vector3<f64>,
+    /// Where on the triangles.
+    pub(crate) place: Option<Place>,
+}
+
+/// A place on a mesh.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub(crate) face: u32,
+    /// Of the face's corners.
+    pub(crate) weights: [f64; 3],
+}
 
 /// A form in its own frame.
 #[derive(Clone, Debug)]
@@ -26,11 +58,15 @@ pub(crate) enum Shape {
     Sphere(Sphere),
     Step(Step),
     Vase(Vase),
+    Cuboid(Cuboid),
+    Cylinder(Cylinder),
+    Torus(Torus),
+    Triangles(Arc<Triangles>),
 }
 
 impl Shape {
-    /// The form of a checked spec.
-    pub(crate) fn new(spec: &ShapeSpec) -> Self {
+    /// The form of a checked spec; `mesh` has the triangles of [`ShapeSpec::Mesh`].
+    pub(crate) fn new(spec: &ShapeSpec, mesh: &Mesh) -> Self {
         match spec {
             ShapeSpec::Plane { width_mm, height_mm } => {
                 let (w, h) = (0.5 * width_mm, 0.5 * height_mm);
@@ -41,16 +77,55 @@ impl Shape {
                 Self::Step(Step { half_width: 0.5 * width_mm, half_height: 0.5 * height_mm, jump: *jump_mm })
             }
             ShapeSpec::Vase { profile_mm } => Self::Vase(Vase::new(profile_mm).expect("checked with the spec")),
+            ShapeSpec::Box { size_mm } => Self::Cuboid(Cuboid { half: size_mm.map(|s| 0.5 * s) }),
+            ShapeSpec::Cylinder { radius_mm, height_mm } => {
+                Self::Cylinder(Cylinder { radius: *radius_mm, half_height: 0.5 * height_mm })
+            }
+            ShapeSpec::Torus { major_mm, minor_mm } => Self::Torus(Torus { major: *major_mm, minor: *minor_mm }),
+            ShapeSpec::Mesh { scale, .. } => Self::Triangles(Arc::new(Triangles::new(mesh, *scale))),
         }
     }
 
-    /// The first intersection nearer than `limit`: its distance and a unit normal.
-    pub(crate) fn hit(&self, ray: &Ray, limit: f64) -> Option<(f64, Vector3<f64>)> {
-        match self {
+    /// The form as triangles, bent.
+    pub(crate) fn deformed(self, spec: &DeformationSpec) -> Self {
+        let triangles = match self {
+            Self::Triangles(t) => Arc::try_unwrap(t).unwrap_or_else(|t| Triangles::new(&t.mesh(), 1.0)),
+            _ => Triangles::new(&self.fine_mesh(), 1.0),
+        };
+        Self::Triangles(Arc::new(triangles.deformed(&Deformation(*spec))))
+    }
+
+    /// The first intersection nearer than `limit`.
+    pub(crate) fn hit(&self, ray: &Ray, limit: f64) -> Option<Meeting> {
+        let exact = match self {
             Self::Rectangle(s) => s.hit(ray, limit),
             Self::Sphere(s) => s.hit(ray, limit),
             Self::Step(s) => s.hit(ray, limit),
             Self::Vase(s) => s.hit(ray, limit),
+            Self::Cuboid(s) => s.hit(ray, limit),
+            Self::Cylinder(s) => s.hit(ray, limit),
+            Self::Torus(s) => s.hit(ray, limit),
+            Self::Triangles(s) => return s.hit(ray, limit),
+        };
+        exact.map(|(t, normal)| Meeting { t, normal, smooth: normal, place: None })
+    }
+
+    /// Whether anything is nearer than `limit`.
+    pub(crate) fn blocks(&self, ray: &Ray, limit: f64) -> bool {
+        match self {
+            Self::Triangles(s) => s.blocks(ray, limit),
+            _ => self.hit(ray, limit).is_some(),
+        }
+    }
+
+    /// Whether no light goes from one point of the surface to another, on the side seen from `eye`.
+    pub(crate) fn is_convex_from(&self, eye: &Point3<f64>) -> bool {
+        match self {
+            Self::Rectangle(_) => true,
+            Self::Sphere(s) => !s.contains(eye),
+            Self::Cuboid(s) => !s.contains(eye),
+            Self::Cylinder(s) => !s.contains(eye),
+            Self::Step(_) | Self::Vase(_) | Self::Torus(_) | Self::Triangles(_) => false,
         }
     }
 
@@ -60,7 +135,72 @@ impl Shape {
             Self::Rectangle(s) => s.mesh(),
             Self::Sphere(s) => s.mesh(),
             Self::Step(s) => s.mesh(),
-            Self::Vase(s) => s.mesh(),
+            Self::Vase(s) => s.mesh(1),
+            Self::Cuboid(s) => s.mesh(),
+            Self::Cylinder(s) => s.mesh(1),
+            Self::Torus(s) => s.mesh(),
+            Self::Triangles(s) => s.mesh(),
+        }
+    }
+
+    /// Triangles small enough to be bent.
+    fn fine_mesh(&self) -> Mesh {
+        match self {
+            Self::Rectangle(_) | Self::Step(_) | Self::Cuboid(_) => {
+                (0..FLAT_LEVELS).fold(self.mesh(), |m, _| divided(&m))
+            }
+            Self::Vase(s) => s.mesh(FINE_DISC_RINGS),
+            Self::Cylinder(s) => s.mesh(FINE_DISC_RINGS),
+            Self::Sphere(_) | Self::Torus(_) | Self::Triangles(_) => self.mesh(),
+        }
+    }
+}
+
+/// Times a flat side is divided before it is bent: into 256 × 256 squares.
+const FLAT_LEVELS: usize = 8;
+/// Rings of a disc that is bent.
+const FINE_DISC_RINGS: usize = 64;
+
+/// Every triangle cut into four at the middles of its sides.
+fn divided(mesh: &Mesh) -> Mesh {
+    let mut fine = Mesh { faces: Vec::with_capacity(4 * mesh.faces.len()), ..mesh.clone() };
+    let mut middles = std::collections::HashMap::new();
+    for &[a, b, c] in &mesh.faces {
+        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(i, j)| {
+            *middles.entry((i.min(j), i.max(j))).or_insert_with(|| {
+                let mean = |v: &[[f32; 3]]| -> [f32; 3] {
+                    std::array::from_fn(|k| 0.5 * (v[i as usize][k] + v[j as usize][k]))
+                };
+                fine.vertices.push(mean(&mesh.vertices));
+                fine.normals.push(mean(&mesh.normals));
+                fine.vertices.len() as u32 - 1
+            })
+        });
+        fine.faces.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+    }
+    fine
+}
+
+/// Closes the first (lowest) and last ring of a revolved surface by discs of `rings` rings of triangles.
+fn close_with_discs(mesh: &mut Mesh, rings: usize) {
+    for (ring, ny) in [(0, 1.0f32), (N_RINGS, -1.0)] {
+        let rim: Vec<[f32; 3]> = mesh.vertices[ring * N_SEGMENTS..][..N_SEGMENTS].to_vec();
+        let center = mesh.vertices.len() as u32;
+        mesh.vertices.push([0.0, rim[0][1], 0.0]);
+        // The rim has a vertex of its own on the disc: its normal is another.
+        for k in 1..=rings {
+            let part = k as f32 / rings as f32;
+            mesh.vertices.extend(rim.iter().map(|[x, y, z]| [x * part, *y, z * part]));
+        }
+        mesh.normals.resize(mesh.vertices.len(), [0.0, ny, 0.0]);
+        let at = |k: usize, j: usize| center + 1 + (k * N_SEGMENTS + j % N_SEGMENTS) as u32;
+        let mut push = |[a, b, c]: [u32; 3]| mesh.faces.push(if ny > 0.0 { [a, c, b] } else { [a, b, c] });
+        for j in 0..N_SEGMENTS {
+            push([center, at(0, j), at(0, j + 1)]);
+            for k in 1..rings {
+                push([at(k - 1, j), at(k, j), at(k, j + 1)]);
+                push([at(k - 1, j), at(k, j + 1), at(k - 1, j + 1)]);
+            }
         }
     }
 }
@@ -92,10 +232,38 @@ fn revolve(ring: impl Fn(usize) -> [f64; 4]) -> Mesh {
 }
 
 #[cfg(test)]
-mod tests {
-    use nalgebra::Point3;
-
+pub(crate) mod tests {
     use super::*;
+
+    /// A ball of 20 · 4^levels triangles with exact vertices and normals.
+    pub(crate) fn icosphere(radius: f32, levels: usize) -> Mesh {
+        let g = (1.0 + 5f32.sqrt()) / 2.0;
+        let mut vertices = Vec::new();
+        for (a, b) in [(1.0, g), (-1.0, g), (1.0, -g), (-1.0, -g)] {
+            vertices.extend([[0.0, a, b], [a, b, 0.0], [b, 0.0, a]]);
+        }
+        // The faces of an icosahedron are its triples of vertices at distance 2.
+        let near = |i: usize, j: usize| (Vector3::from(vertices[i]) - Vector3::from(vertices[j])).norm() < 2.01;
+        let mut faces = Vec::new();
+        for i in 0..12 {
+            for j in i + 1..12 {
+                for k in j + 1..12 {
+                    if near(i, j) && near(j, k) && near(i, k) {
+                        let [a, b, c] = [i, j, k].map(|i| Vector3::from(vertices[i]));
+                        let outward = (b - a).cross(&(c - a)).dot(&a) > 0.0;
+                        faces.push(if outward { [i, j, k] } else { [i, k, j] }.map(|i| i as u32));
+                    }
+                }
+            }
+        }
+        let mut mesh = Mesh { normals: vertices.clone(), vertices, faces, ..Mesh::default() };
+        mesh = (0..levels).fold(mesh, |m, _| divided(&m));
+        for (v, n) in mesh.vertices.iter_mut().zip(&mut mesh.normals) {
+            *n = Vector3::from(*v).normalize().into();
+            *v = n.map(|c| c * radius);
+        }
+        mesh
+    }
 
     fn all() -> Vec<Shape> {
         vec![
@@ -104,7 +272,20 @@ mod tests {
             Shape::Step(Step { half_width: 30.0, half_height: 20.0, jump: 12.0 }),
             Shape::Step(Step { half_width: 30.0, half_height: 20.0, jump: -12.0 }),
             Shape::Vase(Vase::new(&[[0.0, 20.0], [15.0, 9.0], [30.0, 22.0], [50.0, 12.0]]).unwrap()),
+            Shape::Cuboid(Cuboid { half: [30.0, 20.0, 10.0] }),
+            Shape::Cylinder(Cylinder { radius: 20.0, half_height: 30.0 }),
+            Shape::Torus(Torus { major: 15.0, minor: 8.0 }),
+            Shape::Triangles(Arc::new(Triangles::new(&icosphere(30.0, 4), 1.0))),
+            Shape::Rectangle(Rectangle::new([-30.0, -20.0], [30.0, 25.0]))
+                .deformed(&DeformationSpec::Bend { curvature_per_mm: 0.02, axis: crate::spec::AxisSpec::Y }),
+            Shape::Cylinder(Cylinder { radius: 12.0, half_height: 30.0 })
+                .deformed(&DeformationSpec::Twist { rate_per_mm: 0.01, axis: crate::spec::AxisSpec::Y }),
         ]
+    }
+
+    /// Without the thousands of numbers of a mesh.
+    fn name(shape: &Shape) -> String {
+        format!("{shape:?}").chars().take(80).collect()
     }
 
     fn point(v: [f32; 3]) -> Vector3<f64> {
@@ -129,18 +310,19 @@ mod tests {
                 }
                 let outward = cross.normalize();
                 for n in face.map(|i| point(mesh.normals[i as usize])) {
-                    assert!(n.dot(&outward) > 0.7, "{shape:?}: normal {n} against {outward}");
+                    assert!(n.dot(&outward) > 0.7, "{}: normal {n} against {outward}", name(&shape));
                 }
                 let ray = Ray { origin: Point3::from(middle + outward * 200.0), dir: -outward };
-                let (t, normal) = shape.hit(&ray, f64::INFINITY).unwrap_or_else(|| panic!("{shape:?} missed"));
-                assert!(t < 200.1, "{shape:?}: {t}");
+                let Meeting { t, normal, .. } =
+                    shape.hit(&ray, f64::INFINITY).unwrap_or_else(|| panic!("{} missed", name(&shape)));
+                assert!(t < 200.1, "{}: {t}", name(&shape));
                 assert!((normal.norm() - 1.0).abs() < 1e-9);
                 if t > 199.9 {
                     exact += 1;
-                    assert!(normal.dot(&outward).abs() > 0.99, "{shape:?}");
+                    assert!(normal.dot(&outward).abs() > 0.99, "{}", name(&shape));
                 }
             }
-            assert!(exact * 2 > mesh.faces.len() / step, "{shape:?}: {exact}");
+            assert!(exact * 2 > mesh.faces.len() / step, "{}: {exact}", name(&shape));
         }
     }
 
@@ -148,7 +330,7 @@ mod tests {
     fn a_hit_beyond_the_limit_or_behind_is_none() {
         for shape in all() {
             let ray = Ray { origin: Point3::new(-5.0, -5.0, -100.0), dir: Vector3::z() };
-            let (t, _) = shape.hit(&ray, f64::INFINITY).unwrap();
+            let t = shape.hit(&ray, f64::INFINITY).unwrap().t;
             assert!(shape.hit(&ray, t - 1e-6).is_none() && shape.hit(&ray, t + 1e-6).is_some());
             let away = Ray { dir: -Vector3::z(), ..ray };
             assert!(shape.hit(&away, f64::INFINITY).is_none());

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use nelu3d_scan::{Mesh, Ray};
 
 use super::{N_RINGS, revolve};
@@ -26,6 +26,11 @@ impl Sphere {
         Some((t, (ray.at(t).coords / self.radius).normalize()))
     }
 
+    /// Whether a point is inside.
+    pub(super) fn contains(&self, p: &Point3<f64>) -> bool {
+        p.coords.norm() < self.radius
+    }
+
     pub(super) fn mesh(&self) -> Mesh {
         revolve(|i| {
             let (s, c) = (PI * i as f64 / N_RINGS as f64).sin_cos();
@@ -36,8 +41,6 @@ impl Sphere {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point3;
-
     use super::*;
 
     #[test]

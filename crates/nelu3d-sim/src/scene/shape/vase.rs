@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 use nelu3d_scan::{Mesh, Ray};
 
-use super::{N_RINGS, N_SEGMENTS, revolve};
+use super::{N_RINGS, close_with_discs, revolve};
 
 /// Heights grow toward −y; the foot is at y = 0.
 #[derive(Clone, Debug)]
@@ -137,7 +137,8 @@ impl Vase {
         (start < end).then_some((start, end))
     }
 
-    pub(super) fn mesh(&self) -> Mesh {
+    /// `disc_rings`: rings of triangles of the discs.
+    pub(super) fn mesh(&self, disc_rings: usize) -> Mesh {
         let mut mesh = revolve(|i| {
             let h = self.height() * i as f64 / N_RINGS as f64;
             let (square, slope) = self.square(h);
@@ -145,21 +146,7 @@ impl Vase {
             let n = Vector3::new(2.0 * r, slope, 0.0).normalize();
             [-h, r, n.y, n.x]
         });
-        for (ring, ny) in [(0, 1.0f32), (N_RINGS, -1.0)] {
-            let h = self.height() * ring as f64 / N_RINGS as f64;
-            let center = mesh.vertices.len() as u32;
-            mesh.vertices.push([0.0, -h as f32, 0.0]);
-            mesh.normals.push([0.0, ny, 0.0]);
-            // The rim has a vertex of its own on the disc: its normal is another.
-            for j in 0..N_SEGMENTS {
-                mesh.vertices.push(mesh.vertices[ring * N_SEGMENTS + j]);
-                mesh.normals.push([0.0, ny, 0.0]);
-            }
-            for j in 0..N_SEGMENTS as u32 {
-                let (a, b) = (center + 1 + j, center + 1 + (j + 1) % N_SEGMENTS as u32);
-                mesh.faces.push(if ny > 0.0 { [center, b, a] } else { [center, a, b] });
-            }
-        }
+        close_with_discs(&mut mesh, disc_rings);
         mesh
     }
 }

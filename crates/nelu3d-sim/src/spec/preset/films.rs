@@ -3,8 +3,8 @@
 
 use super::{MIDDLE_MM, object, vase};
 use crate::spec::{
-    AlbedoSpec, BoardSpec, CameraSpec, FilmSpec, LightSpec, MotionSpec, MovingObjectSpec, ObjectSpec, SceneSpec,
-    SequenceSpec, ShapeSpec, Spec, SweepSpec,
+    AlbedoSpec, BoardSpec, CameraSpec, FilmSpec, InterreflectionSpec, LightSpec, MotionSpec, MovingObjectSpec,
+    ObjectSpec, SceneSpec, SequenceSpec, ShapeSpec, Spec, SweepSpec,
 };
 
 /// A LUCID Triton with a Sony IMX273 (3.45 µm pixels), a 6 mm lens, cropped to 640 × 480.
@@ -14,6 +14,7 @@ pub(super) fn triton() -> Spec {
         seed: 5,
         supersampling: 2,
         ambient: 0.0,
+        interreflection: InterreflectionSpec::OFF,
         camera: CameraSpec {
             width: 640,
             height: 480,
@@ -136,6 +137,7 @@ fn flying_ball(fps: f64, flash_delay_secs: f64) -> SequenceSpec {
         velocity_mm_per_sec: [600.0, -200.0, -500.0],
         acceleration_mm_per_sec2: [0.0, 9810.0, 0.0],
         angular_velocity: [0.0, 4.0, 2.0],
+        ..MotionSpec::default()
     };
     SequenceSpec {
         name: "ball".into(),

@@ -7,8 +7,8 @@ use nelu3d_scan::board::Marker;
 use nelu3d_scan::pattern::{Axis, Pattern, Random, Sinusoid, Triangle};
 
 use super::{
-    AlbedoSpec, BlackImage, BoardSpec, CameraSpec, FilmSpec, LightSpec, ObjectSpec, PatternSetSpec, ProjectorSpec,
-    SceneSpec, ShapeSpec, Spec, SweepSpec,
+    AlbedoSpec, BlackImage, BoardSpec, CameraSpec, FilmSpec, InterreflectionSpec, LightSpec, MaterialSpec, ObjectSpec,
+    PatternSetSpec, ProjectorSpec, SceneSpec, ShapeSpec, Spec, SweepSpec,
 };
 
 /// Names of the presets, and what each is.
@@ -52,6 +52,7 @@ fn demo() -> Spec {
         seed: 1,
         supersampling: 3,
         ambient: 0.015,
+        interreflection: InterreflectionSpec::OFF,
         camera: CameraSpec {
             width: 320,
             height: 240,
@@ -157,12 +158,15 @@ fn vase(albedo: AlbedoSpec) -> ObjectSpec {
                 [128.0, 27.0],
             ],
         },
+        deformation: None,
         albedo,
+        material: MaterialSpec::Lambert,
     }
 }
 
 fn object(position_mm: [f64; 3], rotation: [f64; 3], shape: ShapeSpec) -> ObjectSpec {
-    ObjectSpec { position_mm, rotation, shape, albedo: AlbedoSpec::default() }
+    let (albedo, material) = (AlbedoSpec::default(), MaterialSpec::Lambert);
+    ObjectSpec { position_mm, rotation, shape, deformation: None, albedo, material }
 }
 
 fn shapes() -> Vec<SceneSpec> {

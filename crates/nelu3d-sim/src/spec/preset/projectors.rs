@@ -5,8 +5,8 @@ use nelu3d_scan::pattern::{Axis, Pattern, Random, Sinusoid, Triangle};
 
 use super::{IDENTITY, MIDDLE_MM, object, vase};
 use crate::spec::{
-    AlbedoSpec, BlackImage, BoardSpec, CameraSpec, LightSpec, PatternSetSpec, ProjectorSpec, SceneSpec, ShapeSpec,
-    Spec, SweepSpec,
+    AlbedoSpec, BlackImage, BoardSpec, CameraSpec, InterreflectionSpec, LightSpec, PatternSetSpec, ProjectorSpec,
+    SceneSpec, ShapeSpec, Spec, SweepSpec,
 };
 
 /// A machine-vision camera (Sony IMX273, 3.45 µm pixels) behind a 6 mm lens, cropped to 640 × 480.
@@ -42,6 +42,7 @@ pub(super) fn dlp() -> Spec {
         seed: 3,
         supersampling: 2,
         ambient: 0.01,
+        interreflection: InterreflectionSpec::OFF,
         camera: camera(),
         light: LightSpec::Projector(ProjectorSpec {
             width: 1280,

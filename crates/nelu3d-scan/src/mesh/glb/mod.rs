@@ -3,6 +3,10 @@
 //! glTF demands meters and y up, so that a viewer shows the scan as the camera saw it: (x, y, z) mm of the camera's
 //! frame becomes (x, −y, −z) / 1000. That is half a turn about x, so triangles keep their winding.
 
+mod read;
+
+pub(super) use read::parse;
+
 use std::io::{self, Write};
 
 use serde_json::{Value, json};
