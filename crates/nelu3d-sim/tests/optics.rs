@@ -302,6 +302,18 @@ fn what_makes_no_sense_is_refused_by_name() {
     }
 }
 
+#[test]
+fn a_rolled_projector_turns_its_rows() {
+    let mut spec = spec(ramp());
+    projector(&mut spec).roll = 0.1;
+    let (_dir, rig) = rig(&spec);
+    let p = rig.projector.unwrap();
+    // Beside the axis along the projector's own x, which points down by the roll in the camera's frame (y is down).
+    let x = nalgebra::Point3::new(BASELINE_MM + 100.0 * 0.1f64.cos(), 100.0 * 0.1f64.sin(), 700.0);
+    let [u, v] = p.project(&x).unwrap();
+    assert!((u - 79.5 - 300.0 / 7.0).abs() < 1e-9 && (v - 29.5).abs() < 1e-9, "{u}, {v}");
+}
+
 fn sequence(spec: &mut Spec, text: &str) {
     spec.sequences.push(toml::from_str(&format!("name = \"s\"\n{text}")).unwrap());
 }

@@ -128,6 +128,7 @@ fn an_edge_smears_as_far_as_it_moves() {
     let mut spec = spec(waves());
     // A wall whose right edge is at x = 0 in the middle of the flash.
     let (speed, secs) = (3000.0, 0.01);
+    spec.supersampling = 4;
     let wall = ObjectSpec { shape: ShapeSpec::Plane { width_mm: 400.0, height_mm: 400.0 }, ..plane(700.0) };
     let motion = MotionSpec { velocity_mm_per_sec: [speed, 0.0, 0.0], ..MotionSpec::default() };
     let mut object = wall;

@@ -68,7 +68,7 @@ impl PixelGrid {
         let mut weights = [0.0; MOST];
         let reach = 0.5 * self.fill + REACH_SIGMAS * sigma;
         // NaN and places far outside are dark.
-        if !(at.abs() < 1e9) {
+        if at.is_nan() || at.abs() > 1e9 {
             return (0, weights, 0);
         }
         let (first, last) = ((at - reach).ceil() as i64, (at + reach).floor() as i64);
@@ -167,11 +167,12 @@ mod tests {
     /// Squares and blur stack, on both sides of the change from one to the other, for the finest patterns there are.
     #[test]
     fn the_change_to_the_blur_stack_is_bounded() {
-        let patterns: [(&str, &dyn Fn(usize, usize) -> f64, f64); 4] = [
-            ("white", &|_, _| 1.0, 4e-4),
-            ("sinusoid of 8 px", &|x, _| 0.5 + 0.5 * (TAU * x as f64 / 8.0).cos(), 0.003),
-            ("edge", &|x, _| f64::from(u8::from(x >= 20)), 0.02),
-            ("stripes of 1 px", &|x, _| (x % 2) as f64, 0.045),
+        type Value = fn(usize, usize) -> f64;
+        let patterns: [(&str, Value, f64); 4] = [
+            ("white", |_, _| 1.0, 4e-4),
+            ("sinusoid of 8 px", |x, _| 0.5 + 0.5 * (TAU * x as f64 / 8.0).cos(), 0.003),
+            ("edge", |x, _| f64::from(u8::from(x >= 20)), 0.02),
+            ("stripes of 1 px", |x, _| (x % 2) as f64, 0.045),
         ];
         for (name, value, limit) in patterns {
             for fill in [0.6, 0.9, 1.0] {

@@ -1,6 +1,6 @@
 //! A projector: pixels, a lens with a focus plane, an image plane like a camera's.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 use nelu3d_scan::{Image, Projector};
 
 use super::{BlackImage, Frame, Lit, PixelGrid, small_lamp};
@@ -24,7 +24,8 @@ pub(crate) struct ProjectorLight {
 impl ProjectorLight {
     /// A projector that shows `patterns` (codes in `[0, 1]`).
     pub(crate) fn new(spec: &ProjectorSpec, patterns: &[Image]) -> Self {
-        let cam_from_proj = look_at(spec.position_mm, spec.target_mm);
+        let roll = UnitQuaternion::from_scaled_axis(Vector3::z() * spec.roll);
+        let cam_from_proj = look_at(spec.position_mm, spec.target_mm) * roll;
         let optics = spec.optics().expect("checked with the spec");
         let projector = Projector { optics, proj_from_cam: cam_from_proj.inverse() };
         let white = Image { data: vec![1.0; spec.width * spec.height], ..Image::new(spec.width, spec.height, 1) };

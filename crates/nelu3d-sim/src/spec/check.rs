@@ -244,6 +244,7 @@ impl Spec {
                 }
                 let good = p.fill_factor > 0.0 && p.fill_factor <= 1.0;
                 check(good, "light.fill_factor", p.fill_factor, "give a number above 0, up to 1")?;
+                finite("light.roll", &[p.roll])?;
                 for tilt in p.focus_tilt {
                     within("light.focus_tilt", tilt, -1.5, 1.5)?;
                 }

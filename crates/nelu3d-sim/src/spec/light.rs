@@ -61,8 +61,11 @@ pub struct ProjectorSpec {
     pub distortion: Vec<f64>,
     /// Where its center is in the camera's frame, mm.
     pub position_mm: [f64; 3],
-    /// The point its optical axis passes through, mm. Its rows lie level with the camera's (no roll).
+    /// The point its optical axis passes through, mm. Without roll its rows lie level with the camera's.
     pub target_mm: [f64; 3],
+    /// Turn about its axis, radians, from its +x to its +y.
+    #[serde(default)]
+    pub roll: f64,
     /// Distance at which the irradiance of the flash is 1, mm.
     pub reference_mm: f64,
     /// Side of a pixel's lit square, as a part of the pixels' pitch: the rest are dark gaps. The area that is lit is its square.

@@ -18,7 +18,7 @@ pub const BASELINE_MM: f64 = 60.0;
 pub fn spec(patterns: Vec<Pattern>) -> Spec {
     let mut spec = Spec::preset("shapes").unwrap();
     spec.ambient = 0.0;
-    spec.supersampling = 4;
+    spec.supersampling = 3;
     spec.scenes.clear();
     let c = &mut spec.camera;
     (c.width, c.height) = (240, 60);

@@ -85,6 +85,7 @@ fn demo() -> Spec {
             distortion: vec![-0.03, 0.02, 0.0004, -0.0003, 0.0],
             position_mm: [190.0, -25.0, 20.0],
             target_mm: [0.0, 0.0, MIDDLE_MM],
+            roll: 0.0,
             reference_mm: MIDDLE_MM,
             fill_factor: 1.0,
             focus_mm: MIDDLE_MM,

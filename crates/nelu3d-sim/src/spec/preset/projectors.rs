@@ -54,6 +54,7 @@ pub(super) fn dlp() -> Spec {
             distortion: vec![-0.02, 0.01, 0.0003, -0.0002, 0.0],
             position_mm: [210.0, -20.0, 10.0],
             target_mm: [0.0, 0.0, MIDDLE_MM],
+            roll: 0.0,
             reference_mm: MIDDLE_MM,
             // 80 % of the area.
             fill_factor: 0.894,
