@@ -2,7 +2,7 @@
 //!
 //! Three parts, added as variances:
 //!
-//! 1. the sensor's noise, carried through the last linear system by random draws;
+//! 1. the sensor's noise, as large as the residuals show it, carried through the last linear system by random draws;
 //! 2. what the thin plate smooths away, by draws from its prior, scaled by how rough the found surface really is: the plate allows
 //!    every surface a least roughness, and many are smoother;
 //! 3. what is systematic: light that no part of the model explains (cross-talk of colors, errors of the color field, light by
@@ -25,14 +25,16 @@ const ROUGHNESS_RADIUS: usize = 12;
 /// Radius of the squares that share a systematic error, px: about what the plate averages over.
 const SHARED_RADIUS: usize = 2;
 /// Radius over which the size of systematic errors is estimated, px.
-const SYSTEMATIC_RADIUS: usize = 10;
+const SYSTEMATIC_RADIUS: usize = 16;
+/// Radius over which residuals tell how large the noise really is, px.
+const NOISE_RADIUS: usize = 8;
 
 /// What one pixel's last step says about its uncertainty.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Information {
     /// Σ w J², in units of the unknown.
     pub h: f32,
-    /// χ² per measurement: around a pixel above 1, noise is more than the sensor's model says.
+    /// χ² per measurement: its mean around a pixel is how much more or less noise there is than the model says.
     pub chi2: f32,
 }
 
@@ -51,7 +53,9 @@ pub(super) fn sigma(
     let scale = prior_scale(plate, x, &drawn);
     let pooled = |v: &[f32]| mean_over(v, &plate.active, w, h, POOL_RADIUS);
     let (noise, prior) = (pooled(&drawn.noise), pooled(&drawn.prior));
-    let misfit = pooled(&information.iter().map(|i| i.chi2).collect::<Vec<_>>());
+    // The sensor's model and the allowance for the field's errors may be too cautious or not cautious enough.
+    let chi2: Vec<f32> = information.iter().map(|i| i.chi2).collect();
+    let misfit = mean_over(&chi2, &plate.active, w, h, NOISE_RADIUS);
     (0..n)
         .into_par_iter()
         .with_min_len(w)
@@ -61,7 +65,7 @@ pub(super) fn sigma(
             }
             let info = &information[i];
             let shared = if info.h > 0.0 { systematic[i] / info.h } else { 0.0 };
-            (noise[i] * misfit[i].max(1.0) + scale[i] * prior[i] + shared).sqrt()
+            (noise[i] * misfit[i] + scale[i] * prior[i] + shared).sqrt()
         })
         .collect()
 }
@@ -182,7 +186,12 @@ pub(super) fn systematic(residuals: &[f32], slopes: &[f32], k: usize, active: &[
     }
     box_mean(&mut excess, w, h, SYSTEMATIC_RADIUS);
     box_mean(&mut number, w, h, SYSTEMATIC_RADIUS);
-    excess.iter().zip(&number).map(|(e, n)| if *n > 0.0 { (e / n).max(0.0) } else { 0.0 }).collect()
+    // What noise alone leaves of it by chance, where nothing is shared: half a standard deviation of its mean over as many
+    // squares as there are, 0.4 of which remain on average when negative values become 0.
+    let squares = ((2 * SYSTEMATIC_RADIUS + 1) as f32 / side).powi(2);
+    let chance = 0.5 * (2.0 / ((k - 1) as f32 * squares)).sqrt() / (side * side);
+    let mean = |(e, n): (&f32, &f32)| if *n > 0.0 { (e / n - chance / n.sqrt()).max(0.0) } else { 0.0 };
+    excess.iter().zip(&number).map(mean).collect()
 }
 
 /// Means over squares of a map, of the pixels that count.
