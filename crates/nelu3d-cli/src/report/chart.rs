@@ -64,7 +64,8 @@ impl Axis {
 
     /// A logarithmic one if the values are positive and span more than a factor of `over`.
     pub(crate) fn log_if_wide(label: &str, values: impl Iterator<Item = f64>, over: f64) -> Self {
-        let (low, high) = values.filter(|v| v.is_finite()).fold((f64::INFINITY, 0.0f64), |(a, b), v| (a.min(v), b.max(v)));
+        let (low, high) =
+            values.filter(|v| v.is_finite()).fold((f64::INFINITY, 0.0f64), |(a, b), v| (a.min(v), b.max(v)));
         let scale = if low > 0.0 && high > over * low { Scale::Log } else { Scale::Linear };
         Self { label: label.to_owned(), scale }
     }
@@ -79,7 +80,10 @@ impl Axis {
         if self.scale == Scale::Log {
             let decades = (low.floor() as i32..=high.ceil() as i32).map(|e| 10f64.powi(e));
             let steps: &[f64] = if span > 2.5 { &[1.0] } else { &[1.0, 2.0, 5.0] };
-            return decades.flat_map(|d| steps.iter().map(move |s| s * d)).filter(|v| (low..=high).contains(&v.log10())).collect();
+            return decades
+                .flat_map(|d| steps.iter().map(move |s| s * d))
+                .filter(|v| (low..=high).contains(&v.log10()))
+                .collect();
         }
         let raw = span / 5.0;
         let power = 10f64.powf(raw.log10().floor());
@@ -108,7 +112,8 @@ impl Chart {
         for &v in values.iter().filter(|v| (low..high).contains(v)) {
             counts[(((v - low) / (high - low) * bins as f64) as usize).min(bins - 1)] += 1.0;
         }
-        let points = counts.iter().enumerate().map(|(i, &n)| [low + (high - low) * i as f64 / bins as f64, n]).collect();
+        let points =
+            counts.iter().enumerate().map(|(i, &n)| [low + (high - low) * i as f64 / bins as f64, n]).collect();
         let series = Series { label: String::new(), points, mark: Mark::Bars };
         Self { x: Axis::linear(label), y: Axis::linear("points"), series: vec![series] }
     }
@@ -120,8 +125,11 @@ impl Chart {
 
     /// As a file of its own.
     pub(crate) fn as_file(&self) -> String {
-        self.draw(&format!("<style>{FILE_STYLE}</style><rect width='100%' height='100%' fill='#fff'/>"))
-            .replacen("<svg ", "<svg xmlns='http://www.w3.org/2000/svg' ", 1)
+        self.draw(&format!("<style>{FILE_STYLE}</style><rect width='100%' height='100%' fill='#fff'/>")).replacen(
+            "<svg ",
+            "<svg xmlns='http://www.w3.org/2000/svg' ",
+            1,
+        )
     }
 
     fn draw(&self, before: &str) -> String {
@@ -141,11 +149,18 @@ impl Chart {
         let x = [x[0], x[1] + bar.unwrap_or(0.0)];
         let px = |v: f64| left + (self.x.at(v) - x[0]) / (x[1] - x[0]) * (SIZE[0] - left - right);
         let py = |v: f64| SIZE[1] - below - (self.y.at(v) - y[0]) / (y[1] - y[0]) * (SIZE[1] - top - below);
-        let mut s = format!("<svg class=chart viewBox='0 0 {} {}' role=img>{before}", SIZE[0], SIZE[1]).replace("class=chart", "class='chart'").replace("role=img", "role='img'");
+        let mut s = format!("<svg class=chart viewBox='0 0 {} {}' role=img>{before}", SIZE[0], SIZE[1])
+            .replace("class=chart", "class='chart'")
+            .replace("role=img", "role='img'");
         for v in self.x.ticks(x) {
             let at = px(v);
             let _ = write!(s, "<line x1='{at:.1}' x2='{at:.1}' y1='{top}' y2='{:.1}'/>", SIZE[1] - below);
-            let _ = write!(s, "<text x='{at:.1}' y='{:.1}' text-anchor='middle'>{}</text>", SIZE[1] - below + 15.0, tick(v));
+            let _ = write!(
+                s,
+                "<text x='{at:.1}' y='{:.1}' text-anchor='middle'>{}</text>",
+                SIZE[1] - below + 15.0,
+                tick(v)
+            );
         }
         for v in self.y.ticks(y) {
             let at = py(v);
@@ -159,7 +174,11 @@ impl Chart {
                 for p in points {
                     let (a, b, t) = (px(p[0]), px(p[0] + width), py(p[1]));
                     let size = [(b - a - 0.6).max(0.4), (SIZE[1] - below - t).max(0.0)];
-                    let _ = write!(s, "<rect class='{class}' x='{a:.1}' y='{t:.1}' width='{:.1}' height='{:.1}'/>", size[0], size[1]);
+                    let _ = write!(
+                        s,
+                        "<rect class='{class}' x='{a:.1}' y='{t:.1}' width='{:.1}' height='{:.1}'/>",
+                        size[0], size[1]
+                    );
                 }
             } else {
                 let _ = write!(s, "<polyline class='{class}' points='");
@@ -170,7 +189,13 @@ impl Chart {
             }
         }
         let middle = [(left + SIZE[0] - right) / 2.0, (top + SIZE[1] - below) / 2.0];
-        let _ = write!(s, "<text x='{}' y='{}' text-anchor='middle'>{}</text>", middle[0], SIZE[1] - 6.0, escape(&self.x.label));
+        let _ = write!(
+            s,
+            "<text x='{}' y='{}' text-anchor='middle'>{}</text>",
+            middle[0],
+            SIZE[1] - 6.0,
+            escape(&self.x.label)
+        );
         let _ = write!(
             s,
             "<text x='12' y='{0}' text-anchor='middle' transform='rotate(-90 12 {0})'>{1}</text></svg>",
@@ -187,7 +212,11 @@ impl Chart {
         }
         let items = self.series.iter().enumerate().fold(String::new(), |mut html, (i, s)| {
             let class = if s.mark == Mark::Ideal { "ideal".to_owned() } else { format!("s{}", i % 5) };
-            let _ = write!(html, "<span><svg class=key viewBox='0 0 20 8'><polyline class='{class}' points='0,4 20,4'/></svg>{}</span>", escape(&s.label));
+            let _ = write!(
+                html,
+                "<span><svg class=key viewBox='0 0 20 8'><polyline class='{class}' points='0,4 20,4'/></svg>{}</span>",
+                escape(&s.label)
+            );
             html
         });
         format!("<div class=legend>{items}</div>")
@@ -266,7 +295,9 @@ mod tests {
         };
         assert!(line(&[]).svg().contains("nothing to draw"));
         assert!(line(&[[f64::NAN, 1.0]]).svg().contains("nothing to draw"));
-        for points in [vec![[1.0, 1.0]], vec![[1.0, 0.001], [2.0, f64::INFINITY], [3.0, 1.0]], vec![[0.0, 0.0], [1.0, 0.0]]] {
+        for points in
+            [vec![[1.0, 1.0]], vec![[1.0, 0.001], [2.0, f64::INFINITY], [3.0, 1.0]], vec![[0.0, 0.0], [1.0, 0.0]]]
+        {
             let svg = line(&points).svg();
             assert!(svg.contains("a &lt; b") && !svg.contains("NaN") && !svg.contains("inf"), "{svg}");
         }

@@ -51,11 +51,7 @@ pub(super) fn range(values: &[f64]) -> [f64; 2] {
 }
 
 /// The surface of a result, colored by a value at each of its vertices; gray where there is none.
-pub(super) fn colored(
-    result: &Path,
-    at: &dyn Fn(&[f32; 3]) -> Option<f64>,
-    range: [f64; 2],
-) -> Result<Mesh> {
+pub(super) fn colored(result: &Path, at: &dyn Fn(&[f32; 3]) -> Option<f64>, range: [f64; 2]) -> Result<Mesh> {
     let mut mesh = Mesh::read(&result.join("mesh.ply"))?;
     let color = |v: &[f32; 3]| match at(v) {
         Some(d) if d.is_finite() => color_at(DIFFERENCE_COLORS, d, range),

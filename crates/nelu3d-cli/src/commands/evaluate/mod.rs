@@ -45,7 +45,13 @@ fn against_truth(
         .answer(&serde_json::json!({ "result": path, "truth": truth_dir, "metrics": metrics }), || metrics.to_string())
 }
 
-fn against_result(path: &Path, result: &Saved, other_path: &Path, output: Option<&Path>, context: &Context) -> Result<()> {
+fn against_result(
+    path: &Path,
+    result: &Saved,
+    other_path: &Path,
+    output: Option<&Path>,
+    context: &Context,
+) -> Result<()> {
     let other = Saved::read(other_path)?;
     let size = |r: &Saved| (r.camera.width, r.camera.height);
     if size(result) != size(&other) {

@@ -51,8 +51,7 @@ pub(super) fn poses(model: &[Oriented], scan: &[Oriented], diagonal: f64, n: usi
         let pose = onto_axis_scan.inverse() * (about * onto_axis(&model[best / TURN_BINS]));
         (count > 0).then_some((count, pose))
     };
-    let mut found: Vec<(u32, Isometry3<f64>)> =
-        scan[..scan.len().min(VOTERS)].par_iter().filter_map(vote).collect();
+    let mut found: Vec<(u32, Isometry3<f64>)> = scan[..scan.len().min(VOTERS)].par_iter().filter_map(vote).collect();
     found.sort_by_key(|f| std::cmp::Reverse(f.0));
     clustered(&found, diagonal, n)
 }
@@ -83,7 +82,8 @@ fn key(a: &Oriented, b: &Oriented, diagonal: f64) -> Option<Key> {
     }
     let angle = |u: &Vector3<f64>, v: &Vector3<f64>| (u.angle(v) / ANGLE_STEP) as u8;
     let distance = length / diagonal * DISTANCE_BINS;
-    (distance < 255.0).then(|| [distance as u8, angle(&a.normal, &d), angle(&b.normal, &d), angle(&a.normal, &b.normal)])
+    (distance < 255.0)
+        .then(|| [distance as u8, angle(&a.normal, &d), angle(&b.normal, &d), angle(&a.normal, &b.normal)])
 }
 
 /// Moves a point into the origin and its normal onto x.

@@ -56,7 +56,8 @@ impl<'a> Search<'a> {
 
         // Rounds with ever fewer candidates, more points and a finer scale: [candidates kept, points, first and last scale
         // and tolerance as shares of the diagonal, iterations].
-        let rounds = [(14, 120, 0.08, 0.02, 0.03, 10), (4, 700, 0.03, 0.006, 0.015, 20), (1, 4000, 0.01, 0.002, 0.01, 30)];
+        let rounds =
+            [(14, 120, 0.08, 0.02, 0.03, 10), (4, 700, 0.03, 0.006, 0.015, 20), (1, 4000, 0.01, 0.002, 0.01, 30)];
         let fine = thinned(&self.points, diagonal / 100.0, self.seed + 2);
         for (round, (keep, n, first, last, tolerance, iterations)) in rounds.into_iter().enumerate() {
             if progress.cancelled() {

@@ -195,7 +195,10 @@ fn a_given_pose_keeps_the_bias_and_an_alignment_takes_it() {
     assert!(near.metrics.body.distance_mm.bias.abs() < 0.005, "{}", near.metrics);
     let moved = near.pose.translation.vector - truth.translation.vector;
     let (_, turn) = apart(&near.pose, &truth, &mesh);
-    assert!(turn < 0.1 && (near.pose * surface_center(&mesh) - truth * surface_center(&mesh)).z < -0.3, "{moved} {turn}");
+    assert!(
+        turn < 0.1 && (near.pose * surface_center(&mesh) - truth * surface_center(&mesh)).z < -0.3,
+        "{moved} {turn}"
+    );
 }
 
 #[test]
@@ -214,8 +217,18 @@ fn distances_are_signed_at_faces_edges_and_corners() {
     let mut cube = Mesh {
         vertices: (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2].map(|c| 10.0 * c as f32)).collect(),
         faces: vec![
-            [0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
-            [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5],
+            [0, 2, 1],
+            [1, 2, 3],
+            [4, 5, 6],
+            [5, 7, 6],
+            [0, 1, 4],
+            [1, 5, 4],
+            [2, 6, 3],
+            [3, 6, 7],
+            [0, 4, 2],
+            [2, 4, 6],
+            [1, 3, 5],
+            [3, 7, 5],
         ],
         ..Mesh::default()
     };
@@ -251,9 +264,8 @@ fn an_open_mesh_is_aligned_too() {
     let view = truth.inverse_transform_vector(&Vector3::z());
     let center = surface_center(&mesh);
     let vertices = mesh.vertices.clone();
-    mesh.faces.retain(|f| {
-        f.iter().all(|&i| (Point3::from(vertices[i as usize].map(f64::from)) - center).dot(&view) < 12.0)
-    });
+    mesh.faces
+        .retain(|f| f.iter().all(|&i| (Point3::from(vertices[i as usize].map(f64::from)) - center).dot(&view) < 12.0));
     let found = compare(&depth, &mesh, &CadOptions::default()).unwrap();
     let (shift, turn) = apart(&found.pose, &truth, &mesh);
     assert!(shift < 0.1 && turn < 0.1, "{shift} mm, {turn}°\n{}", found.metrics);
@@ -272,10 +284,8 @@ fn what_cannot_be_compared_is_refused_with_a_remedy() {
     let points = Mesh { faces: vec![[0, 0, 1]], ..mesh.clone() };
     assert!(complaint(&depth, &points).contains("no triangles"));
     assert!(complaint(&vec![f32::NAN; depth.len()], &mesh).contains("0 points"));
-    let sized = |scale: f32| Mesh {
-        vertices: mesh.vertices.iter().map(|v| v.map(|c| scale * c)).collect(),
-        ..mesh.clone()
-    };
+    let sized =
+        |scale: f32| Mesh { vertices: mesh.vertices.iter().map(|v| v.map(|c| scale * c)).collect(), ..mesh.clone() };
     for (scale, remedy) in [(0.001, "--scale 1000"), (1000.0, "--scale 0.001")] {
         let e = complaint(&depth, &sized(scale));
         assert!(e.contains("another unit") && e.contains(remedy), "{e}");
