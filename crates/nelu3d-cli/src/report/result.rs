@@ -178,7 +178,7 @@ impl Page<'_> {
         if let Some(trace) = self.summary.trace.as_ref().filter(|t| t.len() > 1) {
             let series = |label: &str, value: &dyn Fn(&TracePoint) -> f64| Series {
                 label: label.to_owned(),
-                points: trace.iter().map(|p| [p.cpu_secs, value(p)]).collect(),
+                points: trace.iter().map(|p| [p.wall_secs, value(p)]).collect(),
                 mark: Mark::Line,
             };
             let series = vec![
@@ -188,7 +188,7 @@ impl Page<'_> {
             ];
             let values = || series.iter().flat_map(|s| s.points.iter().map(|p| p[1]));
             let y = Axis::log_if_wide("error, mm", values(), 10.0);
-            add("Error", "by processor time", Chart { x: Axis::linear("CPU s"), y, series: series.clone() });
+            add("Error", "by time since the start", Chart { x: Axis::linear("s"), y, series: series.clone() });
         }
         if let Some(chart) = self.truth.and_then(|truth| calibration(self.result, truth)) {
             add("Is 1σ honest?", "share of errors within so many σ", chart);

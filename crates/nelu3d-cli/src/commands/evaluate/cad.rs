@@ -47,7 +47,7 @@ pub(super) fn run(args: &args::Evaluate, path: &Path, result: &Saved, context: &
             json_name: "alignment.json",
             json: &json,
             page: Differences {
-                title: format!("{} against {}", shown(&args.result), shown(path)),
+                title: format!("{} against {}", folder::name(&args.result), folder::name(path)),
                 subtitle: format!(
                     "signed distance from the mesh, {}; mesh of {:.1} mm across, {}",
                     if m.closed { "positive outside" } else { "positive on the camera's side" },

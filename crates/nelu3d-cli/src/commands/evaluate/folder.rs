@@ -65,3 +65,8 @@ pub(super) fn colored(result: &Path, at: &dyn Fn(&[f32; 3]) -> Option<f64>, rang
 pub(super) fn said(output: Option<&Path>) -> String {
     output.map(|dir| format!("report  {}\n", shown(&dir.join("report.html")))).unwrap_or_default()
 }
+
+/// The last part of a path, for titles.
+pub(super) fn name(path: &Path) -> String {
+    path.file_name().map_or_else(|| shown(path), |n| n.to_string_lossy().into_owned())
+}

@@ -93,7 +93,7 @@ fn against_result(
                 json_name: "comparison.json",
                 json: &json,
                 page: crate::report::Differences {
-                    title: format!("{} against {}", shown(path), shown(other_path)),
+                    title: format!("{} against {}", folder::name(path), folder::name(other_path)),
                     subtitle: "depth of the first − depth of the second, mm".to_owned(),
                     tiles: vec![
                         (format!("{:.3} mm", d.median), "median |difference|".to_owned()),
