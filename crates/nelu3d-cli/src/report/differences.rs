@@ -32,9 +32,12 @@ pub(crate) struct Differences<'a> {
     pub histogram_of: &'a [f64],
     /// The surface in these colors.
     pub mesh: Mesh,
-    /// Tables: name, headings, rows.
-    pub tables: Vec<(&'static str, Vec<&'static str>, Vec<Vec<String>>)>,
+    /// Tables.
+    pub tables: Vec<Numbers>,
 }
+
+/// A table of a page: its name, headings and rows.
+pub(crate) type Numbers = (&'static str, Vec<&'static str>, Vec<Vec<String>>);
 
 impl Differences<'_> {
     /// How many values are how large.
