@@ -66,7 +66,7 @@ pub(crate) enum Command {
     Decode(Decode),
     /// Calibrate the projector from the sweep, if it has Gray-code images along x and y; only `decode` needs it.
     Projector(Projector),
-    /// Judge a result: against the truth, or against another result.
+    /// Judge a result: against the truth, a mesh of the part, or another result.
     Evaluate(Evaluate),
     /// Run the paper's tables and figures, or studies of your own, on virtual and given rigs.
     Experiment(Experiment),
@@ -436,6 +436,24 @@ pub(crate) struct Evaluate {
     /// Another result of the same camera.
     #[arg(long, value_name = "RESULT", group = "reference")]
     pub against: Option<PathBuf>,
+    /// Mesh of the part, which is laid onto the scan: .ply, .obj or .stl, mm, anywhere in space.
+    #[arg(long, value_name = "MESH", group = "reference")]
+    pub cad: Option<PathBuf>,
+    /// Millimeters per unit of the mesh: 1000 for meters, 25.4 for inches.
+    #[arg(long, value_name = "S", default_value_t = 1.0, requires = "cad", value_parser = positive)]
+    pub scale: f64,
+    /// Where the mesh lies, about: cam_from_cad of an alignment.json, or sixteen numbers row by row, mm.
+    #[arg(long, value_name = "FILE", requires = "cad")]
+    pub initial_pose: Option<PathBuf>,
+    /// Leave the mesh where it is: in the camera's frame, or where --initial-pose puts it.
+    #[arg(long, requires = "cad")]
+    pub no_align: bool,
+    /// Points closer to the mesh are of the part, mm (default: 1 % of the mesh's diagonal).
+    #[arg(long, value_name = "MM", requires = "cad", value_parser = positive)]
+    pub within: Option<f64>,
+    /// Folder to write: distances, histogram, colored surface, report.
+    #[arg(short, long, value_name = "DIR", conflicts_with = "truth")]
+    pub output: Option<PathBuf>,
     /// Calibrated projector: errors in its columns, too.
     #[arg(long, value_name = "FILE", conflicts_with = "rig")]
     pub projector: Option<PathBuf>,
@@ -524,6 +542,13 @@ pub(crate) struct Bench {
     /// Processor seconds for each kernel and step.
     #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = seconds)]
     pub seconds: f64,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(v) if (1e-9..=1e9).contains(&v) => Ok(v),
+        _ => Err("a number above 0".into()),
+    }
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

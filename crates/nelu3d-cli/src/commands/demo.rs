@@ -35,7 +35,7 @@ pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
             truth: Some(shot.dir.join("truth")),
             shot,
             mesh_files: MeshFiles::default(),
-            work: Work::Reconstruct { field: field.clone(), options: Default::default(), trace: false },
+            work: Work::Reconstruct { field: field.clone(), options: Default::default(), trace: true },
         };
         let summary = job.run(context)?;
         answers.push((job.output, summary));

@@ -84,8 +84,14 @@ impl Job<'_> {
         };
         let summary = Summary::new(&result, &self.rig.camera, &about);
         result::write_into(folder.path(), &result, &summary, self.mesh_files)?;
-        let captures = self.captures()?;
-        let page = Page { result: &result, summary: &summary, captures: &captures, truth: truth.as_ref() };
+        let (captures, black) = self.captures()?;
+        let page = Page {
+            result: &result,
+            summary: &summary,
+            captures: &captures,
+            black: black.as_ref(),
+            truth: truth.as_ref(),
+        };
         let report = folder.path().join("report.html");
         write_atomic(&report, |w| w.write_all(page.html().as_bytes()))?;
         context.stop_if_asked()?;
@@ -142,12 +148,13 @@ impl Job<'_> {
         paths.iter().map(|p| hash(p)).collect()
     }
 
-    /// What the report shows of the scene: white and the patterns.
-    fn captures(&self) -> Result<Vec<(String, nelu3d_scan::Image)>> {
+    /// What the report shows of the scene: white and the patterns; and black, where there is one.
+    #[expect(clippy::type_complexity, reason = "named images, and one more")]
+    fn captures(&self) -> Result<(Vec<(String, nelu3d_scan::Image)>, Option<nelu3d_scan::Image>)> {
         let capture = self.rig.read_shot(&self.shot, self.set, Need::Scene)?;
         let mut all = vec![(self.rig.white.clone(), capture.white)];
         all.extend(self.set.images.iter().cloned().zip(capture.patterns));
-        Ok(all)
+        Ok((all, capture.black))
     }
 }
 

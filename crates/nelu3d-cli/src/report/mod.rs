@@ -4,6 +4,7 @@
 //! above and the look around them; each other module is one kind of page.
 
 pub(crate) mod chart;
+mod differences;
 pub(crate) mod html;
 mod mesh;
 pub(crate) mod number;
@@ -11,4 +12,8 @@ pub(crate) mod page;
 pub(crate) mod result;
 pub(crate) mod viewer;
 
+pub(crate) use differences::{DIFFERENCE_COLORS, Differences};
 pub(crate) use result::Page;
+
+/// Pictures of maps are at most this wide, so that a page stays small.
+const MAP_WIDTH: usize = 640;

@@ -2,20 +2,18 @@
 
 use std::fmt::Write;
 
-use nelu3d::evaluate::{Metrics, Truth, percentile};
+use nelu3d::evaluate::{Metrics, TracePoint, Truth, percentile};
 use nelu3d::result::picture::{DEPTH_COLORS, Picture, left_color, limits};
 use nelu3d::result::{Left, Reconstruction, Summary};
 use nelu3d_scan::Image;
 use serde_json::Value;
 
-use super::chart::curve;
+use super::chart::{Axis, Chart, Mark, Series, curve};
 use super::html::{color_bar, escape, figure, img, legend, table, thumbnail, tiles};
 use super::number::{grouped, percent, with_unit};
-use super::{page, viewer};
+use super::{MAP_WIDTH, page, viewer};
 
-/// Pictures of maps are at most this wide, so that the page stays small.
-const MAP_WIDTH: usize = 640;
-/// The same for captures.
+/// Pictures of captures are at most this wide.
 const CAPTURE_WIDTH: usize = 320;
 
 /// What a page shows.
@@ -26,6 +24,8 @@ pub(crate) struct Page<'a> {
     pub summary: &'a Summary,
     /// The captures it was made from, with their names; white first.
     pub captures: &'a [(String, Image)],
+    /// The scene without the pattern light, when there is such an image.
+    pub black: Option<&'a Image>,
     /// The truth, when there is one.
     pub truth: Option<&'a Truth>,
 }
@@ -45,6 +45,7 @@ impl Page<'_> {
             self.tiles(),
             viewer::viewer(&self.result.mesh, &colorings),
             s.metrics.as_ref().map(metrics_table).unwrap_or_default(),
+            self.curves(),
             page::section("Maps", &format!("<div class=grid>{}</div>", self.maps())),
             format!(
                 "<section class=columns><div><h2>Pixels</h2>{}</div><div><h2>Time</h2>{}</div></section>",
@@ -52,6 +53,7 @@ impl Page<'_> {
                 stages_table(s)
             ),
             page::section("Captures", &format!("<div class='grid small'>{}</div>", self.captures())),
+            self.normalized(),
             page::details("Settings and record of the method", true, &value_table(&s.method)),
             page::details("Input files", false, &inputs_table(s)),
         ];
@@ -131,6 +133,121 @@ impl Page<'_> {
             |(name, capture): &(String, Image)| thumbnail(&Picture::of_image(capture).at_most(CAPTURE_WIDTH), name);
         self.captures.iter().map(thumbnail).collect()
     }
+}
+
+impl Page<'_> {
+    /// What the method looks at: (pattern − black) / (white − black), from 0 to 1, where the flash is bright enough.
+    fn normalized(&self) -> String {
+        let Some(((_, white), patterns)) = self.captures.split_first() else { return String::new() };
+        let zero = |i: usize| self.black.map_or(0.0, |b| b.data[i]);
+        // Where the flash is darker, noise divided by next to nothing would be all there is to see.
+        let spans: Vec<f64> = (0..white.data.len()).map(|i| f64::from(white.data[i] - zero(i))).collect();
+        let least = 0.02 * percentile(spans.clone(), 99.0).max(1e-6);
+        let picture = |pattern: &Image| {
+            let (channels, data) = (pattern.channels, &pattern.data);
+            Picture::from_fn(pattern.width, pattern.height, |i| {
+                let at = |c: usize| {
+                    let j = channels * i + if channels == 3 { c } else { 0 };
+                    (spans[j] > least).then(|| (f64::from(data[j] - zero(j)) / spans[j]).clamp(0.0, 1.0))
+                };
+                match [at(0), at(1), at(2)] {
+                    [Some(r), Some(g), Some(b)] => [r, g, b].map(|v| (255.0 * v).round() as u8),
+                    _ => [24, 26, 31],
+                }
+            })
+        };
+        let pictures: String =
+            patterns.iter().map(|(name, p)| thumbnail(&picture(p).at_most(CAPTURE_WIDTH), name)).collect();
+        let formula = if self.black.is_some() { "(pattern − black) / (white − black)" } else { "pattern / white" };
+        let note = format!("<p class=note>{formula}, black = 0 and white = 1; dark where the flash is too dim.</p>");
+        page::section("Normalized images", &format!("{note}<div class='grid small'>{pictures}</div>"))
+    }
+
+    /// Loss and error by iteration and time, and whether 1σ is honest: what of it there is.
+    fn curves(&self) -> String {
+        let mut html = String::new();
+        let mut add = |name: &str, note: &str, chart: Chart| {
+            html += &figure(name, note, &(chart.svg() + &chart.legend()));
+        };
+        let losses = losses(&self.summary.method);
+        if !losses.is_empty() {
+            let values = || losses.iter().flat_map(|s| s.points.iter().map(|p| p[1]));
+            let y = Axis::log_if_wide("loss", values(), 20.0);
+            add("Loss", "by iteration", Chart { x: Axis::linear("iteration"), y, series: losses.clone() });
+        }
+        if let Some(trace) = self.summary.trace.as_ref().filter(|t| t.len() > 1) {
+            let series = |label: &str, value: &dyn Fn(&TracePoint) -> f64| Series {
+                label: label.to_owned(),
+                points: trace.iter().map(|p| [p.wall_secs, value(p)]).collect(),
+                mark: Mark::Line,
+            };
+            let series = vec![
+                series("mean, whole", &|p| p.mae),
+                series("RMS, whole", &|p| p.rmse),
+                series("median, body", &|p| p.body_median),
+            ];
+            let values = || series.iter().flat_map(|s| s.points.iter().map(|p| p[1]));
+            let y = Axis::log_if_wide("error, mm", values(), 10.0);
+            add("Error", "by time since the start", Chart { x: Axis::linear("s"), y, series: series.clone() });
+        }
+        if let Some(chart) = self.truth.and_then(|truth| calibration(self.result, truth)) {
+            add("Is 1σ honest?", "share of errors within so many σ", chart);
+        }
+        if html.is_empty() { html } else { page::section("Curves", &format!("<div class=grid>{html}</div>")) }
+    }
+}
+
+/// The losses on record: a list of numbers, one an iteration, or of records that have an `iteration` and several losses.
+fn losses(method: &serde_json::Map<String, Value>) -> Vec<Series> {
+    let line = |label: &str, points: Vec<[f64; 2]>| Series { label: label.to_owned(), points, mark: Mark::Line };
+    let numbers = |label: &str, list: &[Value]| {
+        let point = |(i, v): (usize, &Value)| Some([i as f64 + 1.0, v.as_f64()?]);
+        line(label, list.iter().enumerate().filter_map(point).collect())
+    };
+    let series = match method.get("losses") {
+        Some(Value::Array(list)) if list.iter().all(Value::is_number) => vec![numbers("total", list)],
+        Some(Value::Array(records)) => ["image", "mask", "eikonal", "sparsity"]
+            .iter()
+            .map(|&key| {
+                let point = |r: &Value| Some([r.get("iteration")?.as_f64()?, r.get(key)?.as_f64()?]);
+                line(key, records.iter().filter_map(point).collect())
+            })
+            .collect(),
+        Some(Value::Object(map)) => map.iter().filter_map(|(k, v)| Some(numbers(k, v.as_array()?))).collect::<Vec<_>>(),
+        _ => Vec::new(),
+    };
+    series.into_iter().filter(|s| s.points.len() > 1 && s.points.iter().any(|p| p[1] != 0.0)).collect()
+}
+
+/// The share of errors within n σ against n, with what Gaussian errors would give; `None` without errors.
+fn calibration(result: &Reconstruction, truth: &Truth) -> Option<Chart> {
+    let ratio = |i: usize| f64::from((result.depth[i] - truth.depth[i]).abs() / result.sigma[i]);
+    let mut ratios: Vec<f64> =
+        (0..result.depth.len()).filter(|&i| truth.mask[i]).map(ratio).filter(|r| r.is_finite()).collect();
+    if ratios.is_empty() {
+        return None;
+    }
+    ratios.sort_by(f64::total_cmp);
+    let within = |n: f64| ratios.partition_point(|&r| r <= n) as f64 / ratios.len() as f64;
+    let steps = || (0..=40).map(|i| 0.1 * f64::from(i));
+    let line = |label: &str, points: Vec<[f64; 2]>, mark| Series { label: label.to_owned(), points, mark };
+    Some(Chart {
+        x: Axis::linear("σ"),
+        y: Axis::linear("share of pixels"),
+        series: vec![
+            line("measured", steps().map(|n| [n, within(n)]).collect(), Mark::Line),
+            line("Gaussian", steps().map(|n| [n, within_sigmas(n)]).collect(), Mark::Ideal),
+        ],
+    })
+}
+
+/// Share of Gaussian errors within n σ: erf(n/√2), by Abramowitz and Stegun 7.1.26 (to 1.5e-7).
+fn within_sigmas(n: f64) -> f64 {
+    let x = n / std::f64::consts::SQRT_2;
+    let t = 1.0 / (1.0 + 0.327_591_1 * x);
+    let poly =
+        t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
+    1.0 - poly * (-x * x).exp()
 }
 
 fn metrics_table(metrics: &Metrics) -> String {
@@ -280,16 +397,58 @@ mod tests {
         let metrics = evaluate(&judged, &truth, &truth.regions(&camera), &camera, None);
         let about = About { scene: "<ball>".to_owned(), metrics: Some(metrics), ..About::default() };
         let summary = Summary::new(&result, &camera, &about);
-        let captures = [("white.png".to_owned(), result.white.clone())];
-        let html = Page { result: &result, summary: &summary, captures: &captures, truth: Some(&truth) }.html();
+        let half = Image { data: result.white.data.iter().map(|v| 0.5 * v).collect(), ..result.white.clone() };
+        let captures = [("white.png".to_owned(), result.white.clone()), ("stripes.png".to_owned(), half)];
+        let html =
+            Page { result: &result, summary: &summary, captures: &captures, black: None, truth: Some(&truth) }.html();
         for outside in ["http://", "https://", "@import", "src=\"/", "<link"] {
             assert!(!html.contains(outside), "{outside}");
         }
         assert!(!html.contains("{{") && !html.contains("<ball>") && html.contains("&lt;ball&gt;"));
         assert!(html.contains("guess &amp; &lt;check&gt;"));
         assert!(html.len() < 4_000_000, "{} bytes", html.len());
-        for shown in ["Depth", "Error", "Normals", "1σ", "Residual", "Left out", "grazing", "white.png"] {
+        for shown in [
+            "Depth",
+            "Error",
+            "Normals",
+            "1σ",
+            "Residual",
+            "Left out",
+            "grazing",
+            "white.png",
+            "Normalized",
+            "Loss",
+            "honest",
+            "Gaussian",
+            "stripes.png",
+        ] {
             assert!(html.contains(shown), "{shown}");
         }
+    }
+
+    #[test]
+    fn losses_of_every_method_are_found() {
+        let of = |v: Value| losses(serde_json::json!({ "losses": v }).as_object().unwrap());
+        assert_eq!(of(serde_json::json!([3.0, 2.0, 1.0]))[0].points, [[1.0, 3.0], [2.0, 2.0], [3.0, 1.0]]);
+        let record =
+            |i: i32, image: f64| serde_json::json!({ "iteration": i, "image": image, "eikonal": 0.5, "rays": 7 });
+        let several = of(serde_json::json!([record(1, 0.5), record(101, 0.25)]));
+        assert_eq!(several.iter().map(|s| s.label.as_str()).collect::<Vec<_>>(), ["image", "eikonal"]);
+        assert_eq!(several[0].points, [[1.0, 0.5], [101.0, 0.25]]);
+        assert!(of(Value::Null).is_empty() && of(serde_json::json!([1.0])).is_empty());
+    }
+
+    #[test]
+    fn sigmas_have_their_shares() {
+        for (n, share) in [(0.0, 0.0), (1.0, 0.682_689_5), (2.0, 0.954_499_7), (3.0, 0.997_300_2)] {
+            assert!((within_sigmas(n) - share).abs() < 1e-6, "{n}");
+        }
+        // Errors of one σ everywhere: a step from nothing to all.
+        let (mut result, _, truth) = ball();
+        result.depth = truth.depth.iter().map(|z| z + 0.2).collect();
+        result.sigma = vec![0.19; truth.depth.len()];
+        let chart = calibration(&result, &truth).unwrap();
+        let measured = &chart.series[0].points;
+        assert_eq!((measured[10][1], measured[11][1]), (0.0, 1.0));
     }
 }

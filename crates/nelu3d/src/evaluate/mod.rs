@@ -4,6 +4,7 @@
 //! (`body`), and what is seen at more than 70° (`grazing`). In each: depth errors in mm, errors in projector columns
 //! where a projector is known, angles between normals, and whether the 1σ that came with the depth is honest.
 
+pub mod cad;
 mod jumps;
 mod regions;
 mod stats;

@@ -41,7 +41,7 @@ fn row(name: &str, r: &RegionMetrics) -> Vec<String> {
     let d = &r.depth_mm;
     let mut cells = vec![name.to_owned(), r.n_region.to_string(), percent(r.coverage)];
     cells.extend([d.mae, d.median, d.rmse, d.p95].map(|v| number(v, 3)));
-    cells.push(if d.bias.is_finite() { format!("{:+.3}", d.bias) } else { "–".to_owned() });
+    cells.push(signed(d.bias, 3));
     cells.extend([r.under_half_mm, r.under_1mm].map(percent));
     if let Some(e) = &r.disparity_px {
         cells.extend([e.mae, e.median].map(|v| number(v, 3)));
@@ -55,29 +55,35 @@ fn row(name: &str, r: &RegionMetrics) -> Vec<String> {
     cells
 }
 
-fn number(v: f64, digits: usize) -> String {
+/// Lines of a table whose columns are aligned: the first to the left, the others to the right.
+pub(super) fn aligned(headings: &[&str], rows: &[Vec<String>]) -> String {
+    let mut lines = vec![headings.iter().map(|&h| h.to_owned()).collect::<Vec<_>>()];
+    lines.extend_from_slice(rows);
+    let width = |c: usize| lines.iter().map(|l| l[c].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..lines[0].len()).map(width).collect();
+    lines.iter().fold(String::new(), |text, line| {
+        let cell = |(c, s): (usize, &String)| {
+            if c == 0 { format!("{s:<0$}", widths[c]) } else { format!("{s:>0$}", widths[c]) }
+        };
+        text + line.iter().enumerate().map(cell).collect::<Vec<_>>().join("  ").trim_end() + "\n"
+    })
+}
+
+pub(super) fn signed(v: f64, digits: usize) -> String {
+    if v.is_finite() { format!("{v:+.digits$}") } else { "–".to_owned() }
+}
+
+pub(super) fn number(v: f64, digits: usize) -> String {
     if v.is_finite() { format!("{v:.digits$}") } else { "–".to_owned() }
 }
 
-fn percent(v: f64) -> String {
+pub(super) fn percent(v: f64) -> String {
     if v.is_finite() { format!("{:.1} %", 100.0 * v) } else { "–".to_owned() }
 }
 
 impl fmt::Display for Metrics {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let headings: Vec<String> = self.headings().into_iter().map(str::to_owned).collect();
-        let mut lines = vec![headings];
-        lines.extend(self.rows());
-        let width = |c: usize| lines.iter().map(|l| l[c].chars().count()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..lines[0].len()).map(width).collect();
-        for line in &lines {
-            let cells: Vec<String> = line
-                .iter()
-                .enumerate()
-                .map(|(c, s)| if c == 0 { format!("{s:<0$}", widths[c]) } else { format!("{s:>0$}", widths[c]) })
-                .collect();
-            writeln!(f, "{}", cells.join("  ").trim_end())?;
-        }
+        f.write_str(&aligned(&self.headings(), &self.rows()))?;
         if self.n_outside_mask > 0 {
             writeln!(
                 f,
