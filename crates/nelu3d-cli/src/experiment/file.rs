@@ -54,8 +54,8 @@ pub(super) struct Experiment {
     /// What is tabulated.
     pub columns: Vec<Column>,
     /// What `--quick` changes: merged over everything above.
-    #[serde(default)]
-    pub quick: Table,
+    #[serde(default, rename = "quick")]
+    _quick: Table,
 }
 
 fn first_seed() -> Vec<u64> {

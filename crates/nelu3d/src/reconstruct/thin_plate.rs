@@ -181,12 +181,6 @@ impl Plate {
         (0..x.len()).into_par_iter().with_min_len(self.width).map(one).collect()
     }
 
-    /// How many weighed differences there are at each pixel.
-    pub(super) fn n_differences(&self) -> Vec<f32> {
-        let weighed = |i: usize| [self.wxx[i], self.wyy[i], self.wxy[i]].iter().filter(|w| **w > 0.0).count() as f32;
-        (0..self.active.len()).map(weighed).collect()
-    }
-
     /// Dᵀ√W ε for random ε: with √h ε it makes a right-hand side whose solution is a draw from the posterior.
     pub(super) fn noise(&self, mut normal: impl FnMut() -> f32) -> Vec<f32> {
         let w = self.width;

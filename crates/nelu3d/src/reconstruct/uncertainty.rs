@@ -7,7 +7,7 @@
 //!    every surface a least roughness, and many are smoother;
 //! 3. what is systematic: light that no part of the model explains (cross-talk of colors, errors of the color field, light by
 //!    way of other surfaces). It differs from noise in that neighbors share it, so averaging over the plate does not remove it. It
-//!    is seen in the directions of code space that depth cannot explain, and taken to be as large in the one that it can.
+//!    is seen in the directions of code space that depth cannot explain, channel by channel, and taken to be as large where it is not.
 
 use rand::SeedableRng;
 use rayon::prelude::*;
@@ -53,7 +53,6 @@ pub(super) fn sigma(
     let scale = prior_scale(plate, x, &drawn);
     let pooled = |v: &[f32]| mean_over(v, &plate.active, w, h, POOL_RADIUS);
     let (noise, prior) = (pooled(&drawn.noise), pooled(&drawn.prior));
-    // The sensor's model and the allowance for the field's errors may be too cautious or not cautious enough.
     let chi2: Vec<f32> = information.iter().map(|i| i.chi2).collect();
     let misfit = mean_over(&chi2, &plate.active, w, h, NOISE_RADIUS);
     (0..n)
@@ -63,9 +62,7 @@ pub(super) fn sigma(
             if !plate.active[i] {
                 return f32::NAN;
             }
-            let info = &information[i];
-            let shared = if info.h > 0.0 { systematic[i] / info.h } else { 0.0 };
-            (noise[i] * misfit[i] + scale[i] * prior[i] + shared).sqrt()
+            (noise[i] * misfit[i] + scale[i] * prior[i] + systematic[i]).sqrt()
         })
         .collect()
 }
@@ -120,8 +117,8 @@ fn draw(plate: &Plate, information: &[Information], draws: usize, seed: u64) -> 
 /// The variance of the surface's true second differences around each pixel, as a part of the plate's own.
 ///
 /// With H the data's information, Q = DᵀWD and Σ = (H + Q)⁻¹, the solution for a true surface of covariance γ Q⁻¹ has the
-/// expected energy E = tr(QΣHΣ) + γ (N − tr(QΣQΣ) − 2 tr(QΣHΣ)), N differences; the two traces are the energies of the
-/// draws of noise and of prior. That is solved for γ.
+/// expected energy E = tr(QΣHΣ) + γ (n − tr(QΣQΣ) − 2 tr(QΣHΣ)), n pixels; the two traces are the energies of the draws of
+/// noise and of prior. That is solved for γ.
 fn prior_scale(plate: &Plate, x: &[[f32; 1]], drawn: &Drawn) -> Vec<f32> {
     let (w, h) = (plate.width, plate.height);
     let local = |v: Vec<f32>| {
@@ -131,7 +128,7 @@ fn prior_scale(plate: &Plate, x: &[[f32; 1]], drawn: &Drawn) -> Vec<f32> {
     };
     let found = local(plate.energy(x));
     let (noise, prior) = (local(drawn.noise_energy.clone()), local(drawn.prior_energy.clone()));
-    let count = local(plate.n_differences());
+    let count = local(plate.active.iter().map(|a| if *a { 1.0 } else { 0.0 }).collect());
     (0..found.len())
         .map(|i| {
             let free = count[i] - prior[i] - 2.0 * noise[i];
@@ -141,57 +138,59 @@ fn prior_scale(plate: &Plate, x: &[[f32; 1]], drawn: &Drawn) -> Vec<f32> {
         .collect()
 }
 
-/// The variance of what is systematic, in units of the noise's, per pixel of a window of width `w` and height `h`.
+/// The variance of the unknown that comes from what is systematic, per pixel of a window of width `w` and height `h`.
 ///
-/// `residuals` and `slopes` are `n × k`: residuals of the normalized intensities and their slopes along the unknown, both
-/// divided by the noise's standard deviation. In the k − 1 directions across the slope, means over squares of n pixels have variance
-/// 1/n from noise alone; what they have above that is shared.
+/// `residuals` and `slopes` are `n × k`: residuals r of the normalized intensities and their slopes g along the unknown, both
+/// divided by the noise's standard deviation. Depth has taken from the residuals what lies along g. Of what channel j has across
+/// it, means over squares of n pixels have variance 1/n (1 − g_j²/|g|²) from noise alone; what they have above that is shared, and
+/// its size s_j² is estimated over the surroundings, where g points elsewhere. It moves the unknown by Σ g_j s_j / |g|².
 pub(super) fn systematic(residuals: &[f32], slopes: &[f32], k: usize, active: &[bool], w: usize, h: usize) -> Vec<f32> {
     let n = active.len();
     assert!(residuals.len() == n * k && slopes.len() == n * k && n == w * h, "maps of one size");
     if k < 2 {
         return vec![0.0; n];
     }
-    let on: Vec<f32> = active.iter().map(|a| if *a { 1.0 } else { 0.0 }).collect();
-    let mut near = on.clone();
+    let mut near: Vec<f32> = active.iter().map(|a| if *a { 1.0 } else { 0.0 }).collect();
     box_mean(&mut near, w, h, SHARED_RADIUS);
-    let across = |i: usize, j: usize| {
-        let (r, g) = (&residuals[i * k..(i + 1) * k], &slopes[i * k..(i + 1) * k]);
-        let (mut gg, mut gr) = (0.0, 0.0);
-        for (r, g) in r.iter().zip(g) {
-            gg += g * g;
-            gr += g * r;
-        }
-        // One wild pixel (a highlight, an edge) is not what its neighbors share.
-        let v = if gg > 0.0 { r[j] - g[j] * gr / gg } else { r[j] };
-        v.clamp(-10.0, 10.0)
-    };
-    let (mut shared, mut alone) = (vec![0.0f32; n], vec![0.0f32; n]);
+    let of = |map: &'_ [f32], i: usize| -> f32 { map[i * k..(i + 1) * k].iter().map(|v| v * v).sum() };
+    let square: Vec<f32> = (0..n).into_par_iter().map(|i| of(slopes, i)).collect();
+    let along: Vec<f32> = (0..n)
+        .into_par_iter()
+        .map(|i| {
+            let gr: f32 = (i * k..(i + 1) * k).map(|j| slopes[j] * residuals[j]).sum();
+            if square[i] > 0.0 { gr / square[i] } else { 0.0 }
+        })
+        .collect();
+    let side = (2 * SHARED_RADIUS + 1) as f32;
+    // What noise alone leaves by chance, where nothing is shared: half a standard deviation of its mean over as many squares as
+    // there are, 0.4 of which remain on average when negative values become 0.
+    let squares = ((2 * SYSTEMATIC_RADIUS + 1) as f32 / side).powi(2);
+    let chance = 0.5 * (2.0 / squares).sqrt() / (side * side);
+
+    let mut out = vec![0.0f32; n];
     for j in 0..k {
-        let own: Vec<f32> = (0..n).into_par_iter().map(|i| if active[i] { across(i, j) } else { 0.0 }).collect();
+        // One wild pixel (a highlight, an edge) is not what its neighbors share.
+        let across = |i: usize| (residuals[i * k + j] - slopes[i * k + j] * along[i]).clamp(-10.0, 10.0);
+        let own: Vec<f32> = (0..n).into_par_iter().map(|i| if active[i] { across(i) } else { 0.0 }).collect();
         let mut mean = own.clone();
         box_mean(&mut mean, w, h, SHARED_RADIUS);
-        for i in (0..n).filter(|i| active[*i]) {
-            shared[i] += (mean[i] / near[i]).powi(2);
-            alone[i] += own[i] * own[i];
+        let (mut excess, mut seen) = (vec![0.0f32; n], vec![0.0f32; n]);
+        for i in (0..n).filter(|i| active[*i] && square[*i] > 0.0) {
+            let shared = (mean[i] / near[i]).powi(2);
+            // The share of noise in the mean, from the residuals' own spread: a wrong noise level does not look systematic.
+            let pixels = near[i] * side * side;
+            let white = (own[i] * own[i] - shared) / (pixels - 1.0).max(1.0);
+            excess[i] = shared - white;
+            seen[i] = 1.0 - slopes[i * k + j].powi(2) / square[i];
+        }
+        box_mean(&mut excess, w, h, SYSTEMATIC_RADIUS);
+        box_mean(&mut seen, w, h, SYSTEMATIC_RADIUS);
+        for i in (0..n).filter(|i| active[*i] && square[*i] > 0.0) {
+            let size = (excess[i] / seen[i].max(0.05) - chance).max(0.0);
+            out[i] += size * (slopes[i * k + j] / square[i]).powi(2);
         }
     }
-    // The share of noise in the means, from the residuals' own spread, so that a wrong noise level does not look systematic.
-    let side = (2 * SHARED_RADIUS + 1) as f32;
-    let (mut number, mut excess) = (on, vec![0.0f32; n]);
-    for i in (0..n).filter(|i| active[*i]) {
-        let pixels = near[i] * side * side;
-        let white = (alone[i] - shared[i]).max(0.0) / (pixels - 1.0).max(1.0);
-        excess[i] = (shared[i] - white) / (k - 1) as f32;
-    }
-    box_mean(&mut excess, w, h, SYSTEMATIC_RADIUS);
-    box_mean(&mut number, w, h, SYSTEMATIC_RADIUS);
-    // What noise alone leaves of it by chance, where nothing is shared: half a standard deviation of its mean over as many
-    // squares as there are, 0.4 of which remain on average when negative values become 0.
-    let squares = ((2 * SYSTEMATIC_RADIUS + 1) as f32 / side).powi(2);
-    let chance = 0.5 * (2.0 / ((k - 1) as f32 * squares)).sqrt() / (side * side);
-    let mean = |(e, n): (&f32, &f32)| if *n > 0.0 { (e / n - chance / n.sqrt()).max(0.0) } else { 0.0 };
-    excess.iter().zip(&number).map(mean).collect()
+    out
 }
 
 /// Means over squares of a map, of the pixels that count.
@@ -218,30 +217,46 @@ mod tests {
         (0..w * h).map(|i| i % w > 0 && i % w + 1 < w && i / w > 0 && i / w + 1 < h).collect()
     }
 
-    /// Noise that neighbors do not share is none of it, whatever its level; an offset that they share is found at its size.
+    /// Noise that neighbors do not share is none of it, whatever its level; an offset that they share moves the unknown by as
+    /// much as it says, whichever channel it is in.
     #[test]
     fn what_neighbors_share_is_told_from_noise() {
-        let (w, h, k) = (96, 80, 3);
-        let active = window(w, h);
-        let noise = normals(w * h * k, 1);
-        let slopes: Vec<f32> = (0..w * h * k).map(|i| ((i / k) as f32 * 0.1 + (i % k) as f32 * 2.0).sin()).collect();
-        let middle = 40 * w + 48;
+        let (w, h, k) = (128, 112, 3);
+        let (n, active) = (w * h, window(128, 112));
+        let noise = normals(n * k, 1);
+        // Slopes of 2 that turn through code space, as those of a sine do.
+        let slopes: Vec<f32> = (0..n * k).map(|i| 2.0 * ((i / k) as f32 * 0.1 + (i % k) as f32 * 2.0).sin()).collect();
+        let inner: Vec<usize> =
+            (0..n).filter(|i| (20..w - 20).contains(&(i % w)) && (20..h - 20).contains(&(i / w))).collect();
+        let mean = |v: &[f32]| inner.iter().map(|i| v[*i]).sum::<f32>() / inner.len() as f32;
+        let across = |r: &[f32]| -> Vec<f32> {
+            // What is left when the unknown has taken its part, and the variance of that part.
+            let mut left = r.to_vec();
+            for (r, g) in left.chunks_exact_mut(k).zip(slopes.chunks_exact(k)) {
+                let gg: f32 = g.iter().map(|g| g * g).sum();
+                let part = r.iter().zip(g).map(|(r, g)| r * g).sum::<f32>() / gg;
+                r.iter_mut().zip(g).for_each(|(r, g)| *r -= part * g);
+            }
+            left
+        };
         for level in [1.0f32, 1.5] {
             let white: Vec<f32> = noise.iter().map(|v| level * v).collect();
-            let s = systematic(&white, &slopes, k, &active, w, h);
-            assert!(s[middle] < 0.03, "{}", s[middle]);
-            // An offset of 0.8 in a direction of code space that turns slowly over the image.
-            let offset: Vec<f32> = white
-                .iter()
-                .enumerate()
-                .map(|(i, v)| {
-                    v + 0.8 * ((i / k % w) as f32 * 0.02 + (i % k) as f32 * std::f32::consts::TAU / 3.0).cos()
-                })
-                .collect();
-            let s = systematic(&offset, &slopes, k, &active, w, h);
-            // |offset|² = 0.64 · 3/2, spread over three directions.
-            let expected = 0.64 * 1.5 / 3.0;
-            assert!((s[middle] / expected - 1.0).abs() < 0.35, "{} {expected}", s[middle]);
+            let quiet = mean(&systematic(&across(&white), &slopes, k, &active, w, h));
+            for channel in 0..k {
+                let offset = |i: usize| if i % k == channel { 0.8 * ((i / k % w) as f32 * 0.05).cos() } else { 0.0 };
+                let r: Vec<f32> = white.iter().enumerate().map(|(i, v)| v + offset(i)).collect();
+                let found = mean(&systematic(&across(&r), &slopes, k, &active, w, h));
+                let moved: Vec<f32> = (0..n)
+                    .map(|i| {
+                        let g = &slopes[i * k..(i + 1) * k];
+                        let gg: f32 = g.iter().map(|g| g * g).sum();
+                        (g[channel] * offset(i * k + channel) / gg).powi(2)
+                    })
+                    .collect();
+                let expected = mean(&moved);
+                assert!(quiet < 0.1 * expected, "{quiet} of {expected}");
+                assert!((found / expected - 1.0).abs() < 0.4, "{found} {expected}");
+            }
         }
     }
 
