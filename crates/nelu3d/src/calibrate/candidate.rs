@@ -27,6 +27,8 @@ pub(super) struct Candidate {
     pub(super) frame: Frame,
     pub(super) center: Center,
     pub(super) cells: [usize; 3],
+    /// Cells per pixel across.
+    pub(super) fineness: usize,
     form: Form,
     /// All positions, for the final fit; none once another frame is tried, since two sets need not fit in memory.
     bins: Option<Bins>,
@@ -49,6 +51,7 @@ impl Candidate {
         placed: &Placed<'_>,
         mut frame: Frame,
         center: Center,
+        fineness: usize,
         held: &[usize],
         opts: &Options,
         progress: &Progress,
@@ -60,7 +63,7 @@ impl Candidate {
             frame.lo[i] -= margin;
             frame.hi[i] += margin;
         }
-        let cells = resolution(placed, &frame, center);
+        let cells = resolution(placed, &frame, center, fineness);
         let mut validity = empty_validity(placed, cells);
         let mut bins = empty_bins(placed, cells, center, opts.form);
         let fitted: Vec<usize> = (0..placed.n_positions()).filter(|p| !held.contains(p)).collect();
@@ -117,7 +120,7 @@ impl Candidate {
         drop(grid);
         validity.close();
         let quality = errors.quality(held.iter().map(|p| placed.sweep.shots[*p].name.clone()).collect());
-        Ok(Self { frame, center, cells, form, bins: Some(bins), validity, quality })
+        Ok(Self { frame, center, cells, fineness, form, bins: Some(bins), validity, quality })
     }
 
     /// Gives the bins' memory back, for another candidate's.
@@ -218,8 +221,8 @@ fn pass(
     Ok((usable, errors))
 }
 
-/// Cells along a, b and w: across, one per pixel where the volume is; along, what the sweep can supervise.
-fn resolution(placed: &Placed<'_>, frame: &Frame, center: Center) -> [usize; 3] {
+/// Cells along a, b and w: across, `fineness` per pixel where the volume is; along, what the sweep can supervise.
+fn resolution(placed: &Placed<'_>, frame: &Frame, center: Center, fineness: usize) -> [usize; 3] {
     let n_positions = placed.n_positions();
     let mid = Point3::from(placed.mean_point());
     // Pitch of samples at the middle of the volume, in the frame's units.
@@ -237,7 +240,8 @@ fn resolution(placed: &Placed<'_>, frame: &Frame, center: Center) -> [usize; 3] 
         Center::Light => (n_positions / 4).clamp(1, CELLS_ALONG_LIGHT),
         Center::Camera => n_positions - 1,
     };
-    let mut cells = [(span(0) / pitch_a).ceil() as usize, (span(1) / pitch_b).ceil() as usize, along];
+    let mut cells =
+        [(span(0) / pitch_a).ceil() as usize * fineness, (span(1) / pitch_b).ceil() as usize * fineness, along];
     let nodes = |c: [usize; 3]| c.iter().map(|c| c + 3).product::<usize>() * placed.sweep.k;
     let shrink = (MAX_COEFFS as f64 / nodes(cells) as f64).sqrt().min(1.0);
     for c in &mut cells[..2] {

@@ -211,6 +211,9 @@ pub fn run(rig: &Rig, set: &PatternSet, opts: &Options, progress: &Progress) -> 
     Ok((field, report))
 }
 
+/// Cells per pixel across where one is not enough.
+const FINE: usize = 2;
+
 /// Finds the boards of a sweep and where they were; and on the way what is seen without the light.
 pub(crate) fn place<'a>(
     rig: &'a Rig,
@@ -315,16 +318,26 @@ fn from_sweep(
     let mut tries = Vec::new();
     if let Some(c) = &center {
         let frame = Frame::new(c.origin, c.along, c.kappa, Vector3::x());
-        tries.push(Candidate::new(placed, frame, Center::Light, &held, opts, progress)?);
+        tries.push(Candidate::new(placed, frame, Center::Light, 1, &held, opts, progress)?);
         let q = &tries[0].quality;
         tracing::debug!(psnr = q.psnr_db, ceiling = q.ceiling_db, "field in the light's frame");
     }
-    let light_is_good = tries.first().is_some_and(|t| t.quality.psnr_db > t.quality.ceiling_db - 3.0);
+    let is_good = |tries: &[Candidate]| tries.iter().any(|t| t.quality.psnr_db > t.quality.ceiling_db - 3.0);
+    if let Some(c) = &center
+        && !is_good(&tries)
+    {
+        // Codes with edges are finer than pixels, and the positions see them between the pixels of each other.
+        tries.iter_mut().for_each(Candidate::forget_bins);
+        let frame = Frame::new(c.origin, c.along, c.kappa, Vector3::x());
+        tries.push(Candidate::new(placed, frame, Center::Light, FINE, &held, opts, progress)?);
+    }
+    let finer_is_better = tries.len() == 2 && tries[1].quality.psnr_db > tries[0].quality.psnr_db + 3.0;
+    let light_is_good = is_good(&tries) || finer_is_better;
     if tries.is_empty() || (opts.frame == FrameKind::Auto && !light_is_good) {
         tries.iter_mut().for_each(Candidate::forget_bins);
         let middle = Point3::from(placed.mean_point());
         let frame = Frame::around(Point3::origin(), middle, Vector3::x());
-        tries.push(Candidate::new(placed, frame, Center::Camera, &held, opts, progress)?);
+        tries.push(Candidate::new(placed, frame, Center::Camera, 1, &held, opts, progress)?);
     }
     if progress.cancelled() {
         return Err(Error::Cancelled);
@@ -339,7 +352,7 @@ fn from_sweep(
     if progress.cancelled() {
         return Err(Error::Cancelled);
     }
-    let Candidate { frame, center: kind, cells, validity, quality, .. } = best;
+    let Candidate { frame, center: kind, cells, fineness, validity, quality, .. } = best;
     let about = About {
         version: env!("CARGO_PKG_VERSION").into(),
         rig: String::new(),
@@ -351,6 +364,7 @@ fn from_sweep(
         camera: camera_key(&placed.camera),
         noise: placed.noise,
         dark: Vec::new(),
+        fineness,
         step_mm: placed.typical_step_mm(),
         quality: Some(quality.clone()),
         settings: serde_json::to_value(opts).expect("plain data serializes"),

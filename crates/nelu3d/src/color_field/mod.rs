@@ -72,12 +72,19 @@ pub struct About {
     pub noise: NoiseModel,
     /// What is seen without the light source, per channel; for scenes without a black image.
     pub dark: Vec<DarkLevel>,
+    /// Cells (for a network: of the spline it is read as) per pixel across; 1 unless the codes are finer than pixels.
+    #[serde(default = "one")]
+    pub fineness: usize,
     /// Typical distance between board positions along a ray, mm.
     pub step_mm: f64,
     /// How well it predicts positions it was not made from.
     pub quality: Option<Quality>,
     /// The settings it was made with.
     pub settings: serde_json::Value,
+}
+
+fn one() -> usize {
+    1
 }
 
 /// How well a field predicts board positions that were held out.

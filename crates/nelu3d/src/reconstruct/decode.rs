@@ -172,13 +172,13 @@ pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Lookup<'_>, valid: &Vali
 /// Cost of a label outside the calibrated volume: never chosen, but finite so that sums stay finite.
 const OUTSIDE: f32 = 1e6;
 
-/// Labels needed so that between two of them no ray moves by more than 0.7 of a grid cell across (a, b).
+/// Labels needed so that between two of them no ray moves by more than 0.7 of a pixel's width across (a, b).
 fn label_count(kept: &[usize], rays: &Rays, grid: &Lookup<'_>, lo: f32, hi: f32) -> usize {
     let mut worst = 0.0f32;
     for i in kept.iter().step_by((kept.len() / 500).max(1)) {
         let at = |inv_z: f32| rays.in_frame(*i).at(f64::from(1.0 / (inv_z * rays.dir_z(*i)))).q;
         let (a, b) = (at(lo), at(hi));
-        worst = worst.max(((a[0] - b[0]) * grid.cells()[0] as f32).hypot((a[1] - b[1]) * grid.cells()[1] as f32));
+        worst = worst.max(((a[0] - b[0]) * grid.pixels()[0]).hypot((a[1] - b[1]) * grid.pixels()[1]));
     }
     (worst / 0.7).ceil() as usize + 1
 }
@@ -200,8 +200,8 @@ pub(super) fn depth_noise(m: &Measurements, rays: &Rays, grid: &Lookup<'_>) -> f
                 let t = near + (far - near) * (step as f32 + 0.5) / 16.0;
                 let p = rays.in_frame(*i).at(f64::from(t));
                 grid.eval_along(p.q, p.dq, &mut c, &mut d);
-                // A label moves 0.7 of a cell across the grid.
-                let speed = (p.dq[0] * grid.cells()[0] as f32).hypot(p.dq[1] * grid.cells()[1] as f32);
+                // A label moves 0.7 of a pixel across the grid.
+                let speed = (p.dq[0] * grid.pixels()[0]).hypot(p.dq[1] * grid.pixels()[1]);
                 let per_label = 0.7 / speed.max(1e-9);
                 information += (0..k).map(|j| m.inv_var[i * k + j] * (d[j] * per_label).powi(2)).sum::<f32>() / 16.0;
             }

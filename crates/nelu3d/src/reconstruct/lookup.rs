@@ -62,6 +62,8 @@ impl Rays {
 pub struct Lookup<'a> {
     grid: &'a Grid,
     stride: [usize; 2],
+    /// Cells per pixel.
+    fineness: f32,
 }
 
 /// Uniform cubic B-spline weights at `f` in `[0, 1]`.
@@ -80,10 +82,10 @@ fn slopes(f: f32) -> [f32; 4] {
 }
 
 impl<'a> Lookup<'a> {
-    /// For the given spline.
-    pub fn new(grid: &'a Grid) -> Self {
+    /// For the given spline of a field with `fineness` cells per pixel across.
+    pub fn new(grid: &'a Grid, fineness: usize) -> Self {
         let [na, _, nw] = grid.nodes();
-        Self { grid, stride: [nw * grid.k, na * nw * grid.k] }
+        Self { grid, stride: [nw * grid.k, na * nw * grid.k], fineness: fineness as f32 }
     }
 
     /// Channels.
@@ -91,9 +93,9 @@ impl<'a> Lookup<'a> {
         self.grid.k
     }
 
-    /// Cells along a, b and w.
-    pub fn cells(&self) -> [usize; 3] {
-        self.grid.cells
+    /// Pixels across the field along a and b: what disparities are measured in, however fine its cells are.
+    pub fn pixels(&self) -> [f32; 2] {
+        [0, 1].map(|i| self.grid.cells[i] as f32 / self.fineness)
     }
 
     /// Offset of the first of the 4 × 4 × 4 nodes, and the position in the cell.
@@ -207,7 +209,7 @@ mod tests {
             for (i, c) in grid.coeffs.iter_mut().enumerate() {
                 *c = ((i * 7919 % 1009) as f32 / 1009.0 - 0.5) * 2.0;
             }
-            let lookup = Lookup::new(&grid);
+            let lookup = Lookup::new(&grid, 1);
             let (mut a, mut b) = (vec![0.0; k], vec![0.0; k]);
             let (mut da, mut db) = (vec![0.0; k], vec![0.0; k]);
             for s in 0..50 {

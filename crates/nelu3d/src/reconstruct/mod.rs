@@ -208,7 +208,16 @@ pub(crate) fn codewords(capture: &Capture, camera: &Camera, field: &ColorField) 
     let opts = Options { min_component: 50, ..Options::default() };
     let rays = Rays::new(camera, field, 1);
     let grid = field.to_grid();
-    let decoded = start_pieces(&mut m, &rays, &Lookup::new(&grid), field, camera, shares, MOST_CODEWORDS, &opts);
+    let decoded = start_pieces(
+        &mut m,
+        &rays,
+        &Lookup::new(&grid, field.about.fineness),
+        field,
+        camera,
+        shares,
+        MOST_CODEWORDS,
+        &opts,
+    );
     let k = m.k;
     (0..m.n())
         .filter(|i| decoded.0[*i].is_finite())
@@ -251,7 +260,7 @@ pub fn reconstruct(
     let grid = field.to_grid();
     let channels = capture.white.channels;
     let mut m = Measurements::new(capture, &field.about.noise, &field.about.dark, model_sigma(field));
-    let lookup = Lookup::new(&grid);
+    let lookup = Lookup::new(&grid, field.about.fineness);
     let rays = Rays::new(camera, field, 1);
     let stop = || if progress.cancelled() { Err(Failure::Cancelled) } else { Ok(()) };
     stop()?;

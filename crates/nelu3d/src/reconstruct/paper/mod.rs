@@ -119,7 +119,7 @@ pub(super) fn reconstruct(
     clock.begin("prepare");
     let grid = field.to_grid();
     let mut m = Measurements::new(capture, &field.about.noise, &field.about.dark, super::model_sigma(field));
-    let lookup = Lookup::new(&grid);
+    let lookup = Lookup::new(&grid, field.about.fineness);
     let rays = Rays::new(camera, field, 1);
     let pixels = Pixels::new(&m, &rays, settings.background).ok_or_else(|| Failure::Nothing(why_nothing(&m.left)))?;
     let bounds = pixels.bounds;
