@@ -50,7 +50,7 @@ pub struct RefineSettings {
 pub struct Refined {
     /// Inverse depth, 1/mm; NaN where there is none.
     pub inv_z: Vec<f32>,
-    /// Its standard deviation, 1/mm: see [`uncertainty`].
+    /// Its standard deviation, 1/mm (`uncertainty.rs`).
     pub sigma: Vec<f32>,
     /// Share per pixel, mean over color channels, of the light that is not in c.
     pub ambient: Vec<f32>,
