@@ -86,8 +86,8 @@ impl Header {
         let (cells, k) = match &self.form {
             FormHeader::Grid { cells, k } => (*cells, *k),
             FormHeader::Hash(shape) => {
-                let finest = shape.config.encoding.finest_resolution.map(|n| n as usize);
-                expect(shape.settings.cells == finest, "its network is not of the size it states")?;
+                let finest = shape.config.encoding.finest_resolution;
+                expect(shape.settings.finest() == finest, "its network is not of the size it states")?;
                 (shape.settings.cells, shape.k)
             }
             FormHeader::Frequency(shape) => (shape.settings.cells, shape.k),
@@ -302,11 +302,11 @@ mod tests {
 
     fn hash() -> ColorField {
         let settings = HashSettings {
-            cells: [4, 4, 2],
+            cells: [8, 8, 2],
             n_levels: 2,
             log2_hashmap_size: 4,
             width: 8,
-            coarsening: 1,
+            coarsening: 2,
             epochs: 1.0,
             batch: 1,
         };

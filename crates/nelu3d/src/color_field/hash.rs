@@ -50,9 +50,14 @@ impl HashSettings {
         Self { cells, coarsening: 2, n_levels: 8, log2_hashmap_size: 18, width: 32, epochs: 4.0, batch: 1 << 11 }
     }
 
-    fn config(&self, k: usize) -> HashFieldConfig<3> {
+    /// Cells of the finest level.
+    pub(super) fn finest(&self) -> [u32; 3] {
         let across = |cells: usize| cells.div_ceil(self.coarsening.max(1)) as u32;
-        let finest = [across(self.cells[0]), across(self.cells[1]), self.cells[2] as u32];
+        [across(self.cells[0]), across(self.cells[1]), self.cells[2] as u32]
+    }
+
+    fn config(&self, k: usize) -> HashFieldConfig<3> {
+        let finest = self.finest();
         let mut config = HashFieldConfig::small(k);
         config.encoding = HashGridConfig {
             n_levels: self.n_levels,
