@@ -53,6 +53,9 @@ const FIRST_HALF_WIDTH: f64 = 6.0;
 const MAX_LENGTH: f64 = 120.0;
 /// Corners less certain than this (σ, px) are left out.
 const MAX_SIGMA: f64 = 0.2;
+/// The same before the blur is known: strips then keep far from the corner, and in noise the way back to it is uncertain. Such corners
+/// only place the strips of the next pass.
+const FIRST_MAX_SIGMA: f64 = 1.0;
 
 /// All corners whose edges are where the warp says, within the strips.
 pub(super) fn corners(image: &Pixels, specs: &[CornerSpec], warp: &Warp, known: Option<&Conditions>) -> Vec<Localized> {
@@ -95,7 +98,8 @@ fn corner(image: &Pixels, spec: &CornerSpec, warp: &Warp, known: Option<&Conditi
     let shift = covariance * g;
     let sigma = covariance[(0, 0)].max(covariance[(1, 1)]).sqrt();
     let px = [start[0] + shift[0], start[1] + shift[1]];
-    if !(sigma <= MAX_SIGMA && px.iter().all(|v| v.is_finite())) {
+    let most = if known.is_some() { MAX_SIGMA } else { FIRST_MAX_SIGMA };
+    if !(sigma <= most && px.iter().all(|v| v.is_finite())) {
         return None;
     }
     blurs.sort_by(f64::total_cmp);
