@@ -62,6 +62,8 @@ pub(crate) enum Command {
     Calibrate(Calibrate),
     /// Reconstruct a scene.
     Reconstruct(Reconstruct),
+    /// Reconstruct a scene that moves, frame after frame; goes on where it was stopped.
+    Sequence(Sequence),
     /// Decode a scene with a method that knows the projector: what NeLU3D is compared with.
     Decode(Decode),
     /// Calibrate the projector from the sweep, if it has Gray-code images along x and y; only `decode` needs it.
@@ -368,6 +370,55 @@ pub(crate) struct Reconstruct {
     /// Settings of the method.
     #[command(flatten)]
     pub options: nelu3d::reconstruct::Options,
+}
+
+/// `nelu3d sequence`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Sequence {
+    /// Rig folder, or its rig.toml.
+    pub rig: PathBuf,
+    /// A name under RIG/sequences, or a folder of frames.
+    pub sequence: String,
+    /// Pattern set (default: the rig's first).
+    #[arg(long, value_name = "NAME")]
+    pub set: Option<String>,
+    /// Color field (default: RIG/fields/SET.safetensors, as `calibrate` writes it).
+    #[arg(long, value_name = "FILE")]
+    pub field: Option<PathBuf>,
+    /// Folder to write, or to go on with: one result folder per frame (default: RIG/results/SEQUENCE-SET).
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Judge every frame against the truth/ in its folder.
+    #[arg(long)]
+    pub truth: bool,
+    /// Frames from one that begins anew to the next. Stretches between them can be computed in parallel.
+    #[arg(long, value_name = "N", default_value = "30")]
+    pub keyframe: NonZeroUsize,
+    /// Compute only this part of the frames, as 1/8 to 8/8; parts may run at the same time, on any machines that share the folder.
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<nelu3d::sequence::Shard>,
+    /// Compute nothing: write a script for the Slurm scheduler that does (`sbatch FILE`).
+    #[arg(long, value_name = "FILE", conflicts_with = "shard")]
+    pub slurm: Option<PathBuf>,
+    /// Tasks of the Slurm script (default: one per stretch between keyframes).
+    #[arg(long, value_name = "N", requires = "slurm")]
+    pub tasks: Option<NonZeroUsize>,
+    /// Frames per second at which the moving surface is played.
+    #[arg(long, value_name = "FPS", default_value_t = 10.0, value_parser = fps)]
+    pub fps: f64,
+    /// What to do about motion.
+    #[command(flatten)]
+    pub motion: nelu3d::sequence::MotionOptions,
+    /// Settings of the method.
+    #[command(flatten)]
+    pub options: nelu3d::reconstruct::Options,
+}
+
+fn fps(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(fps) if (0.01..=1000.0).contains(&fps) => Ok(fps),
+        _ => Err("a number from 0.01 to 1000".into()),
+    }
 }
 
 /// `nelu3d decode`

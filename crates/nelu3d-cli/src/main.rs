@@ -59,6 +59,7 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
         Command::Check(a) => commands::check::run(a, &context),
         Command::Calibrate(a) => commands::calibrate::run(a, &context),
         Command::Reconstruct(a) => commands::reconstruct::run(a, &context),
+        Command::Sequence(a) => commands::sequence::run(&a, &context),
         Command::Decode(a) => commands::decode::run(a, &context),
         Command::Projector(a) => commands::projector::run(a, &context),
         Command::Evaluate(a) => commands::evaluate::run(a, &context),

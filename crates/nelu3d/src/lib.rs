@@ -38,6 +38,7 @@
 //!   coordinates, how it is stored, where it holds.
 //! - [`reconstruct`] decodes a cost volume over the field and refines the surface by volume rendering in a narrow band.
 //! - [`decode`] has the methods that all of this is compared with; all but LookUp3D need a calibrated projector.
+//! - [`sequence`] reconstructs scenes that move, each frame from the one before.
 //! - [`evaluate`] judges depth, normals and 1σ by region. No reconstruction sees a truth.
 //! - [`mod@result`] is the folder that all of it is written to.
 //!
@@ -52,6 +53,7 @@ pub mod progress;
 pub mod reconstruct;
 pub mod result;
 pub mod sdf;
+pub mod sequence;
 
 pub use progress::Progress;
 pub use result::{Left, Reconstruction};

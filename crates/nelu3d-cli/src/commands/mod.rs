@@ -10,6 +10,7 @@ pub(crate) mod job;
 pub(crate) mod patterns;
 pub(crate) mod projector;
 pub(crate) mod reconstruct;
+pub(crate) mod sequence;
 pub(crate) mod simulate;
 pub(crate) mod table;
 
@@ -28,13 +29,30 @@ pub(crate) struct Context {
     /// Where work reports to, and hears that it should stop.
     pub progress: Progress,
     console: Arc<Console>,
+    cancel: Arc<AtomicBool>,
     json: bool,
+}
+
+/// Shows nothing.
+struct Unseen;
+
+impl nelu3d::progress::Sink for Unseen {
+    fn stage(&self, _: &str) {}
+    fn tick(&self, _: usize, _: usize) {}
+    fn warn(&self, message: &str) {
+        tracing::warn!("{message}");
+    }
 }
 
 impl Context {
     /// A context that reports to `console`.
     pub(crate) fn new(console: Arc<Console>, cancel: Arc<AtomicBool>, json: bool) -> Self {
-        Self { progress: Progress::new(console.clone(), cancel), console, json }
+        Self { progress: Progress::new(console.clone(), cancel.clone()), console, cancel, json }
+    }
+
+    /// Progress that nobody sees, of work that stops when this does.
+    pub(crate) fn silent(&self) -> Progress {
+        Progress::new(Arc::new(Unseen), self.cancel.clone())
     }
 
     /// Fails if Ctrl-C was pressed: the last chance before an output is put into place.

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use toml::{Table, Value};
 
 /// The experiments that come with the program: name and file.
-pub(super) const BUILT_IN: [(&str, &str); 13] = [
+pub(super) const BUILT_IN: [(&str, &str); 15] = [
     ("table1", include_str!("../../../../experiments/table1.toml")),
     ("table2", include_str!("../../../../experiments/table2.toml")),
     ("fig3", include_str!("../../../../experiments/fig3.toml")),
@@ -20,6 +20,8 @@ pub(super) const BUILT_IN: [(&str, &str); 13] = [
     ("exposure", include_str!("../../../../experiments/exposure.toml")),
     ("positions", include_str!("../../../../experiments/positions.toml")),
     ("stage", include_str!("../../../../experiments/stage.toml")),
+    ("motion", include_str!("../../../../experiments/motion.toml")),
+    ("colors", include_str!("../../../../experiments/colors.toml")),
     ("limits", include_str!("../../../../experiments/limits.toml")),
     ("sigma", include_str!("../../../../experiments/sigma.toml")),
 ];
@@ -95,7 +97,7 @@ pub(super) struct Case {
     pub label: String,
     /// Its rig.
     pub rig: String,
-    /// Its scene.
+    /// Its scene, or its sequence for methods that run `sequence`.
     pub scene: String,
     /// Its pattern set; the rig's first if there is none.
     #[serde(default)]

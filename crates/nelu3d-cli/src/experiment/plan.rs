@@ -127,7 +127,20 @@ fn one(
     let rig = Rig::open(&rig_dir)?;
     let wanted = method.set.as_deref().or(case.set.as_deref());
     let set = rig.pattern_set(wanted)?.name.clone();
-    cell.scene = rig.scene(&case.scene)?.dir;
+    let mut run = place.words(&method.run);
+    let command = run.remove(0);
+    // A sequence is judged as a whole and shown by the frame in its middle.
+    let middle = match command.as_str() {
+        "sequence" => {
+            let frames = rig.sequence(&case.scene)?;
+            Some(frames[frames.len() / 2].clone())
+        }
+        _ => None,
+    };
+    cell.scene = match &middle {
+        Some(frame) => frame.dir.clone(),
+        None => rig.scene(&case.scene)?.dir,
+    };
 
     // Its color field. Decoders use it too, for the volume they look in.
     let extra = place.words(&method.calibrate);
@@ -149,16 +162,16 @@ fn one(
     };
 
     // The method.
-    let mut run = place.words(&method.run);
-    let command = run.remove(0);
     let mut arguments = words(&[&command, &shown(&rig_dir), &case.scene, "--set", &set]);
-    if command == "reconstruct" {
+    if command == "reconstruct" || command == "sequence" {
         arguments.extend(words(&["--field", &shown(&field)]));
     }
     arguments.extend(run);
     let truth = cell.scene.join("truth");
-    if truth.exists() {
-        arguments.extend(words(&["--truth", &shown(&truth)]));
+    match truth.exists() {
+        true if middle.is_some() => arguments.push("--truth".into()),
+        true => arguments.extend(words(&["--truth", &shown(&truth)])),
+        false => {}
     }
     arguments.extend(words(&["-o", &shown(&cell.folder)]));
     let result = Step {
@@ -171,9 +184,12 @@ fn one(
         Ok(outcome) => outcome,
         Err(reason) => return Ok(Err(reason)),
     };
+    if let Some(frame) = &middle {
+        cell.folder = cell.folder.join(&frame.name);
+    }
 
     let mut document = json!({
-        "result": made.answer["summary"],
+        "result": made.answer[if middle.is_some() { "mean" } else { "summary" }],
         "calibrate": calibrated.answer,
         "step": { "wall_secs": made.wall_secs, "calibrate_wall_secs": calibrated.wall_secs },
     });

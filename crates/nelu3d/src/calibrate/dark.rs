@@ -12,6 +12,9 @@ pub struct DarkLevel {
     pub offset: f32,
     /// Share of the white image.
     pub share: f32,
+    /// Mean white − black of what is lit in all channels: the color of the flash on the board. 0 if that is unknown.
+    #[serde(default)]
+    pub light: f32,
 }
 
 impl DarkLevel {
@@ -27,12 +30,22 @@ impl DarkLevel {
 pub struct DarkEstimator {
     /// Per channel: n, Σw, Σb, Σw², Σwb.
     sums: Vec<[f64; 5]>,
+    /// Per channel: Σ (w − b) of the pixels that are lit in all channels, and their number.
+    light: Vec<[f64; 2]>,
 }
 
 impl DarkEstimator {
     /// Adds a position's white and black images; pixels with less contrast than `min_contrast` or clipped are left out.
     pub fn add(&mut self, white: &Image, black: &Image, min_contrast: f32) {
         self.sums.resize(white.channels, [0.0; 5]);
+        self.light.resize(white.channels, [0.0; 2]);
+        for (w, b) in white.data.chunks_exact(white.channels).zip(black.data.chunks_exact(white.channels)) {
+            if w.iter().zip(b).all(|(w, b)| w - b >= min_contrast && *w < 1.0) {
+                for (sum, (w, b)) in self.light.iter_mut().zip(w.iter().zip(b)) {
+                    *sum = [sum[0] + f64::from(w - b), sum[1] + 1.0];
+                }
+            }
+        }
         for (i, (w, b)) in white.data.iter().zip(&black.data).enumerate() {
             if w - b >= min_contrast && *w < 1.0 {
                 let (w, b) = (f64::from(*w), f64::from(*b));
@@ -49,21 +62,27 @@ impl DarkEstimator {
         for (a, b) in self.sums.iter_mut().zip(&other.sums) {
             a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
         }
+        self.light.resize(self.light.len().max(other.light.len()), [0.0; 2]);
+        for (a, b) in self.light.iter_mut().zip(&other.light) {
+            a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+        }
     }
 
     /// The level per channel. Neither part is negative.
     pub fn finish(&self) -> Vec<DarkLevel> {
         self.sums
             .iter()
-            .map(|[n, w, b, ww, wb]| {
+            .zip(&self.light)
+            .map(|([n, w, b, ww, wb], [light, lit])| {
+                let light = if *lit >= 100.0 { (light / lit) as f32 } else { 0.0 };
                 if *n < 100.0 {
-                    return DarkLevel::default();
+                    return DarkLevel { light, ..DarkLevel::default() };
                 }
                 let var = ww / n - (w / n).powi(2);
                 let slope = if var > 1e-6 { (wb / n - w / n * b / n) / var } else { 0.0 };
                 let share = slope.clamp(0.0, 0.9);
                 let offset = (b / n - share * w / n).max(0.0);
-                DarkLevel { offset: offset as f32, share: share as f32 }
+                DarkLevel { offset: offset as f32, share: share as f32, light }
             })
             .collect()
     }
@@ -85,5 +104,7 @@ mod tests {
         e.add(&white, &black, 0.02);
         let d = e.finish()[0];
         assert!((d.offset - 0.01).abs() < 1e-4 && (d.share - 0.05).abs() < 1e-3, "{d:?}");
+        let light = white.data.iter().zip(&black.data).map(|(w, b)| w - b).sum::<f32>() / white.data.len() as f32;
+        assert!((d.light - light).abs() < 1e-4, "{d:?}");
     }
 }

@@ -364,6 +364,7 @@ fn from_sweep(
         camera: camera_key(&placed.camera),
         noise: placed.noise,
         dark: Vec::new(),
+        mixing: None,
         fineness,
         step_mm: placed.typical_step_mm(),
         quality: Some(quality.clone()),

@@ -93,6 +93,7 @@ pub(super) fn run(
         camera: camera_key(&rig.camera),
         noise,
         dark: Vec::new(),
+        mixing: None,
         fineness: 1,
         step_mm: 0.0,
         quality: None,

@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibrate::dark::DarkLevel;
 use crate::calibrate::noise::NoiseModel;
+use crate::reconstruct::Mixing;
 use frame::{Center, Frame};
 use frequency::FrequencyForm;
 use grid::Grid;
@@ -72,6 +73,9 @@ pub struct About {
     pub noise: NoiseModel,
     /// What is seen without the light source, per channel; for scenes without a black image.
     pub dark: Vec<DarkLevel>,
+    /// How the camera mixes the light's colors, if that was measured: with one, scenes need not tell it.
+    #[serde(default)]
+    pub mixing: Option<Mixing>,
     /// Cells (for a network: of the spline it is read as) per pixel across; 1 unless the codes are finer than pixels.
     #[serde(default = "one")]
     pub fineness: usize,

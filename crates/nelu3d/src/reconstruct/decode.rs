@@ -36,7 +36,7 @@ pub struct Decoded {
 }
 
 /// χ² is cut off here per pixel: beyond it a codeword is simply wrong (an outlier), however wrong.
-fn saturation(k: usize) -> f32 {
+pub(super) fn saturation(k: usize) -> f32 {
     9.0 * k as f32
 }
 
@@ -55,31 +55,50 @@ pub(super) fn misfit(m: &Measurements, i: usize, c: &[f32], prior: [f32; 2]) -> 
     e / (1.0 + e / saturation(k))
 }
 
+/// One set of labels for all pixels, even in 1/z, spaced so that no codeword changes by more than a fraction of a grid cell from
+/// one label to the next.
+pub(super) struct Labels {
+    /// 1/z of the first, 1/mm.
+    pub(super) lo: f32,
+    /// Their spacing, 1/mm.
+    pub(super) step: f32,
+    /// How many there are.
+    pub(super) count: usize,
+}
+
+impl Labels {
+    /// For the kept pixels. Those whose rays miss the calibrated volume are marked [`Left::Outside`]; `None` if all do.
+    pub(super) fn new(m: &mut Measurements, rays: &Rays, grid: &Lookup<'_>, most: usize) -> Option<Self> {
+        let (mut lo, mut hi) = (f32::INFINITY, 0.0f32);
+        for i in 0..m.n() {
+            if m.left[i] != Left::Kept {
+                continue;
+            }
+            let [near, far] = rays.range[i];
+            if near > far {
+                m.left[i] = Left::Outside;
+                continue;
+            }
+            lo = lo.min(1.0 / (far * rays.dir_z(i)));
+            hi = hi.max(1.0 / (near * rays.dir_z(i)));
+        }
+        if lo >= hi {
+            return None;
+        }
+        let kept: Vec<usize> = (0..m.n()).filter(|i| m.left[*i] == Left::Kept).collect();
+        let count = label_count(&kept, rays, grid, lo, hi).clamp(16, most);
+        Some(Self { lo, step: (hi - lo) / (count - 1) as f32, count })
+    }
+}
+
 /// Decodes every kept pixel. Pixels whose rays miss the calibrated volume are marked [`Left::Outside`].
 pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Lookup<'_>, valid: &Validity, s: &DecodeSettings) -> Decoded {
     let n = m.n();
-    // One set of labels for all pixels, even in 1/z, spaced so that no codeword changes by more than a fraction of a
-    // grid cell from one label to the next.
-    let (mut lo, mut hi) = (f32::INFINITY, 0.0f32);
-    for i in 0..n {
-        if m.left[i] != Left::Kept {
-            continue;
-        }
-        let [near, far] = rays.range[i];
-        if near > far {
-            m.left[i] = Left::Outside;
-            continue;
-        }
-        lo = lo.min(1.0 / (far * rays.dir_z(i)));
-        hi = hi.max(1.0 / (near * rays.dir_z(i)));
-    }
     let nothing = Decoded { inv_z: vec![f32::NAN; n], margin: vec![0.0; n], label_step: 0.0 };
-    if lo >= hi {
+    let Some(Labels { lo, step, count: labels }) = Labels::new(m, rays, grid, s.max_labels) else {
         return nothing;
-    }
+    };
     let kept: Vec<usize> = (0..n).filter(|i| m.left[*i] == Left::Kept).collect();
-    let labels = label_count(&kept, rays, grid, lo, hi).clamp(16, s.max_labels);
-    let step = (hi - lo) / (labels - 1) as f32;
     let inv_z_of = |l: usize| lo + l as f32 * step;
 
     // Cost volume: f16 would do for the costs, but the sums of eight paths need the range of f32.

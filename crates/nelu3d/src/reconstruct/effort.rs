@@ -32,6 +32,13 @@ pub struct EffortSettings {
 }
 
 impl Effort {
+    /// What it stands for where a surface a moment earlier is known.
+    pub fn warm(self) -> EffortSettings {
+        let cold = self.settings();
+        let steps = cold.steps.min(8);
+        EffortSettings { steps, gathers: cold.gathers.min(2), draws: cold.draws.min(4), ..cold }
+    }
+
     /// What it stands for.
     pub fn settings(self) -> EffortSettings {
         match self {

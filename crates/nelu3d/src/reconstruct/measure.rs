@@ -160,7 +160,7 @@ impl Measurements {
     }
 
     /// Mean codeword around every pixel, weighted by how much light there is to come from there.
-    fn surroundings(&self) -> Vec<f32> {
+    pub(super) fn surroundings(&self) -> Vec<f32> {
         let (n, k) = (self.n(), self.k);
         let radius = (self.width.max(self.height) / 24).max(2);
         let mut out = vec![0.0; n * k];

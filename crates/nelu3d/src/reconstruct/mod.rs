@@ -8,14 +8,16 @@ mod effort;
 mod indirect;
 pub mod lookup;
 pub mod measure;
+mod mixing;
 mod observer;
 pub mod paper;
 pub mod refine;
 mod shares;
-mod smooth;
+pub(crate) mod smooth;
 pub mod surface;
 mod thin_plate;
 mod uncertainty;
+mod warm;
 mod window;
 
 use std::collections::VecDeque;
@@ -32,10 +34,11 @@ use crate::color_field::ColorField;
 use crate::progress::Progress;
 use crate::result::{Left, Reconstruction, StageClock};
 use assemble::{MAX_SLOPE, Maps, assemble};
-use decode::{DecodeSettings, decode};
+use decode::{DecodeSettings, Labels, decode};
 pub use effort::{Effort, EffortSettings};
 use lookup::{Lookup, Rays};
 use measure::{Measurements, SharesPrior};
+pub use mixing::Mixing;
 pub use observer::{Observer, Stage};
 use refine::{RefineSettings, refine};
 use surface::Links;
@@ -49,6 +52,18 @@ pub enum Recipe {
     Fast,
     /// As published: a hash-encoded signed distance field trained from scratch, 10,000 iterations
     Paper,
+}
+
+/// What is done about channels of the camera that see each other's light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum CrossTalk {
+    /// Taken out of color images; how much there is comes from the color field or, without it there, from the scene
+    #[default]
+    Auto,
+    /// Left in
+    Off,
 }
 
 /// Settings of a reconstruction.
@@ -78,6 +93,9 @@ pub struct Options {
     /// Smallest connected piece of surface that is kept, px
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 40))]
     pub min_component: usize,
+    /// What to do about camera channels that see each other's light (recipe `fast`, color cameras)
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = CrossTalk::Auto))]
+    pub cross_talk: CrossTalk,
     /// Settings of recipe `paper`.
     #[cfg_attr(feature = "clap", command(flatten))]
     pub paper: paper::PaperOptions,
@@ -93,6 +111,7 @@ impl Default for Options {
             max_labels: 512,
             roughness: 0.14,
             min_component: 40,
+            cross_talk: CrossTalk::Auto,
             paper: paper::PaperOptions::default(),
         }
     }
@@ -151,17 +170,7 @@ pub fn run_observed(
     progress: &Progress,
     observer: Option<&mut dyn Observer>,
 ) -> Result<Reconstruction, Error> {
-    const AGAIN: &str = "run `nelu3d calibrate` for this rig and set, or pass the right --field";
-    if camera_key(&rig.camera) != field.about.camera {
-        let show = |k: &[f64]| format!("{} × {} px, f = {:.1} px", k[0], k[1], k[2]);
-        let (theirs, ours) = (show(&field.about.camera), show(&camera_key(&rig.camera)));
-        return Err(Error::Mismatch { what: "the camera", theirs, ours, remedy: AGAIN });
-    }
-    if field.about.images != set.images || field.k() != set.images.len() * rig.channels.count() {
-        let show = |name: &str, images: &[String]| format!("`{name}` ({})", images.join(", "));
-        let (theirs, ours) = (show(&field.about.set, &field.about.images), show(&set.name, &set.images));
-        return Err(Error::Mismatch { what: "the pattern set", theirs, ours, remedy: AGAIN });
-    }
+    check_field(rig, set, field)?;
     let mut clock = StageClock::new(progress);
     clock.begin("read the scene");
     let capture = rig.read_shot(shot, set, nelu3d_scan::rig::Need::Scene)?;
@@ -175,6 +184,26 @@ pub fn run_observed(
     Ok(out)
 }
 
+/// Whether a color field belongs to a rig and pattern set.
+///
+/// # Errors
+///
+/// [`Error::Mismatch`]: it was made for another camera or other patterns.
+pub fn check_field(rig: &Rig, set: &PatternSet, field: &ColorField) -> Result<(), Error> {
+    const AGAIN: &str = "run `nelu3d calibrate` for this rig and set, or pass the right --field";
+    if camera_key(&rig.camera) != field.about.camera {
+        let show = |k: &[f64]| format!("{} × {} px, f = {:.1} px", k[0], k[1], k[2]);
+        let (theirs, ours) = (show(&field.about.camera), show(&camera_key(&rig.camera)));
+        return Err(Error::Mismatch { what: "the camera", theirs, ours, remedy: AGAIN });
+    }
+    if field.about.images != set.images || field.k() != set.images.len() * rig.channels.count() {
+        let show = |name: &str, images: &[String]| format!("`{name}` ({})", images.join(", "));
+        let (theirs, ours) = (show(&field.about.set, &field.about.images), show(&set.name, &set.images));
+        return Err(Error::Mismatch { what: "the pattern set", theirs, ours, remedy: AGAIN });
+    }
+    Ok(())
+}
+
 /// Why [`reconstruct`] has no result.
 #[derive(Debug)]
 pub enum Failure {
@@ -182,6 +211,15 @@ pub enum Failure {
     Nothing(String),
     /// The user stopped it.
     Cancelled,
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Failure::Nothing(reason) => write!(f, "no pixel can be reconstructed: {reason}"),
+            Failure::Cancelled => write!(f, "stopped before the surface was finished"),
+        }
+    }
 }
 
 impl Failure {
@@ -251,6 +289,30 @@ pub fn reconstruct(
     opts: &Options,
     progress: &Progress,
     clock: &mut StageClock<'_>,
+    observer: Option<&mut dyn Observer>,
+) -> Result<Reconstruction, Failure> {
+    reconstruct_after(None, capture, camera, field, opts, progress, clock, observer)
+}
+
+/// What is known of a scene from a moment earlier.
+#[derive(Clone, Debug)]
+pub struct Before {
+    /// Camera z per pixel, mm; NaN where there was no surface.
+    pub depth: Vec<f32>,
+    /// How the camera mixes the light's colors.
+    pub mixing: Option<Mixing>,
+}
+
+/// Reconstructs a capture of a scene whose surface a moment earlier is known. Where nothing near the old surface explains what is seen, or all in all too little, it is found from nothing.
+#[allow(clippy::too_many_arguments)]
+pub fn reconstruct_after(
+    before: Option<&Before>,
+    capture: &Capture,
+    camera: &Camera,
+    field: &ColorField,
+    opts: &Options,
+    progress: &Progress,
+    clock: &mut StageClock<'_>,
     mut observer: Option<&mut dyn Observer>,
 ) -> Result<Reconstruction, Failure> {
     let mut effort = opts.effort.settings();
@@ -268,7 +330,45 @@ pub fn reconstruct(
     // Decode, in a smaller picture if this one is large.
     clock.begin("decode the cost volume");
     let shares = SharesPrior { sigma_ambient: 0.05, sigma_indirect: 0.2 };
-    let (start, unit) = start(&mut m, &rays, &lookup, field, camera, shares, effort.decoded_pixels, opts);
+    let board = board_color(field, &m).filter(|_| opts.cross_talk == CrossTalk::Auto);
+    let taken = board.is_some().then(|| m.clone());
+    let mut mixing = field.about.mixing.or(before.and_then(|b| b.mixing)).unwrap_or(Mixing::NONE);
+    if let Some(board) = &board {
+        m.unmix(&mixing, board);
+    }
+    let warm = before.and_then(|before| {
+        start_warm(&before.depth, &mut m, &rays, &lookup, field, camera, shares, effort.decoded_pixels, opts)
+    });
+    let redone = warm.as_ref().map(|w| w.redone);
+    let (start, unit) = match warm {
+        Some(w) => {
+            effort = opts.effort.warm();
+            effort.steps = opts.steps.unwrap_or(effort.steps);
+            (w.inv_z, w.unit)
+        }
+        None => {
+            let mut found = start(&mut m, &rays, &lookup, field, camera, shares, effort.decoded_pixels, opts);
+            if let (Some(board), Some(taken), None) = (&board, &taken, field.about.mixing) {
+                // Surface and mixing by turns: each is better with a better other.
+                for _ in 0..MIXING_ROUNDS {
+                    let found_now = mixing::estimate(taken, &found.0, &rays, &lookup, board, &mixing);
+                    // Without evidence for cross-talk there is none: what is systematic for other reasons is not to be bent into it.
+                    let Some(better) = found_now.filter(|e| e.explained > MIXING_EVIDENCE).map(|e| e.mixing) else {
+                        break;
+                    };
+                    let change = better.difference(&mixing);
+                    if change < MIXING_SETTLED {
+                        break;
+                    }
+                    mixing = better;
+                    m = taken.clone();
+                    m.unmix(&mixing, board);
+                    found = start(&mut m, &rays, &lookup, field, camera, shares, effort.decoded_pixels, opts);
+                }
+            }
+            found
+        }
+    };
     if start.iter().all(|z| z.is_nan()) {
         return Err(Failure::Nothing(why_nothing(&m.left)));
     }
@@ -283,15 +383,18 @@ pub fn reconstruct(
     clock.begin("refine the surface");
     let settings = RefineSettings {
         steps: effort.steps,
-        first_width_mm: 0.7,
+        settled: if redone.is_some() { SETTLED } else { 0.0 },
+        first_width_mm: if redone.is_some() { 0.2 } else { 0.7 },
         last_width_mm: 0.1,
         patches: effort.patches,
         gathers: effort.gathers,
+        first_gather: if redone.is_some() { 0 } else { 2 },
         shares,
         ambient_radius: (m.width / 80).max(2),
         // A label is 0.7 px of disparity.
         roughness: opts.roughness / 0.7,
         draws: effort.draws,
+        draw_iterations: if redone.is_some() { 250 } else { 400 },
         seed: opts.seed,
     };
     let refined = refine(&m, &rays, &lookup, &start, unit, channels, &settings, progress, &mut |step, depth| {
@@ -376,6 +479,14 @@ pub fn reconstruct(
         "field".into(),
         json!({ "rig": field.about.rig, "set": field.about.set, "form": field.form_name(), "source": field.about.source }),
     );
+    info.insert(
+        "start".into(),
+        match redone {
+            Some(share) => json!({ "from": "the frame before", "found_anew": share }),
+            None => json!({ "from": "nothing" }),
+        },
+    );
+    info.insert("mixing".into(), json!(board.is_some().then_some(mixing)));
     info.insert("losses".into(), json!(refined.losses));
     info.insert("albedo".into(), json!(refined.albedo));
     info.insert("median_residual".into(), json!(median_residual));
@@ -398,6 +509,77 @@ fn why_nothing(left: &[Left]) -> String {
         count(Left::Outside),
         count(Left::Ambiguous)
     )
+}
+
+/// How often surface and mixing are found by turns, at most.
+const MIXING_ROUNDS: usize = 3;
+/// Least part of the misfit that cross-talk must explain before it is believed.
+const MIXING_EVIDENCE: f32 = 0.1;
+/// Entries of the mixing matrix that change by less than this no longer matter.
+const MIXING_SETTLED: f32 = 0.01;
+
+/// The color of the flash on the board, for images of three channels; `None` where the field does not know it.
+fn board_color(field: &ColorField, m: &Measurements) -> Option<[f32; 3]> {
+    let light: Vec<f32> = field.about.dark.iter().map(|d| d.light).collect();
+    let known = m.light.len() == 3 * m.n() && light.len() == 3 && light.iter().all(|v| *v > 0.0);
+    known.then(|| [light[0], light[1], light[2]])
+}
+
+/// A surface that moves by less than this in a step has settled, labels (mean over its pixels).
+const SETTLED: f32 = 0.01;
+/// Share of the pixels without a place near the old surface above which all are decoded anew.
+const TOO_MANY_WRONG: f32 = 0.4;
+
+/// A start from the frame before.
+struct Warm {
+    /// Inverse depth, 1/mm; NaN where there is none.
+    inv_z: Vec<f32>,
+    /// The label spacing.
+    unit: f32,
+    /// Share of the pixels that were decoded in the whole volume.
+    redone: f32,
+}
+
+/// The start from the surface of the frame before; `None` if it says too little about this one.
+#[allow(clippy::too_many_arguments)]
+fn start_warm(
+    before: &[f32],
+    m: &mut Measurements,
+    rays: &Rays,
+    grid: &Lookup<'_>,
+    field: &ColorField,
+    camera: &Camera,
+    shares: SharesPrior,
+    most: usize,
+    opts: &Options,
+) -> Option<Warm> {
+    let unit = Labels::new(m, rays, grid, opts.max_labels.max(16))?.step;
+    let noisy = decode::depth_noise(m, rays, grid).round().clamp(1.0, 4.0) as usize;
+    let moved = warm::moved(m, rays, grid, &field.validity, before, unit, noisy, &shares);
+    tracing::info!(wrong_share = moved.wrong_share, "start from the frame before");
+    if moved.wrong_share > TOO_MANY_WRONG {
+        return None;
+    }
+    let mut inv_z = moved.inv_z;
+    if moved.wrong.iter().any(|w| *w) {
+        let mut part = m.clone();
+        for (left, wrong) in part.left.iter_mut().zip(&moved.wrong) {
+            if *left == Left::Kept && !wrong {
+                *left = Left::Dark;
+            }
+        }
+        let (found, _) = start_pieces(&mut part, rays, grid, field, camera, shares, most, opts);
+        for i in (0..inv_z.len()).filter(|i| moved.wrong[*i]) {
+            if found[i].is_finite() || inv_z[i].is_nan() {
+                inv_z[i] = found[i];
+            }
+            if part.left[i] == Left::Outside {
+                m.left[i] = Left::Outside;
+            }
+        }
+    }
+    fill(&mut inv_z, &m.left, m.width);
+    Some(Warm { inv_z, unit, redone: moved.wrong_share })
 }
 
 /// The start of the refinement: decoded inverse depth for every pixel that has one, and the label spacing.

@@ -25,6 +25,8 @@ use crate::progress::Progress;
 pub struct RefineSettings {
     /// Gauss-Newton steps.
     pub steps: usize,
+    /// Ends earlier when the surface moves by less than this in a step (mean over its pixels), labels; 0 never does.
+    pub settled: f32,
     /// Width 1/inv_s of the surface at the first step, mm.
     pub first_width_mm: f32,
     /// And at the last, mm.
@@ -33,6 +35,8 @@ pub struct RefineSettings {
     pub patches: usize,
     /// How often the indirect light is gathered anew.
     pub gathers: usize,
+    /// The step before which that happens first.
+    pub first_gather: usize,
     /// Prior of the light that is not in c.
     pub shares: SharesPrior,
     /// Radius over which the shares are smooth, px.
@@ -42,6 +46,8 @@ pub struct RefineSettings {
     pub roughness: f32,
     /// Draws for the uncertainty.
     pub draws: usize,
+    /// Most iterations of their solution.
+    pub draw_iterations: usize,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -225,8 +231,11 @@ pub fn refine(
         let b: Vec<[f32; 1]> = data.iter().zip(&x).map(|(d, x)| [d.h * x[0] - d.g]).collect();
         let mut next = x.clone();
         plate.solve(&h, &b, &mut next, Until { reduction: STEP_REDUCTION, iterations: 120 });
+        let mut way = 0.0f64;
         for i in 0..nw {
-            x[i][0] += (next[i][0] - x[i][0]).clamp(-2.0, 2.0);
+            let by = (next[i][0] - x[i][0]).clamp(-2.0, 2.0);
+            x[i][0] += by;
+            way += f64::from(by.abs());
         }
         watch(step, &|| {
             let mut depth = vec![f32::NAN; n];
@@ -235,6 +244,11 @@ pub fn refine(
             }
             depth
         });
+        // Not before the last gathering of indirect light, and not before the surface is thin.
+        let rehearsed = width <= s.last_width_mm && (step + 1..s.steps).all(|later| !gathers_at(later, s));
+        if rehearsed && way < f64::from(s.settled) * count as f64 {
+            break;
+        }
     }
 
     let information: Vec<Information> = data.iter().map(|d| Information { h: d.h, chi2: d.chi2 / k as f32 }).collect();
@@ -248,7 +262,7 @@ pub fn refine(
         }
     }
     let shared = systematic(&whitened, &slopes, k, &active, win.w, win.h);
-    let sigma = uncertainty::sigma(&plate, &x, &information, &shared, s.draws, s.seed);
+    let sigma = uncertainty::sigma(&plate, &x, &information, &shared, [s.draws, s.draw_iterations], s.seed);
     let mut out = Refined { losses, albedo: shares.albedo.clone(), ..Refined::empty(n) };
     let mut residuals = vec![0.0f32; k];
     for i in (0..nw).filter(|i| active[*i]) {
@@ -274,10 +288,10 @@ const ROUGHNESS_RADIUS: usize = 3;
 /// How far the residual of one step's linear system is brought down.
 const STEP_REDUCTION: f64 = 1e-2;
 
-/// Whether the indirect light is gathered before this step: first when the surface has lost the decoder's noise, then at
-/// even distances.
+/// Whether the indirect light is gathered before this step: first when the surface has lost the decoder's noise (if it has any),
+/// then at even distances.
 fn gathers_at(step: usize, s: &RefineSettings) -> bool {
-    let first = 2.min(s.steps.saturating_sub(2));
+    let first = s.first_gather.min(s.steps.saturating_sub(2));
     (0..s.gathers).any(|g| step == first + g * (s.steps - first) / s.gathers)
 }
 

@@ -1,7 +1,7 @@
 //! Means over squares.
 
 /// In-place mean over a square of the given radius (zero outside), by running sums.
-pub(super) fn box_mean(v: &mut [f32], w: usize, h: usize, radius: usize) {
+pub(crate) fn box_mean(v: &mut [f32], w: usize, h: usize, radius: usize) {
     let norm = 1.0 / (2 * radius + 1) as f32;
     let mut line = vec![0.0f32; w];
     for row in v.chunks_exact_mut(w) {

@@ -39,13 +39,13 @@ pub(super) struct Information {
 }
 
 /// One standard deviation of the unknown per pixel of the plate's window; NaN where there is no surface. `systematic` is
-/// that of [`systematic`]; `x` the solution.
+/// that of [`systematic`]; `x` the solution; `draws` how many there are and the most iterations of their solution.
 pub(super) fn sigma(
     plate: &Plate,
     x: &[[f32; 1]],
     information: &[Information],
     systematic: &[f32],
-    draws: usize,
+    draws: [usize; 2],
     seed: u64,
 ) -> Vec<f32> {
     let (w, h, n) = (plate.width, plate.height, information.len());
@@ -76,7 +76,7 @@ struct Drawn {
 }
 
 /// Solutions of the last linear system for random right-hand sides with the covariance of the data's noise, and of the prior.
-fn draw(plate: &Plate, information: &[Information], draws: usize, seed: u64) -> Drawn {
+fn draw(plate: &Plate, information: &[Information], [draws, iterations]: [usize; 2], seed: u64) -> Drawn {
     use rand_distr::{Distribution, StandardNormal};
     let mut rng = rand::rngs::StdRng::seed_from_u64(seed);
     let h: Vec<f32> = information.iter().map(|i| i.h).collect();
@@ -100,7 +100,7 @@ fn draw(plate: &Plate, information: &[Information], draws: usize, seed: u64) -> 
         }
         let mut y = vec![[0.0; LANES]; n];
         // A tenth of a percent in the solution is far below the scatter of a dozen draws.
-        plate.solve(&h, &b, &mut y, Until { reduction: 1e-3, iterations: 400 });
+        plate.solve(&h, &b, &mut y, Until { reduction: 1e-3, iterations });
         for lane in 0..LANES {
             let one: Vec<[f32; 1]> = y.iter().map(|y| [y[lane]]).collect();
             let (variance, energy) = match lane % 2 {
@@ -292,7 +292,7 @@ mod tests {
             let b: Vec<[f32; 1]> = (0..n).map(|i| [data[i] * truth[i][0] + data[i].sqrt() * noise[i]]).collect();
             let mut x = vec![[0.0f32]; n];
             plate.solve(&data, &b, &mut x, Until { reduction: 1e-6, iterations: 4000 });
-            let s = sigma(&plate, &x, &info, &vec![0.0; n], 24, 3);
+            let s = sigma(&plate, &x, &info, &vec![0.0; n], [24, 400], 3);
             let inner: Vec<usize> =
                 (0..n).filter(|i| (8..w - 8).contains(&(i % w)) && (8..h - 8).contains(&(i / w))).collect();
             let within = inner.iter().filter(|i| (x[**i][0] - truth[**i][0]).abs() <= s[**i]).count();

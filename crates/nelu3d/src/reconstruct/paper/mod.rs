@@ -105,7 +105,7 @@ struct Record {
 }
 
 /// Reconstructs a capture.
-pub(super) fn reconstruct(
+pub(crate) fn reconstruct(
     capture: &Capture,
     camera: &Camera,
     field: &ColorField,

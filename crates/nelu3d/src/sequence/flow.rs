@@ -1,0 +1,212 @@
+//! Dense motion between two images: coarse to fine, each pixel's motion from the gradients in its surroundings (Lucas and
+//! Kanade 1981), held to that of its neighbors where they say little.
+
+use rayon::prelude::*;
+
+use crate::reconstruct::smooth::box_mean;
+
+/// Images are reduced until they have no more than so many pixels: motion changes slowly over an image.
+const MOST_PIXELS: usize = 120_000;
+/// The coarsest image is no smaller than this, px.
+const LEAST_SIDE: usize = 20;
+/// Linearizations per level.
+const ITERATIONS: usize = 4;
+/// Radius of the squares (passed over twice) whose pixels move alike, px.
+const RADIUS: usize = 3;
+/// How far a pixel's motion strays from that of its surroundings, px (one standard deviation).
+const STRAY_PX: f32 = 0.25;
+
+/// The motion u that takes the pixels of `a` to those of `b`: `b(p + u(p)) = a(p)`, px. Both are `height × width`; noise should
+/// not depend on brightness (the square root of the light does that).
+///
+/// # Panics
+///
+/// If an image has another size.
+pub(super) fn flow(a: &[f32], b: &[f32], width: usize, height: usize) -> Vec<[f32; 2]> {
+    assert!(a.len() == width * height && b.len() == a.len(), "images of one size");
+    let mut levels = vec![Level { width, height, a: a.to_vec(), b: b.to_vec() }];
+    while levels.last().is_some_and(|l| l.width.min(l.height) >= 2 * LEAST_SIDE) {
+        let half = levels.last().expect("there is one").half();
+        levels.push(half);
+    }
+    let finest = levels.iter().position(|l| l.a.len() <= MOST_PIXELS).unwrap_or(levels.len() - 1);
+    let coarsest = levels.last().expect("there is one");
+    let mut size = [coarsest.width, coarsest.height];
+    let mut u = vec![[0.0f32; 2]; size[0] * size[1]];
+    for level in levels[finest..].iter().rev() {
+        u = resized(&u, size, [level.width, level.height]);
+        size = [level.width, level.height];
+        let noise = level.noise();
+        for _ in 0..ITERATIONS {
+            level.improve(&mut u, noise);
+        }
+    }
+    resized(&u, size, [width, height])
+}
+
+/// Both images at one scale.
+struct Level {
+    width: usize,
+    height: usize,
+    a: Vec<f32>,
+    b: Vec<f32>,
+}
+
+impl Level {
+    /// Means of 2 × 2 pixels.
+    fn half(&self) -> Self {
+        let (w, h) = (self.width / 2, self.height / 2);
+        let reduce = |v: &[f32]| -> Vec<f32> {
+            let of = |i: usize| {
+                let at = 2 * (i / w) * self.width + 2 * (i % w);
+                0.25 * (v[at] + v[at + 1] + v[at + self.width] + v[at + self.width + 1])
+            };
+            (0..w * h).map(of).collect()
+        };
+        Self { width: w, height: h, a: reduce(&self.a), b: reduce(&self.b) }
+    }
+
+    /// Variance of the noise of one pixel, from the second differences in the quieter half of the image.
+    fn noise(&self) -> f32 {
+        let rows = self.a.chunks_exact(self.width);
+        let mut d: Vec<f32> =
+            rows.flat_map(|r| r.windows(3).step_by(3).map(|v| (v[0] - 2.0 * v[1] + v[2]).powi(2) / 6.0)).collect();
+        if d.is_empty() {
+            return 1e-6;
+        }
+        let mid = d.len() / 2;
+        // The median of a squared normal variable is 0.455 of its mean.
+        (*d.select_nth_unstable_by(mid, f32::total_cmp).1 / 0.455).max(1e-7)
+    }
+
+    /// One linearization about the present motion.
+    fn improve(&self, u: &mut [[f32; 2]], noise: f32) {
+        let (w, h) = (self.width, self.height);
+        // Both images have noise.
+        let variance = 2.0 * noise;
+        let moved: Vec<f32> = (0..w * h)
+            .into_par_iter()
+            .with_min_len(w)
+            .map(|i| bilinear(&self.b, [w, h], (i % w) as f32 + u[i][0], (i / w) as f32 + u[i][1]))
+            .collect();
+        // Σ gx², gx gy, gy², gx r, gy r over the surroundings, with g the mean gradient of both images.
+        let mut sums: [Vec<f32>; 5] = std::array::from_fn(|_| vec![0.0; w * h]);
+        for y in 1..h - 1 {
+            for x in 1..w - 1 {
+                let i = y * w + x;
+                let g = |s: usize| 0.25 * (self.a[i + s] - self.a[i - s] + moved[i + s] - moved[i - s]);
+                let (gx, gy, r) = (g(1), g(w), self.a[i] - moved[i]);
+                // What is there in one image only (covered, or in a highlight) does not tell motion.
+                let trust = 1.0 / (1.0 + r * r / (25.0 * variance));
+                for (sum, v) in sums.iter_mut().zip([gx * gx, gx * gy, gy * gy, gx * r, gy * r]) {
+                    sum[i] = trust * v;
+                }
+            }
+        }
+        let mut around: [Vec<f32>; 2] = [0, 1].map(|c| u.iter().map(|u| u[c]).collect());
+        sums.par_iter_mut().chain(&mut around).for_each(|v| {
+            for _ in 0..2 {
+                box_mean(v, w, h, RADIUS);
+            }
+        });
+        let mut here = vec![1.0f32; w * h];
+        for _ in 0..2 {
+            box_mean(&mut here, w, h, RADIUS);
+        }
+        // Two passes of a box average over about as many pixels as one box of √2 times its side.
+        let pixels = 2.0 * ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32;
+        let hold = variance / (pixels * STRAY_PX * STRAY_PX);
+        u.par_iter_mut().enumerate().with_min_len(w).for_each(|(i, u)| {
+            let mean = [around[0][i] / here[i], around[1][i] / here[i]];
+            let [xx, xy, yy, xr, yr] = [0, 1, 2, 3, 4].map(|j| sums[j][i]);
+            let (p, q) = (xx + hold, yy + hold);
+            // (G + hold) (u' − u) = g r + hold (mean − u)
+            let (f, g) = (xr + hold * (mean[0] - u[0]), yr + hold * (mean[1] - u[1]));
+            let det = p * q - xy * xy;
+            let step = [(q * f - xy * g) / det, (p * g - xy * f) / det];
+            for c in 0..2 {
+                // A linearization holds for about a pixel.
+                u[c] += step[c].clamp(-1.5, 1.5);
+            }
+        });
+    }
+}
+
+/// An image's value between pixels; outside, that of its border.
+pub(super) fn bilinear(v: &[f32], [w, h]: [usize; 2], x: f32, y: f32) -> f32 {
+    let (x, y) = (x.clamp(0.0, w as f32 - 1.0), y.clamp(0.0, h as f32 - 1.0));
+    let (x0, y0) = ((x as usize).min(w.saturating_sub(2)), (y as usize).min(h.saturating_sub(2)));
+    let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
+    let (fx, fy) = (x - x0 as f32, y - y0 as f32);
+    let row = |y: usize| v[y * w + x0] * (1.0 - fx) + v[y * w + x1] * fx;
+    row(y0) * (1.0 - fy) + row(y1) * fy
+}
+
+/// A motion field at another scale, in pixels of that scale.
+fn resized(u: &[[f32; 2]], from: [usize; 2], to: [usize; 2]) -> Vec<[f32; 2]> {
+    if from == to {
+        return u.to_vec();
+    }
+    let scale = [0, 1].map(|c| to[c] as f32 / from[c] as f32);
+    let parts: [Vec<f32>; 2] = [0, 1].map(|c| u.iter().map(|u| u[c] * scale[c]).collect());
+    (0..to[0] * to[1])
+        .into_par_iter()
+        .with_min_len(to[0])
+        .map(|i| {
+            let at = |p: usize, c: usize| (p as f32 + 0.5) / scale[c] - 0.5;
+            let (x, y) = (at(i % to[0], 0), at(i / to[0], 1));
+            [0, 1].map(|c| bilinear(&parts[c], from, x, y))
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A smooth texture under a known motion is found to a few hundredths of a pixel, also where it is larger than the
+    /// surroundings that a pixel looks at.
+    #[test]
+    fn known_motion_is_found() {
+        let (w, h) = (200, 150);
+        let texture = |x: f32, y: f32| {
+            0.5 + 0.12 * (0.23 * x + 0.11 * y).sin() + 0.1 * (0.31 * y - 0.07 * x).cos() + 0.1 * (0.05 * x * 1.3).sin()
+        };
+        for shift in [[0.3f32, -0.2], [2.4, 1.1], [-9.0, 5.5]] {
+            // Rotation by a hundredth about the middle, and the shift.
+            let motion = |x: f32, y: f32| [shift[0] - 0.01 * (y - 75.0), shift[1] + 0.01 * (x - 100.0)];
+            let a: Vec<f32> = (0..w * h)
+                .map(|i| {
+                    let (x, y) = ((i % w) as f32, (i / w) as f32);
+                    let u = motion(x, y);
+                    texture(x + u[0], y + u[1])
+                })
+                .collect();
+            let b: Vec<f32> = (0..w * h).map(|i| texture((i % w) as f32, (i / w) as f32)).collect();
+            let found = flow(&a, &b, w, h);
+            let mut errors: Vec<f32> = (0..w * h)
+                .filter(|i| (20..w - 20).contains(&(i % w)) && (20..h - 20).contains(&(i / w)))
+                .map(|i| {
+                    let u = motion((i % w) as f32, (i / w) as f32);
+                    (found[i][0] - u[0]).hypot(found[i][1] - u[1])
+                })
+                .collect();
+            errors.sort_by(f32::total_cmp);
+            assert!(errors[errors.len() / 2] < 0.03, "{shift:?}: median {}", errors[errors.len() / 2]);
+            assert!(errors[errors.len() * 19 / 20] < 0.1, "{shift:?}: 95 % {}", errors[errors.len() * 19 / 20]);
+        }
+    }
+
+    /// An empty image moves nowhere, whatever its noise.
+    #[test]
+    fn nothing_moves_nowhere() {
+        use rand::{Rng, SeedableRng};
+        let (w, h) = (90, 70);
+        let mut rng = rand::rngs::StdRng::seed_from_u64(3);
+        let mut noise = || (0..w * h).map(|_| 0.2 + 0.01 * rng.random::<f32>()).collect::<Vec<f32>>();
+        let (a, b) = (noise(), noise());
+        let u = flow(&a, &b, w, h);
+        let mean = u.iter().map(|u| u[0].hypot(u[1])).sum::<f32>() / u.len() as f32;
+        assert!(mean < 0.3, "{mean}");
+    }
+}

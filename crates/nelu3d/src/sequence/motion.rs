@@ -1,0 +1,332 @@
+//! Motion between a pattern and its flash.
+//!
+//! The flash of a frame is taken a part of the frame's duration before or after its pattern. On what moved in between, white belongs
+//! to other points of the surface than pattern does, and their ratio is no codeword. Where every point of a flash image was a frame
+//! earlier and will be a frame later is seen in the neighboring frames' flashes; between them it moves with constant
+//! acceleration. So the flash can be drawn as it was at any time near its own, and that of the pattern is the one at which pattern
+//! and flash agree best with the surface. (The paper leaves this to future work, and names the displacement fields of Urakawa and Watanabe.)
+
+use nelu3d_scan::Image;
+use nelu3d_scan::rig::Capture;
+use rayon::prelude::*;
+
+use super::flow::flow;
+use crate::calibrate::dark::DarkLevel;
+use crate::color_field::ColorField;
+use crate::reconstruct::lookup::{Lookup, Rays};
+
+/// How the points of a flash image move.
+pub struct Motion {
+    width: usize,
+    height: usize,
+    /// Per pixel, px per frame.
+    velocity: Vec<[f32; 2]>,
+    /// Per pixel, px per frame².
+    acceleration: Vec<[f32; 2]>,
+}
+
+impl Motion {
+    /// From the flash of a frame and those of the frames before and after it. `None` without either neighbor.
+    pub fn around(before: Option<&Image>, white: &Image, after: Option<&Image>) -> Option<Self> {
+        let (width, height) = (white.width, white.height);
+        // Shot noise of the square root of light does not depend on brightness.
+        let evened = |image: &Image| -> Vec<f32> { image.to_gray().into_iter().map(|v| v.max(0.0).sqrt()).collect() };
+        let here = evened(white);
+        let to = |other: Option<&Image>| other.map(|o| flow(&here, &evened(o), width, height));
+        let (back, forth) = rayon::join(|| to(before), || to(after));
+        let zip = |f: &dyn Fn([f32; 2], [f32; 2]) -> [f32; 2], a: &[[f32; 2]], b: &[[f32; 2]]| -> Vec<[f32; 2]> {
+            a.iter().zip(b).map(|(a, b)| f(*a, *b)).collect()
+        };
+        let (velocity, acceleration) = match (back, forth) {
+            (Some(b), Some(f)) => (
+                zip(&|b, f| [0, 1].map(|c| 0.5 * (f[c] - b[c])), &b, &f),
+                zip(&|b, f| [0, 1].map(|c| f[c] + b[c]), &b, &f),
+            ),
+            (Some(b), None) => (b.iter().map(|b| b.map(|v| -v)).collect(), vec![[0.0; 2]; width * height]),
+            (None, Some(f)) => (f, vec![[0.0; 2]; width * height]),
+            (None, None) => return None,
+        };
+        Some(Self { width, height, velocity, acceleration })
+    }
+
+    /// Median speed of the pixels where `lit`, px per frame.
+    pub fn median_px(&self, lit: impl Fn(usize) -> bool) -> f32 {
+        let mut speed: Vec<f32> = (0..self.velocity.len())
+            .filter(|i| lit(*i))
+            .map(|i| self.velocity[i][0].hypot(self.velocity[i][1]))
+            .collect();
+        if speed.is_empty() {
+            return 0.0;
+        }
+        let mid = speed.len() / 2;
+        *speed.select_nth_unstable_by(mid, f32::total_cmp).1
+    }
+
+    /// Where in the flash the point is that was at pixel (x, y) `t` frames after it (before it, if negative).
+    fn source(&self, x: f32, y: f32, t: f32) -> [f32; 2] {
+        let mut p = [x, y];
+        // p + displacement(p, t) = (x, y), solved for p; motion changes slowly over the image, so this converges at once.
+        for _ in 0..3 {
+            let d = [0, 1]
+                .map(|c| t * self.sample(&self.velocity, p, c) + 0.5 * t * t * self.sample(&self.acceleration, p, c));
+            p = [x - d[0], y - d[1]];
+        }
+        p
+    }
+
+    /// The surface of the frame before, where its points are in this frame: camera z per pixel as it was then, NaN where there was none.
+    /// Both frames' patterns were taken `t` frames after their flashes.
+    pub fn carried(&self, before: &[f32], t: f32) -> Vec<f32> {
+        let (w, h) = (self.width, self.height);
+        assert_eq!(before.len(), w * h, "a map of the flash's size");
+        (0..w * h)
+            .into_par_iter()
+            .with_min_len(w)
+            .map(|i| {
+                let (x, y) = ((i % w) as f32, (i / w) as f32);
+                let flash = self.source(x, y, t);
+                // From time t to t − 1.
+                let back = |c: usize| {
+                    -self.sample(&self.velocity, flash, c)
+                        + 0.5 * (1.0 - 2.0 * t) * self.sample(&self.acceleration, flash, c)
+                };
+                let (x, y) = (x + back(0), y + back(1));
+                if !(x >= 0.0 && y >= 0.0 && x <= w as f32 - 1.0 && y <= h as f32 - 1.0) {
+                    return f32::NAN;
+                }
+                between_pixels(before, w, h, x, y)
+            })
+            .collect()
+    }
+
+    fn sample(&self, map: &[[f32; 2]], [x, y]: [f32; 2], c: usize) -> f32 {
+        let (w, h) = (self.width, self.height);
+        let (x, y) = (x.clamp(0.0, w as f32 - 1.001), y.clamp(0.0, h as f32 - 1.001));
+        let (x0, y0) = (x as usize, y as usize);
+        let (fx, fy) = (x - x0 as f32, y - y0 as f32);
+        let at = y0 * w + x0;
+        let (right, below) = (usize::from(w > 1), if h > 1 { w } else { 0 });
+        (map[at][c] * (1.0 - fx) + map[at + right][c] * fx) * (1.0 - fy)
+            + (map[at + below][c] * (1.0 - fx) + map[at + below + right][c] * fx) * fy
+    }
+
+    /// The flash as it would have been `t` frames after its own time.
+    pub fn flash_at(&self, white: &Image, t: f32) -> Image {
+        let mut out = Image::new(self.width, self.height, white.channels);
+        out.data.par_chunks_mut(self.width * white.channels).enumerate().for_each(|(y, row)| {
+            for (x, px) in row.chunks_exact_mut(white.channels).enumerate() {
+                let p = self.source(x as f32, y as f32, t);
+                cubic(white, p, px);
+            }
+        });
+        out
+    }
+}
+
+/// A depth map between pixels: interpolated where the four around belong together, else the nearest.
+fn between_pixels(z: &[f32], w: usize, h: usize, x: f32, y: f32) -> f32 {
+    /// Pixels whose depths differ by more than this part belong to different surfaces.
+    const JUMP: f32 = 0.01;
+    let (x0, y0) = (x as usize, y as usize);
+    let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
+    let (fx, fy) = (x - x0 as f32, y - y0 as f32);
+    let four = [z[y0 * w + x0], z[y0 * w + x1], z[y1 * w + x0], z[y1 * w + x1]];
+    let (lo, hi) = four.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+    if four.iter().all(|v| v.is_finite()) && hi - lo <= JUMP * lo {
+        return (four[0] * (1.0 - fx) + four[1] * fx) * (1.0 - fy) + (four[2] * (1.0 - fx) + four[3] * fx) * fy;
+    }
+    four[usize::from(fx > 0.5) + 2 * usize::from(fy > 0.5)]
+}
+
+/// An image between pixels (Catmull and Rom 1974), never beyond the values around; clipped where one of the four nearest is.
+fn cubic(image: &Image, [x, y]: [f32; 2], out: &mut [f32]) {
+    let (w, h, channels) = (image.width, image.height, image.channels);
+    let (x, y) = (x.clamp(0.0, w as f32 - 1.0), y.clamp(0.0, h as f32 - 1.0));
+    let (x0, y0) = (x.floor(), y.floor());
+    let weights = |f: f32| {
+        let (f2, f3) = (f * f, f * f * f);
+        [-0.5 * f + f2 - 0.5 * f3, 1.0 - 2.5 * f2 + 1.5 * f3, 0.5 * f + 2.0 * f2 - 1.5 * f3, 0.5 * (f3 - f2)]
+    };
+    let (wx, wy) = (weights(x - x0), weights(y - y0));
+    let column = |i: usize| (x0 as isize + i as isize - 1).clamp(0, w as isize - 1) as usize;
+    let row = |j: usize| (y0 as isize + j as isize - 1).clamp(0, h as isize - 1) as usize;
+    for (c, out) in out.iter_mut().enumerate() {
+        let at = |i: usize, j: usize| image.data[(row(j) * w + column(i)) * channels + c];
+        let mut sum = 0.0;
+        for (j, wy) in wy.iter().enumerate() {
+            for (i, wx) in wx.iter().enumerate() {
+                sum += wx * wy * at(i, j);
+            }
+        }
+        let near = [at(1, 1), at(2, 1), at(1, 2), at(2, 2)];
+        let (lo, hi) = near.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+        *out = if hi >= 1.0 { hi } else { sum.clamp(lo, hi) };
+    }
+}
+
+/// Times at which the flash is tried first, frames from its own.
+const TRIED: [f32; 17] =
+    [-1.0, -0.875, -0.75, -0.625, -0.5, -0.375, -0.25, -0.125, 0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0];
+/// Most pixels that are asked.
+const MOST_ASKED: usize = 12_000;
+
+/// When a pattern was taken, in frames from its flash.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct PatternTime {
+    /// Negative: the pattern comes first.
+    pub frames: f32,
+    /// Part of the misfit between codewords and surface that goes away when the flash is drawn at that time.
+    pub explained: f32,
+}
+
+/// Finds the time of the patterns, near `near` if that is known, for a surface of camera z `depth` (NaN where there is none) in their image. `capture` has the flash as it
+/// was taken. `None` if fewer than a hundred pixels can tell.
+pub fn pattern_time(
+    motion: &Motion,
+    near: Option<f32>,
+    capture: &Capture,
+    depth: &[f32],
+    rays: &Rays,
+    field: &ColorField,
+) -> Option<PatternTime> {
+    let white = &capture.white;
+    let (channels, k) = (white.channels, capture.patterns.len() * white.channels);
+    let grid = field.to_grid();
+    let lookup = Lookup::new(&grid, field.about.fineness);
+    let noise = &field.about.noise;
+    let all: Vec<usize> = (0..depth.len()).filter(|i| depth[*i].is_finite()).collect();
+    let asked: Vec<usize> = all.iter().copied().step_by(all.len() / MOST_ASKED + 1).collect();
+    if asked.len() < 100 {
+        return None;
+    }
+    let cost = |t: f32| -> f64 {
+        let one = |i: &usize| -> f64 {
+            let mut c = vec![0.0; k];
+            lookup.eval(rays.in_frame(*i).at(f64::from(depth[*i] / rays.dir_z(*i))).q, &mut c);
+            let mut flash = vec![0.0; channels];
+            cubic(white, motion.source((*i % white.width) as f32, (*i / white.width) as f32, t), &mut flash);
+            let mut chi2 = 0.0;
+            for (m, pattern) in capture.patterns.iter().enumerate() {
+                for ch in 0..channels {
+                    let own = white.data[i * channels + ch];
+                    let black = match &capture.black {
+                        Some(black) => black.data[i * channels + ch],
+                        None => field.about.dark.get(ch).map_or(0.0, |d: &DarkLevel| d.at(own)),
+                    };
+                    // The weight is that of the flash as taken, so that no time gains from having less light.
+                    let light = (own - black).max(1e-3);
+                    let variance = noise.normalized_variance(c[m * channels + ch].clamp(0.0, 1.0), light, black);
+                    let r =
+                        (pattern.data[i * channels + ch] - black - c[m * channels + ch] * (flash[ch] - black)) / light;
+                    chi2 += r * r / variance;
+                }
+            }
+            let limit = 9.0 * k as f32;
+            f64::from(chi2 / (1.0 + chi2 / limit))
+        };
+        // Summed in order: the same on any number of threads.
+        let costs: Vec<f64> = asked.par_iter().with_min_len(256).map(one).collect();
+        costs.iter().sum()
+    };
+    let still = cost(0.0);
+    let (mut frames, mut least) = match near {
+        Some(near) => (near, cost(near)),
+        None => {
+            let tried = TRIED.map(&cost);
+            let best = (0..TRIED.len()).min_by(|a, b| tried[*a].total_cmp(&tried[*b])).expect("some were tried");
+            (TRIED[best], tried[best])
+        }
+    };
+    // The minimum is smooth: parabolas through ever closer neighbors.
+    let mut width = 0.0625;
+    for _ in 0..if near.is_some() { 2 } else { 3 } {
+        let (a, b) = (cost(frames - width), cost(frames + width));
+        let bend = a - 2.0 * least + b;
+        let next = frames
+            + if bend > 0.0 { (0.5 * (a - b) / bend) as f32 * width } else { 0.0 }.clamp(-1.5 * width, 1.5 * width);
+        let there = cost(next);
+        if there < least {
+            (frames, least) = (next, there);
+        }
+        width *= 0.4;
+    }
+    Some(PatternTime { frames, explained: if still > 0.0 { (1.0 - least / still) as f32 } else { 0.0 } })
+}
+
+/// The mean of two flashes, the second with the share `share`: the plain way to a flash between the two.
+///
+/// # Panics
+///
+/// If they differ in size.
+pub fn between(a: &Image, b: &Image, share: f32) -> Image {
+    assert!((a.width, a.height, a.channels) == (b.width, b.height, b.channels), "flashes of one camera");
+    let mix = |(a, b): (&f32, &f32)| if *a >= 1.0 || *b >= 1.0 { a.max(*b) } else { a * (1.0 - share) + b * share };
+    Image { data: a.data.iter().zip(&b.data).map(mix).collect(), ..*a }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture(shift: f32) -> Image {
+        let (width, height) = (160, 120);
+        let mut image = Image::new(width, height, 1);
+        for i in 0..width * height {
+            let (x, y) = ((i % width) as f32 - shift, (i / width) as f32);
+            image.data[i] = 0.3 + 0.1 * (0.2 * x + 0.1 * y).sin() + 0.08 * (0.17 * y - 0.1 * x).cos();
+        }
+        image
+    }
+
+    /// Under constant acceleration the flash is drawn as it was between frames.
+    #[test]
+    fn a_flash_is_drawn_at_another_time() {
+        let place = |t: f32| 3.0 * t + 0.8 * t * t;
+        let motion = Motion::around(Some(&picture(place(-1.0))), &picture(0.0), Some(&picture(place(1.0)))).unwrap();
+        for t in [-0.7, -0.25, 0.5] {
+            let (drawn, truth) = (motion.flash_at(&picture(0.0), t), picture(place(t)));
+            let mut worst = 0.0f32;
+            for i in (0..truth.data.len()).filter(|i| (15..145).contains(&(i % 160)) && (15..105).contains(&(i / 160)))
+            {
+                worst = worst.max((drawn.data[i] - truth.data[i]).abs());
+            }
+            assert!(worst < 0.006, "{t}: {worst}");
+        }
+        assert!((motion.median_px(|_| true) - 3.0).abs() < 0.2);
+    }
+
+    /// A surface seen with a picture on it comes along with the picture.
+    #[test]
+    fn a_surface_is_carried_to_the_next_frame() {
+        let place = |t: f32| 3.0 * t + 0.5 * t * t;
+        let motion = Motion::around(Some(&picture(place(-1.0))), &picture(0.0), Some(&picture(place(1.0)))).unwrap();
+        let t = -0.3;
+        let surface =
+            |shift: f32| -> Vec<f32> { (0..160 * 120).map(|i| 500.0 + 0.2 * ((i % 160) as f32 - shift)).collect() };
+        let (carried, truth) = (motion.carried(&surface(place(t - 1.0)), t), surface(place(t)));
+        for i in (0..truth.len()).filter(|i| (15..145).contains(&(i % 160)) && (15..105).contains(&(i / 160))) {
+            assert!((carried[i] - truth[i]).abs() < 0.05, "{i}: {} {}", carried[i], truth[i]);
+        }
+    }
+
+    #[test]
+    fn one_neighbor_gives_the_velocity_and_none_nothing() {
+        let back = Motion::around(Some(&picture(-2.0)), &picture(0.0), None).unwrap();
+        let forth = Motion::around(None, &picture(0.0), Some(&picture(2.0))).unwrap();
+        let middle = 60 * 160 + 80;
+        for m in [back, forth] {
+            assert!((m.velocity[middle][0] - 2.0).abs() < 0.1, "{:?}", m.velocity[middle]);
+        }
+        assert!(Motion::around(None, &picture(0.0), None).is_none());
+    }
+
+    #[test]
+    fn what_is_clipped_stays_clipped() {
+        let mut white = picture(0.0);
+        white.data[50 * 160 + 70] = 1.0;
+        let motion = Motion::around(None, &white, Some(&picture(1.0))).unwrap();
+        let drawn = motion.flash_at(&white, 0.5);
+        assert!(drawn.data.iter().any(|v| *v >= 1.0));
+        assert!(between(&white, &picture(0.0), 0.5).data[50 * 160 + 70] >= 1.0);
+    }
+}

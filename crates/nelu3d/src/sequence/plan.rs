@@ -1,0 +1,88 @@
+//! Which frames are computed where.
+
+use std::fmt;
+use std::ops::Range;
+use std::str::FromStr;
+
+/// One of n parts of a sequence, as `2/8`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// From 1.
+    pub index: usize,
+    /// How many there are.
+    pub of: usize,
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
+        match parts {
+            Some((index, of)) if (1..=of).contains(&index) => Ok(Self { index, of }),
+            _ => Err("a part and their number, as 1/8 to 8/8".into()),
+        }
+    }
+}
+
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.index, self.of)
+    }
+}
+
+/// A sequence of `frames` frames with a keyframe every `keyframe` frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// Frames in all.
+    pub frames: usize,
+    /// Frames from one keyframe to the next; at least 1.
+    pub keyframe: usize,
+}
+
+impl Plan {
+    /// Whether a frame begins anew.
+    pub fn is_key(&self, frame: usize) -> bool {
+        frame.is_multiple_of(self.keyframe)
+    }
+
+    /// Stretches between keyframes.
+    pub fn stretches(&self) -> usize {
+        self.frames.div_ceil(self.keyframe)
+    }
+
+    /// The frames of one part: whole stretches, as evenly as they go. Empty if there are more parts than stretches.
+    pub fn part(&self, shard: Shard) -> Range<usize> {
+        let edge = |i: usize| (i * self.stretches() / shard.of * self.keyframe).min(self.frames);
+        edge(shard.index - 1)..edge(shard.index)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_whole_stretches_and_cover_everything_once() {
+        for (frames, keyframe, of) in [(60, 10, 4), (61, 10, 4), (7, 3, 2), (5, 30, 3), (1, 1, 1), (100, 1, 7)] {
+            let plan = Plan { frames, keyframe };
+            let mut next = 0;
+            for index in 1..=of {
+                let part = plan.part(Shard { index, of });
+                assert_eq!(part.start, next);
+                assert!(part.is_empty() || plan.is_key(part.start));
+                next = part.end;
+            }
+            assert_eq!(next, frames);
+        }
+    }
+
+    #[test]
+    fn shards_are_read_as_written() {
+        assert_eq!("2/8".parse(), Ok(Shard { index: 2, of: 8 }));
+        assert_eq!(Shard { index: 2, of: 8 }.to_string(), "2/8");
+        for wrong in ["0/3", "4/3", "1", "a/b", "1/0", "-1/2", ""] {
+            assert!(wrong.parse::<Shard>().is_err(), "{wrong}");
+        }
+    }
+}
