@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 use nelu3d::decode::lookup3d::Rank;
+use nelu3d_scan::image::Channels;
 use nelu3d_scan::pattern::{
     Alacarte, Binary, Film, Gray, Hilbert, Mps, PhaseShift, Ramp, Random, Sinusoid, Triangle, Xor,
 };
@@ -56,6 +57,8 @@ pub(crate) enum Command {
     /// Make the images a light source shows, or judge such images as a code.
     #[command(subcommand)]
     Patterns(Patterns),
+    /// Turn a recording, a folder of numbered frames, into a sequence, a scene or the sweep of a rig.
+    Import(Import),
     /// List everything that is wrong with a rig folder, in one go.
     Check(Check),
     /// Turn the board sweep of a rig into a color field.
@@ -316,6 +319,82 @@ fn sigma(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(sigma) if (0.0..=1.0).contains(&sigma) => Ok(sigma),
         _ => Err("a number from 0 to 1".into()),
+    }
+}
+
+/// `nelu3d import`
+#[derive(Debug, clap::Args)]
+#[command(group = clap::ArgGroup::new("target").required(true))]
+pub(crate) struct Import {
+    /// Folder of numbered frames: PNG, TIFF, or uncompressed DNG as Chronos cameras record it.
+    pub frames: PathBuf,
+    /// Rig folder, or its rig.toml; a new one needs --camera.
+    pub rig: PathBuf,
+    /// Write RIG/sequences/NAME: a frame of every group of images.
+    #[arg(long, value_name = "NAME", group = "target")]
+    pub sequence: Option<String>,
+    /// Write RIG/scenes/NAME: one group of images, or with --mean several.
+    #[arg(long, value_name = "NAME", group = "target")]
+    pub scene: Option<String>,
+    /// Write RIG/calibration: a board position of every group of images.
+    #[arg(long, group = "target")]
+    pub calibration: bool,
+    /// What consecutive frames are, over and over again: white, black, names of patterns, or skip for one to leave out
+    /// (default: the images of the pattern set, then white).
+    #[arg(long, value_name = "IMAGE,…", value_delimiter = ',')]
+    pub order: Option<Vec<String>>,
+    /// Pattern set that the default order is of (default: the rig's first), or the name of a new rig's.
+    #[arg(long, value_name = "NAME")]
+    pub set: Option<String>,
+    /// First frame to use, counted from 1 in the order of the names.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub first: Option<u32>,
+    /// Last frame to use.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub last: Option<u32>,
+    /// Use every Nth group only.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub every: u32,
+    /// Average all groups into one, for less noise where nothing moved.
+    #[arg(long, conflicts_with = "sequence")]
+    pub mean: bool,
+    /// The light off, for recordings without it: an image, or a folder of images to average.
+    #[arg(long, value_name = "FILE|DIR")]
+    pub black: Option<PathBuf>,
+    /// Replace what an earlier import wrote there.
+    #[arg(long)]
+    pub force: bool,
+    /// What a new rig needs.
+    #[command(flatten)]
+    pub sensor: Sensor,
+}
+
+/// What a new rig needs to know of the camera.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "New rigs")]
+pub(crate) struct Sensor {
+    /// Intrinsics (default: RIG/camera.json).
+    #[arg(long, value_name = "FILE")]
+    pub camera: Option<PathBuf>,
+    /// How the sensor delivers color: mono, rgb, bayer-rggb, bayer-bggr, bayer-grbg, bayer-gbrg (default: as DNG says).
+    #[arg(long, value_name = "CHANNELS", value_parser = channels)]
+    pub channels: Option<Channels>,
+    /// Sensor code for no light (default: as DNG says, or 0).
+    #[arg(long, value_name = "CODE", value_parser = code)]
+    pub black_level: Option<f64>,
+    /// Sensor code at and above which a value is clipped (default: as DNG says, or by the frames' codes).
+    #[arg(long, value_name = "CODE", value_parser = code)]
+    pub saturation: Option<f64>,
+}
+
+fn channels(text: &str) -> Result<Channels, String> {
+    Channels::from_name(text).ok_or_else(|| format!("one of {}", Channels::ALL.map(Channels::name).join(", ")))
+}
+
+fn code(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(code) if (0.0..=65535.0).contains(&code) => Ok(code),
+        _ => Err("a number from 0 to 65535".into()),
     }
 }
 

@@ -56,6 +56,7 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
         Command::Demo(a) => commands::demo::run(a, &context),
         Command::Simulate(a) => commands::simulate::run(a, &context),
         Command::Patterns(a) => commands::patterns::run(a, &context),
+        Command::Import(a) => commands::import::run(a, &context),
         Command::Check(a) => commands::check::run(a, &context),
         Command::Calibrate(a) => commands::calibrate::run(a, &context),
         Command::Reconstruct(a) => commands::reconstruct::run(a, &context),

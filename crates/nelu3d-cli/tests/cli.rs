@@ -36,6 +36,7 @@ fn help_lists_the_commands() {
         "demo",
         "simulate",
         "patterns",
+        "import",
         "check",
         "projector",
         "calibrate",
@@ -57,7 +58,7 @@ fn help_lists_the_commands() {
 
 #[test]
 fn wrong_usage_is_2() {
-    let wrong: [&[&str]; 10] = [
+    let wrong: [&[&str]; 13] = [
         &[],
         &["fly"],
         &["check"],
@@ -68,6 +69,9 @@ fn wrong_usage_is_2() {
         &["evaluate", "result", "--truth", "a", "--against", "b"],
         &["check", "rig", "--threads", "0"],
         &["bench", "--seconds", "much"],
+        &["import", "frames", "rig"],
+        &["import", "frames", "rig", "--scene", "a", "--calibration"],
+        &["import", "frames", "rig", "--scene", "a", "--channels", "rgbw"],
     ];
     for args in wrong {
         let out = nelu3d(args);

@@ -11,6 +11,7 @@
 pub mod board;
 pub mod camera;
 pub mod image;
+pub mod import;
 pub mod mesh;
 pub mod npy;
 pub mod output;

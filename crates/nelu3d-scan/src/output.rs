@@ -111,19 +111,67 @@ pub fn create_dir(path: &Path) -> io::Result<()> {
 }
 
 fn write_whole(path: &Path, f: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let (path, dir, prefix) = target_of(path)?;
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(".partial");
-    // A temporary file is private by default; a result should be as readable as any other file (less the umask).
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let temp = builder.tempfile_in(dir)?;
-    let _partial = Partial::new(temp.path());
-    let mut w = BufWriter::with_capacity(1 << 16, temp);
-    f(&mut w)?;
-    let temp = w.into_inner().map_err(io::IntoInnerError::into_error)?;
-    temp.persist(path).map_err(|e| e.error)?;
-    Ok(())
+    let mut file = AtomicFile::start(path)?;
+    f(&mut file)?;
+    file.put_in_place()
+}
+
+/// A file under construction, for content that comes bit by bit: what [`write_atomic`] does, in three steps. Dropped
+/// before [`AtomicFile::commit`], it leaves `path` as it was.
+#[derive(Debug)]
+pub struct AtomicFile {
+    target: PathBuf,
+    temp: BufWriter<tempfile::NamedTempFile>,
+    _partial: Partial,
+}
+
+impl AtomicFile {
+    /// Starts the file `path`, in its folder, which must exist.
+    ///
+    /// # Errors
+    ///
+    /// The file system refuses; the message names `path` and, where one is known, a remedy.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        Self::start(path).map_err(|e| explain(path, &e))
+    }
+
+    fn start(path: &Path) -> io::Result<Self> {
+        let (target, dir, prefix) = target_of(path)?;
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(&prefix).suffix(".partial");
+        // A temporary file is private by default; a result should be as readable as any other file (less the umask).
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let temp = builder.tempfile_in(dir)?;
+        let partial = Partial::new(temp.path());
+        Ok(Self { target, temp: BufWriter::with_capacity(1 << 16, temp), _partial: partial })
+    }
+
+    /// Puts the file into place.
+    ///
+    /// # Errors
+    ///
+    /// The file system refuses; the file is then as it was.
+    pub fn commit(self) -> io::Result<()> {
+        let target = self.target.clone();
+        self.put_in_place().map_err(|e| explain(&target, &e))
+    }
+
+    fn put_in_place(self) -> io::Result<()> {
+        let temp = self.temp.into_inner().map_err(io::IntoInnerError::into_error)?;
+        temp.persist(&self.target).map_err(|e| e.error)?;
+        Ok(())
+    }
+}
+
+impl Write for AtomicFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.temp.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.temp.flush()
+    }
 }
 
 /// Where a file really goes, its folder, and how its temporary name begins. Links are followed, so that what they point to

@@ -6,6 +6,7 @@ pub(crate) mod check;
 pub(crate) mod decode;
 pub(crate) mod demo;
 pub(crate) mod evaluate;
+pub(crate) mod import;
 pub(crate) mod job;
 pub(crate) mod patterns;
 pub(crate) mod projector;

@@ -1,14 +1,19 @@
 //! Linear images: what a capture is once it has been read.
 //!
 //! A file is first decoded to the sensor's codes ([`decode()`]), then made linear by [`Raw::linearize`], which subtracts
-//! the black level, scales by the saturation and demosaics. [`write_png8`] and [`write_png16`] go the other way.
+//! the black level, scales by the saturation and demosaics. [`write_png8`] and [`write_png16`] go the other way. [`Apng`] is for
+//! pictures that move.
 
+mod apng;
 mod bayer;
 mod decode;
 mod write;
 
+pub use apng::Apng;
 pub use bayer::demosaic;
+pub(crate) use decode::decode_bytes;
 pub use decode::{Depth, ImageFileError, Raw, RawData, decode, read_any};
+pub(crate) use write::write_png;
 pub use write::{write_gray8, write_png8, write_png16, write_rgb8};
 
 /// How the sensor delivers color.

@@ -68,7 +68,8 @@ fn code(value: f32, black_level: f64, saturation: f64) -> f64 {
     (f64::from(value) * (saturation - black_level) + black_level).round()
 }
 
-fn write_png(
+/// Writes codes as they are: `height × width × channels` values of `bytes_per_value` bytes in the machine's order.
+pub(crate) fn write_png(
     path: &Path,
     bytes: &[u8],
     width: usize,

@@ -6,6 +6,8 @@
 //! | `.obj` | yes | yes, with vertex colors | mm, camera frame |
 //! | `.stl` | ASCII, binary | binary, no colors | mm, camera frame |
 //! | `.glb` | yes | yes | **meters, y up**: (x, −y, −z) / 1000, as glTF 2.0 demands |
+//!
+//! [`AnimatedGlb`] writes a sequence of meshes as one `.glb`.
 
 mod glb;
 mod obj;
@@ -14,6 +16,8 @@ mod stl;
 
 use std::io;
 use std::path::{Path, PathBuf};
+
+pub use glb::AnimatedGlb;
 
 use crate::output::write_atomic;
 
@@ -111,6 +115,14 @@ impl Mesh {
         self.normals = sums.into_iter().map(normalized).collect();
     }
 
+    /// Panics where [`write()`] says so.
+    fn assert_whole(&self) {
+        let n = self.vertices.len();
+        assert!(self.normals.is_empty() || self.normals.len() == n, "one normal per vertex");
+        assert!(self.colors.is_empty() || self.colors.len() == n, "one color per vertex");
+        assert!(self.faces.iter().flatten().all(|&i| (i as usize) < n), "a face of existing vertices");
+    }
+
     /// (b − a) × (c − a) of a triangle: its outward normal times twice its area, mm².
     fn face_cross(&self, [a, b, c]: [u32; 3]) -> [f64; 3] {
         let [a, b, c] = [a, b, c].map(|i| self.vertices[i as usize].map(f64::from));
@@ -130,10 +142,7 @@ impl Mesh {
 ///
 /// If there are some normals or colors but not one per vertex, or a face has a vertex that does not exist.
 pub fn write(path: &Path, mesh: &Mesh) -> io::Result<()> {
-    let n = mesh.vertices.len();
-    assert!(mesh.normals.is_empty() || mesh.normals.len() == n, "one normal per vertex");
-    assert!(mesh.colors.is_empty() || mesh.colors.len() == n, "one color per vertex");
-    assert!(mesh.faces.iter().flatten().all(|&i| (i as usize) < n), "a face of existing vertices");
+    mesh.assert_whole();
     let write = match extension(path).as_str() {
         "ply" => ply::write,
         "obj" => obj::write,

@@ -178,7 +178,7 @@ fn glb_is_valid_and_upright() {
     let normals = floats(&primitive["attributes"]["NORMAL"]);
     assert!(normals.chunks(3).all(|n| (n.iter().map(|c| c * c).sum::<f32>() - 1.0).abs() < 1e-5));
     let at = start(&primitive["indices"]);
-    let indices: Vec<u32> = bin[at..].chunks(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect();
+    let indices: Vec<u32> = bin[at..].chunks(2).map(|b| u16::from_le_bytes(b.try_into().unwrap()).into()).collect();
     assert_eq!(indices, mesh.faces.concat());
     let red = start(&primitive["attributes"]["COLOR_0"]);
     assert_eq!(bin[red..red + 8], [255, 255, 0, 0, 0, 0, 255, 255]);

@@ -11,6 +11,7 @@ use std::path::PathBuf;
 pub use capture::{Capture, Need, ShotReader};
 pub use check::{Finding, Severity, check};
 pub use error::RigError;
+pub(crate) use shots::natural_order;
 
 use crate::board::Board;
 use crate::camera::{Camera, Projector};

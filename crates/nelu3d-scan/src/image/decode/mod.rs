@@ -183,7 +183,8 @@ impl Raw {
         })
     }
 
-    fn check_kind(&self, path: &Path, channels: Channels, saturation: f64) -> Result<(), ImageFileError> {
+    /// Complains about what [`Raw::linearize`] cannot use.
+    pub(crate) fn check_kind(&self, path: &Path, channels: Channels, saturation: f64) -> Result<(), ImageFileError> {
         let kind = |problem: String, remedy: String| ImageFileError::Kind { path: path.to_path_buf(), problem, remedy };
         if self.channels != channels.in_file() {
             let name = channels.name();
@@ -247,7 +248,7 @@ pub fn decode(path: &Path, size: Option<(usize, usize)>) -> Result<Raw, ImageFil
 }
 
 /// [`decode()`] of a file's content; `path` is only for messages.
-pub(super) fn decode_bytes(path: &Path, bytes: &[u8], size: Option<(usize, usize)>) -> Result<Raw, ImageFileError> {
+pub(crate) fn decode_bytes(path: &Path, bytes: &[u8], size: Option<(usize, usize)>) -> Result<Raw, ImageFileError> {
     let file = File { path, bytes, size };
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => png::decode(&file),

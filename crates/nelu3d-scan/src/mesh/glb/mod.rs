@@ -1,10 +1,12 @@
-//! Binary glTF 2.0, for viewers: one mesh (or point cloud) in one file.
+//! Binary glTF 2.0, for viewers: one mesh (or point cloud) in one file, or several, shown one after the other.
 //!
 //! glTF demands meters and y up, so that a viewer shows the scan as the camera saw it: (x, y, z) mm of the camera's
 //! frame becomes (x, −y, −z) / 1000. That is half a turn about x, so triangles keep their winding.
 
+mod animated;
 mod read;
 
+pub use animated::AnimatedGlb;
 pub(super) use read::parse;
 
 use std::io::{self, Write};
@@ -21,7 +23,7 @@ const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 
 /// The binary part of the file and what describes it.
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct Buffers {
     bytes: Vec<u8>,
     views: Vec<Value>,
@@ -29,18 +31,16 @@ struct Buffers {
 }
 
 impl Buffers {
-    /// Appends an array of `count` items and returns the number of its accessor.
-    fn push(&mut self, bytes: Vec<u8>, count: usize, component: u32, shape: &str, bounds: Value) -> usize {
+    /// Appends an array of `count` items and returns the number of its accessor, which gets these extra keys.
+    fn push(&mut self, bytes: Vec<u8>, count: usize, component: u32, shape: &str, extra: Value) -> usize {
         let view = json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len()});
-        // Every item is a multiple of four bytes long, so all arrays stay aligned.
         self.bytes.extend(bytes);
+        // Arrays begin at multiples of four bytes, whatever came before.
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let mut accessor =
             json!({"bufferView": self.views.len(), "componentType": component, "count": count, "type": shape});
-        if component == UNSIGNED_SHORT {
-            accessor["normalized"] = json!(true);
-        }
-        if let Value::Object(bounds) = bounds {
-            for (key, value) in bounds {
+        if let Value::Object(extra) = extra {
+            for (key, value) in extra {
                 accessor[key] = value;
             }
         }
@@ -63,15 +63,21 @@ pub(super) fn write(mesh: &Mesh, w: &mut dyn Write) -> io::Result<()> {
         scene["scenes"][0]["nodes"] = json!([0]);
         scene["nodes"] = json!([{"mesh": 0}]);
         scene["meshes"] = json!([{"primitives": [primitive]}]);
+    }
+    write_file(scene, buffers, w)
+}
+
+/// Writes a scene and what it refers to as one file.
+fn write_file(mut scene: Value, buffers: Buffers, w: &mut dyn Write) -> io::Result<()> {
+    if !buffers.bytes.is_empty() {
         scene["materials"] = json!([{
             "doubleSided": true,
             "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9},
         }]);
         scene["buffers"] = json!([{"byteLength": buffers.bytes.len()}]);
-        scene["bufferViews"] = json!(buffers.views);
-        scene["accessors"] = json!(buffers.accessors);
+        scene["bufferViews"] = Value::Array(buffers.views);
+        scene["accessors"] = Value::Array(buffers.accessors);
     }
-
     let mut text = serde_json::to_vec(&scene)?;
     text.resize(text.len().next_multiple_of(4), b' ');
     let binary = if buffers.bytes.is_empty() { 0 } else { 8 + buffers.bytes.len() };
@@ -129,14 +135,20 @@ fn push_mesh(mesh: &Mesh, buffers: &mut Buffers) -> Value {
     if !mesh.colors.is_empty() {
         let colors = mesh.colors.iter().flat_map(|&[r, g, b]| [linear_u16(r), linear_u16(g), linear_u16(b), u16::MAX]);
         let bytes = colors.flat_map(u16::to_le_bytes).collect();
-        attributes["COLOR_0"] = json!(buffers.push(bytes, n, UNSIGNED_SHORT, "VEC4", Value::Null));
+        attributes["COLOR_0"] = json!(buffers.push(bytes, n, UNSIGNED_SHORT, "VEC4", json!({"normalized": true})));
     }
     let mut primitive = json!({"attributes": attributes, "material": 0});
     if mesh.faces.is_empty() {
         primitive["mode"] = json!(0); // points
     } else {
-        let bytes = mesh.faces.iter().flatten().flat_map(|i| i.to_le_bytes()).collect();
-        primitive["indices"] = json!(buffers.push(bytes, 3 * mesh.faces.len(), UNSIGNED_INT, "SCALAR", Value::Null));
+        let corners = mesh.faces.iter().flatten();
+        // 65535 would mean "begin anew".
+        let (bytes, component) = if n <= 65535 {
+            (corners.flat_map(|&i| (i as u16).to_le_bytes()).collect::<Vec<u8>>(), UNSIGNED_SHORT)
+        } else {
+            (corners.flat_map(|i| i.to_le_bytes()).collect(), UNSIGNED_INT)
+        };
+        primitive["indices"] = json!(buffers.push(bytes, 3 * mesh.faces.len(), component, "SCALAR", Value::Null));
     }
     primitive
 }

@@ -33,6 +33,10 @@ pub(in super::super) fn parse(bytes: &[u8]) -> Result<Mesh, String> {
         }
         let local = Matrix4::from(node.transform().matrix()).map(f64::from);
         let transform = above * local;
+        // The other frames of an animation are scaled to nothing: a viewer shows none of it.
+        if transform.fixed_view::<3, 3>(0, 0).iter().all(|&v| v == 0.0) {
+            continue;
+        }
         open.extend(node.children().map(|child| (child, transform)));
         for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
             let Some(part) = read_primitive(&primitive, &blob, &transform)? else { continue };

@@ -1,0 +1,135 @@
+//! One frame: its codes, and what its file says about the sensor.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::{ImportError, dng};
+use crate::image::{Channels, ImageFileError, Raw, RawData, decode_bytes};
+
+/// What a frame's file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    /// Which a rig can hold as it is.
+    Png,
+    /// Which a rig can hold as it is.
+    Tiff,
+    /// Which becomes one of the others.
+    Dng,
+}
+
+/// What a file says about the sensor; only DNG says anything.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Facts {
+    /// How the sensor delivers color.
+    pub channels: Option<Channels>,
+    /// Sensor code for no light.
+    pub black_level: Option<f64>,
+    /// Sensor code at which a value is clipped.
+    pub white_level: Option<f64>,
+}
+
+/// A frame that has been read.
+pub(super) struct Frame {
+    /// Its file.
+    pub path: PathBuf,
+    /// What that is.
+    pub format: Format,
+    /// Its codes.
+    pub raw: Raw,
+    /// What else it says.
+    pub facts: Facts,
+}
+
+/// Reads a frame of this (width, height).
+pub(super) fn read(path: &Path, size: (usize, usize)) -> Result<Frame, ImageFileError> {
+    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
+        io::ErrorKind::NotFound => ImageFileError::Missing { path: path.to_path_buf() },
+        _ => ImageFileError::Io { path: path.to_path_buf(), source },
+    })?;
+    let (format, raw, facts) = if bytes.starts_with(b"\x89PNG") {
+        (Format::Png, decode_bytes(path, &bytes, Some(size))?, Facts::default())
+    } else if dng::is_raw(path, &bytes) {
+        let (raw, facts) = dng::decode(path, bytes, size)?;
+        (Format::Dng, raw, facts)
+    } else {
+        (Format::Tiff, decode_bytes(path, &bytes, Some(size))?, Facts::default())
+    };
+    Ok(Frame { path: path.to_path_buf(), format, raw, facts })
+}
+
+/// What all frames of a recording have to agree in.
+#[derive(Clone, Debug)]
+pub(super) struct Kind {
+    path: PathBuf,
+    format: Format,
+    depth: crate::image::Depth,
+    channels: usize,
+    facts: Facts,
+}
+
+impl Kind {
+    pub(super) fn of(frame: &Frame) -> Self {
+        let raw = &frame.raw;
+        let (path, facts) = (frame.path.clone(), frame.facts.clone());
+        Self { path, format: frame.format, depth: raw.depth(), channels: raw.channels, facts }
+    }
+
+    /// Complains about a frame of another kind.
+    pub(super) fn check(&self, frame: &Frame) -> Result<(), ImportError> {
+        let first = super::frames::file_name(&self.path);
+        let raw = &frame.raw;
+        let problem = if raw.depth() != self.depth {
+            format!("is {}, but {first} is {}", raw.depth(), self.depth)
+        } else if raw.channels != self.channels {
+            format!("has {} channels, but {first} has {}", raw.channels, self.channels)
+        } else if frame.format != self.format {
+            format!("is {:?}, but {first} is {:?}", frame.format, self.format)
+        } else if frame.facts != self.facts {
+            format!("states another color filter, black or white level than {first}")
+        } else {
+            return Ok(());
+        };
+        Err(ImportError::unfit(&frame.path, problem, "import recordings of different settings one by one"))
+    }
+}
+
+/// Mean codes of several images of one kind, rounded to whole codes.
+pub(super) struct Mean {
+    sums: Vec<u64>,
+    count: u64,
+}
+
+impl Mean {
+    pub(super) fn new() -> Self {
+        Self { sums: Vec::new(), count: 0 }
+    }
+
+    /// Adds an image of whole codes.
+    pub(super) fn add(&mut self, frame: &Frame) -> Result<(), ImportError> {
+        let codes: Box<dyn Iterator<Item = u64>> = match &frame.raw.data {
+            RawData::U8(v) => Box::new(v.iter().map(|&c| u64::from(c))),
+            RawData::U16(v) => Box::new(v.iter().map(|&c| u64::from(c))),
+            RawData::Float(_) => {
+                let problem = "holds floating-point numbers, which are not averaged here";
+                return Err(ImportError::unfit(&frame.path, problem, "average it with the program that wrote it"));
+            }
+        };
+        if self.sums.is_empty() {
+            self.sums = codes.collect();
+        } else {
+            self.sums.iter_mut().zip(codes).for_each(|(sum, code)| *sum += code);
+        }
+        self.count += 1;
+        Ok(())
+    }
+
+    /// The mean, as an image like `like`.
+    pub(super) fn finish(self, like: &Raw) -> Raw {
+        let mean = |sum: u64| (sum + self.count / 2) / self.count;
+        let data = match like.data {
+            RawData::U8(_) => RawData::U8(self.sums.iter().map(|&s| mean(s) as u8).collect()),
+            _ => RawData::U16(self.sums.iter().map(|&s| mean(s) as u16).collect()),
+        };
+        Raw { data, ..*like }
+    }
+}

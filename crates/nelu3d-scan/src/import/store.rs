@@ -1,0 +1,76 @@
+//! Writing images into the rig: as they are where possible, with the same codes otherwise.
+
+use std::fs;
+use std::io::{self, Cursor};
+use std::path::Path;
+
+use ::image::ExtendedColorType;
+use ::tiff::encoder::{TiffEncoder, colortype};
+
+use super::frame::{Format, Frame};
+use super::frames::ending;
+use crate::image::{Raw, RawData, write_png};
+use crate::output::write_atomic;
+
+/// Puts a frame at `path`: the same file if that has the right format, its codes in a new one otherwise.
+pub(super) fn put(frame: &Frame, path: &Path) -> io::Result<()> {
+    let same = match frame.format {
+        Format::Png => ending(path) == "png",
+        Format::Tiff => ending(path).starts_with("tif"),
+        Format::Dng => false,
+    };
+    if same { link(&frame.path, path) } else { write(&frame.raw, path) }
+}
+
+/// A second name for the file: no copy, no space. Where the disk has no such thing, or is another, a copy.
+fn link(from: &Path, to: &Path) -> io::Result<()> {
+    // The link itself would be linked, and may be relative.
+    let from = fs::canonicalize(from)?;
+    if fs::hard_link(&from, to).is_ok() {
+        return Ok(());
+    }
+    fs::copy(&from, to).map(|_| ()).map_err(|e| {
+        io::Error::new(e.kind(), format!("{}: cannot be copied from {}: {e}", to.display(), from.display()))
+    })
+}
+
+/// Writes codes as PNG, or as TIFF where the name says so.
+pub(super) fn write(raw: &Raw, path: &Path) -> io::Result<()> {
+    let Raw { width, height, channels, data } = raw;
+    if ending(path).starts_with("tif") {
+        return write_tiff(raw, path);
+    }
+    let rgb = *channels == 3;
+    match data {
+        RawData::U8(v) => {
+            let kind = if rgb { ExtendedColorType::Rgb8 } else { ExtendedColorType::L8 };
+            write_png(path, v, *width, *height, *channels, 1, kind)
+        }
+        RawData::U16(v) => {
+            let bytes: Vec<u8> = v.iter().flat_map(|c| c.to_ne_bytes()).collect();
+            let kind = if rgb { ExtendedColorType::Rgb16 } else { ExtendedColorType::L16 };
+            write_png(path, &bytes, *width, *height, *channels, 2, kind)
+        }
+        RawData::Float(_) => {
+            let problem = "floating-point numbers do not fit into PNG; call the rig's images .tiff in rig.toml";
+            Err(io::Error::new(io::ErrorKind::InvalidInput, format!("{}: {problem}", path.display())))
+        }
+    }
+}
+
+fn write_tiff(raw: &Raw, path: &Path) -> io::Result<()> {
+    let size = |n: usize| u32::try_from(n).map_err(io::Error::other);
+    let (w, h) = (size(raw.width)?, size(raw.height)?);
+    let mut file = Cursor::new(Vec::new());
+    let mut encoder = TiffEncoder::new(&mut file).map_err(io::Error::other)?;
+    match (&raw.data, raw.channels) {
+        (RawData::U8(v), 3) => encoder.write_image::<colortype::RGB8>(w, h, v),
+        (RawData::U8(v), _) => encoder.write_image::<colortype::Gray8>(w, h, v),
+        (RawData::U16(v), 3) => encoder.write_image::<colortype::RGB16>(w, h, v),
+        (RawData::U16(v), _) => encoder.write_image::<colortype::Gray16>(w, h, v),
+        (RawData::Float(v), 3) => encoder.write_image::<colortype::RGB32Float>(w, h, v),
+        (RawData::Float(v), _) => encoder.write_image::<colortype::Gray32Float>(w, h, v),
+    }
+    .map_err(io::Error::other)?;
+    write_atomic(path, |w| w.write_all(file.get_ref()))
+}

@@ -1,0 +1,270 @@
+//! A sequence of meshes as one animated file: every frame is a node whose scale is 1 during its own frame and 0 otherwise.
+//!
+//! glTF has no visibility that could be animated; a scale of 0 is what its specification recommends for hiding (2.0, §5.25:
+//! with all of it zero, renderers may skip the node). Steps, not blends: in any viewer that plays animations exactly one
+//! frame is to be seen. One that does not shows the first.
+
+use std::io;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::{Buffers, FLOAT, push_mesh, write_file};
+use crate::mesh::Mesh;
+use crate::output::write_atomic;
+
+/// An animated `.glb` file in the making: one mesh after the other is pushed, then the file is written. What is kept of a
+/// mesh are its bytes in the file: 12 a vertex, 12 more for normals, 8 for colors, and 6 or 12 a triangle.
+#[derive(Debug)]
+pub struct AnimatedGlb {
+    fps: f64,
+    buffers: Buffers,
+    meshes: Vec<Value>,
+    /// The mesh of each frame, if it has one.
+    frames: Vec<Option<usize>>,
+}
+
+impl AnimatedGlb {
+    /// A sequence that is shown at this many frames a second.
+    ///
+    /// # Panics
+    ///
+    /// If `fps` is not a number above 0.
+    pub fn new(fps: f64) -> Self {
+        assert!(fps > 0.0 && fps.is_finite(), "frames a second above 0");
+        Self { fps, buffers: Buffers::default(), meshes: Vec::new(), frames: Vec::new() }
+    }
+
+    /// Appends a frame, with normals and colors as [`write`](crate::mesh::write()) has them. An empty mesh shows nothing.
+    ///
+    /// # Errors
+    ///
+    /// The file would be larger than the format allows.
+    ///
+    /// # Panics
+    ///
+    /// As [`write`](crate::mesh::write()).
+    pub fn push(&mut self, mesh: &Mesh) -> io::Result<&mut Self> {
+        mesh.assert_whole();
+        if mesh.vertices.is_empty() {
+            self.frames.push(None);
+            return Ok(self);
+        }
+        let primitive = push_mesh(mesh, &mut self.buffers);
+        self.frames.push(Some(self.meshes.len()));
+        self.meshes.push(json!({"primitives": [primitive]}));
+        if self.buffers.bytes.len() > u32::MAX as usize {
+            let problem = format!("{} frames are too large for one .glb (4 GiB)", self.frames.len());
+            return Err(io::Error::other(format!("{problem}; use fewer frames, or write one file each")));
+        }
+        Ok(self)
+    }
+
+    /// Writes the file, which is whole or absent.
+    ///
+    /// # Errors
+    ///
+    /// There is no frame, or the file cannot be written; the message names it.
+    pub fn write(mut self, path: &Path) -> io::Result<()> {
+        if self.frames.is_empty() {
+            let problem = format!("{}: a sequence without frames cannot be shown; push one first", path.display());
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
+        }
+        let animation = self.animation();
+        let node = |(i, mesh): (usize, &Option<usize>)| {
+            let mut node = json!({"name": format!("frame {i:04}")});
+            if let Some(mesh) = mesh {
+                node["mesh"] = json!(mesh);
+            }
+            if i > 0 {
+                node["scale"] = json!([0.0, 0.0, 0.0]);
+            }
+            node
+        };
+        let mut scene = json!({
+            "asset": {"version": "2.0", "generator": "nelu3d"},
+            "scene": 0,
+            "scenes": [{"nodes": (0..self.frames.len()).collect::<Vec<_>>()}],
+            "nodes": self.frames.iter().enumerate().map(node).collect::<Vec<_>>(),
+            "animations": [animation],
+        });
+        if !self.meshes.is_empty() {
+            scene["meshes"] = Value::Array(self.meshes);
+        }
+        write_atomic(path, |w| write_file(scene, self.buffers, w))
+    }
+
+    /// The animation, whose arrays are appended to the buffer. Frame i is shown from i / fps to (i + 1) / fps; the last one
+    /// also at the very end, for the moment before the viewer begins again.
+    fn animation(&mut self) -> Value {
+        let n = self.frames.len();
+        let time = |i: usize| (i as f64 / self.fps) as f32;
+        let scale = |shown: bool| [f32::from(u8::from(shown)); 3];
+        // Few different courses: frames in the middle share theirs.
+        let courses: [&[bool]; 4] = [&[true, true], &[true, false], &[false, true, false], &[false, true, true]];
+        let mut outputs = [None; 4];
+        let (mut samplers, mut channels) = (Vec::new(), Vec::new());
+        for i in 0..n {
+            let (course, times) = match i {
+                0 if n == 1 => (0, vec![time(0), time(1)]),
+                0 => (1, vec![time(0), time(1)]),
+                i if i + 1 < n => (2, vec![time(0), time(i), time(i + 1)]),
+                i => (3, vec![time(0), time(i), time(i + 1)]),
+            };
+            let buffers = &mut self.buffers;
+            let output = *outputs[course].get_or_insert_with(|| {
+                let values = courses[course];
+                let bytes = values.iter().flat_map(|&v| scale(v)).flat_map(f32::to_le_bytes).collect();
+                buffers.push(bytes, values.len(), FLOAT, "VEC3", Value::Null)
+            });
+            let bounds = json!({"min": [times[0]], "max": [times[times.len() - 1]]});
+            let bytes = times.iter().flat_map(|t| t.to_le_bytes()).collect();
+            let input = buffers.push(bytes, times.len(), FLOAT, "SCALAR", bounds);
+            samplers.push(json!({"input": input, "output": output, "interpolation": "STEP"}));
+            channels.push(json!({"sampler": i, "target": {"node": i, "path": "scale"}}));
+        }
+        json!({"name": "sequence", "samplers": samplers, "channels": channels})
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use gltf::animation::Interpolation;
+    use gltf::animation::util::ReadOutputs;
+    use gltf::{Document, Glb};
+
+    use super::*;
+
+    /// A fan of `n` triangles about the i-th place.
+    fn fan(i: usize, n: usize) -> Mesh {
+        let rim = (0..=n).map(|k| (k as f32 / n as f32).sin_cos()).map(|(y, x)| [x + i as f32, y, 500.0]);
+        let vertices: Vec<[f32; 3]> = std::iter::once([i as f32, 0.0, 500.0]).chain(rim).collect();
+        let colors = vec![[200, 10 * i as u8, 30]; vertices.len()];
+        let faces = (0..n as u32).map(|k| [0, k + 1, k + 2]).collect();
+        Mesh { vertices, normals: vec![], colors, faces }
+    }
+
+    fn written(fps: f64, meshes: &[Mesh]) -> (Document, Vec<u8>, Vec<u8>) {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.glb");
+        let mut glb = AnimatedGlb::new(fps);
+        for mesh in meshes {
+            glb.push(mesh).unwrap();
+        }
+        glb.write(&path).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let glb = Glb::from_slice(&bytes).unwrap();
+        let root = gltf::json::Root::from_slice(&glb.json).unwrap();
+        // Checks references and required keys.
+        let document = Document::from_json(root).unwrap();
+        (document, glb.bin.unwrap().into_owned(), bytes)
+    }
+
+    /// The scale of each node at a time, as a viewer with steps computes it.
+    fn scales(document: &Document, blob: &[u8], time: f32) -> Vec<f32> {
+        let animation = document.animations().next().unwrap();
+        let mut scales = vec![f32::NAN; document.nodes().count()];
+        for channel in animation.channels() {
+            assert_eq!(channel.sampler().interpolation(), Interpolation::Step);
+            let reader = channel.reader(|_| Some(blob));
+            let times: Vec<f32> = reader.read_inputs().unwrap().collect();
+            let Some(ReadOutputs::Scales(values)) = reader.read_outputs() else { panic!("scales") };
+            let values: Vec<[f32; 3]> = values.collect();
+            assert_eq!((times.len(), times[0]), (values.len(), 0.0));
+            assert!(times.is_sorted_by(|a, b| a < b), "{times:?}");
+            let step = times.iter().rposition(|&t| t <= time).unwrap();
+            assert!(values[step] == [1.0; 3] || values[step] == [0.0; 3]);
+            scales[channel.target().node().index()] = values[step][0];
+        }
+        scales
+    }
+
+    #[test]
+    fn one_frame_is_shown_at_a_time() {
+        for n in [1, 2, 5] {
+            let fps = 30.0;
+            let meshes: Vec<Mesh> = (0..n).map(|i| fan(i, 3 + i)).collect();
+            let (document, blob, _) = written(fps, &meshes);
+            assert_eq!((document.nodes().count(), document.meshes().count(), document.animations().count()), (n, n, 1));
+            assert_eq!(document.default_scene().unwrap().nodes().count(), n);
+            for i in 0..n {
+                for part in [0.0, 0.5, 0.99] {
+                    let scales = scales(&document, &blob, ((i as f64 + part) / fps) as f32);
+                    let expected: Vec<f32> = (0..n).map(|k| f32::from(u8::from(k == i))).collect();
+                    assert_eq!(scales, expected, "frame {i} of {n}");
+                }
+            }
+            // The end of the loop is no empty frame.
+            assert_eq!(scales(&document, &blob, (n as f64 / fps) as f32).iter().sum::<f32>(), 1.0);
+            // Without animation, the first.
+            let still: Vec<f32> = document.nodes().map(|n| n.transform().decomposed().2[0]).collect();
+            assert_eq!((still[0], still.iter().sum::<f32>()), (1.0, 1.0));
+            let duration = document
+                .animations()
+                .flat_map(|a| a.samplers().map(|s| s.input().max().unwrap()[0].as_f64().unwrap()).collect::<Vec<_>>());
+            assert!((duration.fold(0.0, f64::max) - n as f64 / fps).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn every_array_lies_in_the_buffer_and_is_aligned() {
+        let meshes = [fan(0, 3), Mesh { faces: vec![], ..fan(1, 4) }, Mesh::default(), fan(3, 70_000)];
+        let (document, blob, bytes) = written(12.5, &meshes);
+        assert_eq!(bytes.len() % 4, 0);
+        let mut ends = Vec::new();
+        for accessor in document.accessors() {
+            let view = accessor.view().unwrap();
+            assert_eq!((view.offset() % 4, accessor.offset()), (0, 0));
+            assert_eq!(view.length(), accessor.count() * accessor.size());
+            assert!(accessor.count() > 0 && view.offset() + view.length() <= blob.len());
+            ends.push((view.offset(), view.offset() + view.length()));
+        }
+        ends.sort_unstable();
+        assert!(ends.windows(2).all(|w| w[0].1 <= w[1].0), "arrays overlap");
+        assert!(ends[ends.len() - 1].1.next_multiple_of(4) == document.buffers().next().unwrap().length());
+
+        let nodes: Vec<_> = document.nodes().collect();
+        assert!(nodes[2].mesh().is_none());
+        for i in [0, 1, 3] {
+            let mesh = &meshes[i];
+            let primitive = nodes[i].mesh().unwrap().primitives().next().unwrap();
+            let reader = primitive.reader(|_| Some(&blob[..]));
+            let positions: Vec<[f32; 3]> = reader.read_positions().unwrap().collect();
+            assert!(
+                positions
+                    .iter()
+                    .zip(&mesh.vertices)
+                    .all(|(p, v)| *p == [v[0] / 1000.0, -v[1] / 1000.0, -v[2] / 1000.0])
+            );
+            assert_eq!(
+                (positions.len(), reader.read_colors(0).unwrap().into_rgb_u8().count()),
+                (mesh.vertices.len(), positions.len())
+            );
+            let corners: Vec<u32> = reader.read_indices().map(|c| c.into_u32().collect()).unwrap_or_default();
+            assert_eq!(corners, mesh.faces.as_flattened());
+            assert_eq!(reader.read_normals().is_some(), !mesh.faces.is_empty());
+            let size = primitive.indices().map(|c| c.size());
+            assert_eq!(size, [Some(2), None, None, Some(4)][i]);
+        }
+    }
+
+    #[test]
+    fn read_as_a_mesh_it_is_its_first_frame() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.glb");
+        let mut glb = AnimatedGlb::new(10.0);
+        glb.push(&fan(0, 3)).unwrap().push(&fan(1, 5)).unwrap();
+        glb.write(&path).unwrap();
+        assert_eq!(Mesh::read(&path).unwrap().faces, fan(0, 3).faces);
+    }
+
+    #[test]
+    fn no_frame_is_no_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let e = AnimatedGlb::new(10.0).write(&dir.path().join("a.glb")).unwrap_err().to_string();
+        assert!(e.contains("a.glb") && e.contains("push one first"), "{e}");
+        // Frames without anything to see are frames.
+        let (document, blob, _) = written(10.0, &[Mesh::default(), fan(0, 3)]);
+        assert_eq!(scales(&document, &blob, 0.05), [1.0, 0.0]);
+    }
+}
