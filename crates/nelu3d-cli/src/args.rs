@@ -416,6 +416,10 @@ pub(crate) struct Calibrate {
     /// Field to write (default: RIG/fields/SET.safetensors).
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Measure the cross-talk of a color camera on this scene, of which some is saturated in color, and keep it with the field:
+    /// scenes with little color then need not tell it themselves.
+    #[arg(long, value_name = "SCENE")]
+    pub colors: Option<String>,
     /// Settings of the method.
     #[command(flatten)]
     pub options: nelu3d::calibrate::Options,

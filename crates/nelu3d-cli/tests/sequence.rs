@@ -104,7 +104,7 @@ fn a_thrown_ball_is_followed_and_its_flash_is_put_right() {
         assert!((time + 0.5).abs() < 0.08, "{i}: {time}");
     }
     let out = dir.path().join("out");
-    for file in ["sequence.json", "meshes/0000.ply", "meshes/0004.ply"] {
+    for file in ["sequence.json", "animation.glb", "preview.png", "meshes/0000.ply", "meshes/0004.ply"] {
         assert!(out.join(file).is_file(), "{file}");
     }
 }

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use nelu3d::calibrate::{self, Options, Report};
+use nelu3d::reconstruct::{self, Mixing};
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::Place;
 use nelu3d_scan::rig::PatternSet;
@@ -17,7 +18,7 @@ pub(crate) fn run(args: args::Calibrate, context: &Context) -> Result<ExitCode> 
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
     let output: PathBuf = args.output.unwrap_or_else(|| default_field(&rig, &set.name));
-    let report = calibrate_to(&rig, set, &args.options, &output, context)?;
+    let (report, mixing) = calibrate_with(&rig, set, &args.options, args.colors.as_deref(), &output, context)?;
     let bytes = std::fs::metadata(&output).map(|m| m.len()).ok();
     let cpu_secs: f64 = report.stages.iter().map(|s| s.cpu_secs).sum();
     let answer = serde_json::json!({
@@ -26,8 +27,15 @@ pub(crate) fn run(args: args::Calibrate, context: &Context) -> Result<ExitCode> 
         "cpu_secs": cpu_secs,
         "peak_memory_bytes": nelu3d::result::peak_memory_bytes(),
         "report": report,
+        "mixing": mixing,
     });
-    context.answer(&answer, || format!("{}field     {}", text(&report), shown(&output)))?;
+    context.answer(&answer, || {
+        let mixing = mixing.map(|m| {
+            let row = |r: &[f32; 3]| r.map(|v| format!("{v:.3}")).join(" ");
+            format!("mixing    {}\n", m.0.iter().map(row).collect::<Vec<_>>().join(" | "))
+        });
+        format!("{}{}field     {}", text(&report), mixing.unwrap_or_default(), shown(&output))
+    })?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -39,12 +47,37 @@ pub(crate) fn calibrate_to(
     output: &Path,
     context: &Context,
 ) -> Result<Report> {
+    Ok(calibrate_with(rig, set, options, None, output, context)?.0)
+}
+
+/// The same, with the cross-talk of the camera's channels measured on a scene.
+fn calibrate_with(
+    rig: &Rig,
+    set: &PatternSet,
+    options: &Options,
+    colors: Option<&str>,
+    output: &Path,
+    context: &Context,
+) -> Result<(Report, Option<Mixing>)> {
     // Before the work: it must not end at a file that cannot be written.
     let _place = Place::new(output)?;
-    let (field, report) = calibrate::run(rig, set, options, &context.progress)?;
+    let scene = colors.map(|name| rig.scene(name)).transpose()?;
+    if scene.is_some() && rig.channels.count() != 3 {
+        bail!("{}: --colors is for color cameras, but this one has one channel", shown(&rig.root));
+    }
+    let (mut field, report) = calibrate::run(rig, set, options, &context.progress)?;
+    if let Some(scene) = scene {
+        let options = reconstruct::Options::default();
+        let result = reconstruct::run(rig, set, &scene, &field, &options, &context.progress)?;
+        let found = result.info.get("mixing").cloned().and_then(|m| serde_json::from_value(m).ok());
+        if found.is_none_or(|m| m == Mixing::NONE) {
+            context.progress.warn(format!("{}: shows no cross-talk, or too few saturated colors", shown(&scene.dir)));
+        }
+        field.about.mixing = found;
+    }
     context.stop_if_asked()?;
     field.save(output)?;
-    Ok(report)
+    Ok((report, field.about.mixing))
 }
 
 /// The report for people.

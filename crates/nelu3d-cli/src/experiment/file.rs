@@ -228,8 +228,8 @@ impl Experiment {
             }
         }
         for method in &self.methods {
-            if !matches!(method.run.split_whitespace().next(), Some("reconstruct" | "decode")) {
-                bail!("method `{}`: `run` must begin with `reconstruct` or `decode`", method.label);
+            if !matches!(method.run.split_whitespace().next(), Some("reconstruct" | "decode" | "sequence")) {
+                bail!("method `{}`: `run` must begin with `reconstruct`, `decode` or `sequence`", method.label);
             }
             if let Some(case) = method.cases.iter().find(|c| self.cases.iter().all(|k| k.label != **c)) {
                 bail!("method `{}`: there is no case `{case}`", method.label);

@@ -2,16 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{PatternSet, Rig, RigError, Shot};
-use crate::image::{Depth, Image, decode};
+use super::{PatternSet, Rig, RigError, Shot, mosaic};
+use crate::image::{Channels, Depth, Image, decode, demosaic};
 
 /// Which of a shot's images must be there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
     /// A board position: white, black and every pattern.
     Calibration,
-    /// A scene or frame: white and every pattern; black where there is one.
+    /// A scene that stands still: white and every pattern; black where there is one.
     Scene,
+    /// A frame of a sequence, whose pattern and white need not show the same: as a scene, but mosaics are demosaiced one by one.
+    Frame,
 }
 
 /// The images of one shot, linear (see [`Image`]). All have the camera's size and the same number of channels.
@@ -39,7 +41,7 @@ impl ShotReader<'_> {
     ///
     /// As [`Rig::read_image`], or it has another bit depth than the image read first.
     pub fn read(&mut self, name: &str) -> Result<Image, RigError> {
-        self.rig.read_agreeing(&self.shot.dir.join(name), &mut self.depth)
+        self.rig.read_agreeing(&self.shot.dir.join(name), self.rig.channels, &mut self.depth)
     }
 }
 
@@ -55,27 +57,41 @@ impl Rig {
     }
 
     pub(super) fn read_with_depth(&self, path: &Path) -> Result<(Image, Depth), RigError> {
+        self.read_as(path, self.channels)
+    }
+
+    /// Reads an image; a mosaic stays one if `channels` says that there is one channel.
+    fn read_as(&self, path: &Path, channels: Channels) -> Result<(Image, Depth), RigError> {
         let raw = decode(path, Some((self.camera.width, self.camera.height)))?;
-        let image = raw.linearize(path, self.channels, self.black_level, self.saturation)?;
+        raw.check_kind(path, self.channels, self.saturation)?;
+        let image = raw.linearize(path, channels, self.black_level, self.saturation)?;
         Ok((image, raw.depth()))
     }
 
-    /// Reads a shot's white, black and the patterns of one set.
+    /// Reads a shot's white, black and the patterns of one set. Raw mosaics of what stands still are normalized before they are demosaiced: the
+    /// patterns are then those whose ratio to white is that of the mosaics.
     ///
     /// # Errors
     ///
     /// As [`Rig::read_image`], for the first image that fails; or images of different bit depths.
     pub fn read_shot(&self, shot: &Shot, set: &PatternSet, need: Need) -> Result<Capture, RigError> {
         let mut depth = None;
-        let white = self.read_agreeing(&shot.dir.join(&self.white), &mut depth)?;
-        let black_path = shot.dir.join(&self.black);
-        let black = if need == Need::Calibration || black_path.exists() {
-            Some(self.read_agreeing(&black_path, &mut depth)?)
-        } else {
-            None
+        let (cell, channels) = match self.channels {
+            Channels::Bayer(cell) if need != Need::Frame => (Some(cell), Channels::Mono),
+            other => (None, other),
         };
-        let read = |name: &String| self.read_agreeing(&shot.dir.join(name), &mut depth);
-        let patterns = set.images.iter().map(read).collect::<Result<_, _>>()?;
+        let mut read = |name: &str| self.read_agreeing(&shot.dir.join(name), channels, &mut depth);
+        let mut white = read(&self.white)?;
+        let wanted = need == Need::Calibration || shot.dir.join(&self.black).exists();
+        let mut black = wanted.then(|| read(&self.black)).transpose()?;
+        let mut patterns = set.images.iter().map(|name| read(name)).collect::<Result<Vec<_>, _>>()?;
+        if let Some(cell) = cell {
+            let (white_rgb, black_rgb) = (demosaic(&white, cell), black.as_ref().map(|b| demosaic(b, cell)));
+            for pattern in &mut patterns {
+                *pattern = mosaic::pattern(pattern, &white, black.as_ref(), &white_rgb, black_rgb.as_ref(), cell);
+            }
+            (white, black) = (white_rgb, black_rgb);
+        }
         Ok(Capture { white, black, patterns })
     }
 
@@ -91,12 +107,17 @@ impl Rig {
     /// As [`Rig::read_shot`].
     pub fn read_inverse(&self, shot: &Shot, set: &PatternSet) -> Result<Vec<Image>, RigError> {
         let mut depth = None;
-        set.inverse.iter().map(|name| self.read_agreeing(&shot.dir.join(name), &mut depth)).collect()
+        set.inverse.iter().map(|name| self.read_agreeing(&shot.dir.join(name), self.channels, &mut depth)).collect()
     }
 
     /// Reads an image and compares its depth with the first one's.
-    fn read_agreeing(&self, path: &Path, first: &mut Option<(Depth, PathBuf)>) -> Result<Image, RigError> {
-        let (image, depth) = self.read_with_depth(path)?;
+    fn read_agreeing(
+        &self,
+        path: &Path,
+        channels: Channels,
+        first: &mut Option<(Depth, PathBuf)>,
+    ) -> Result<Image, RigError> {
+        let (image, depth) = self.read_as(path, channels)?;
         match first {
             Some((other_depth, other)) if *other_depth != depth => {
                 let (other, other_depth) = (other.clone(), *other_depth);

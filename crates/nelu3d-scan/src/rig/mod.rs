@@ -4,6 +4,7 @@ mod capture;
 mod check;
 mod error;
 mod file;
+mod mosaic;
 mod shots;
 
 use std::path::PathBuf;

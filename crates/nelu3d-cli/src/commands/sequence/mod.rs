@@ -138,7 +138,7 @@ impl Work<'_> {
         };
         let mut clock = StageClock::new(quiet);
         clock.begin("read the frame");
-        let capture = self.rig.read_shot(shot, self.set, Need::Scene)?;
+        let capture = self.rig.read_shot(shot, self.set, Need::Frame)?;
         let neighbors = match self.args.motion.motion {
             MotionMode::Off => Neighbors::default(),
             _ => Neighbors {

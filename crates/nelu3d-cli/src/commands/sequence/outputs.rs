@@ -4,6 +4,11 @@ use std::fmt;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use nelu3d::result::Saved;
+use nelu3d::result::picture::{DEPTH_COLORS, Picture, color_at, limits};
+use nelu3d_scan::Mesh;
+use nelu3d_scan::image::Apng;
+use nelu3d_scan::mesh::AnimatedGlb;
 use nelu3d_scan::output::{create_dir, write_atomic};
 use nelu3d_scan::rig::Shot;
 use serde_json::{Value, json};
@@ -40,6 +45,8 @@ pub(super) fn write(folder: &Folder, frames: &[Shot], fps: f64) -> Result<Table>
     let table = Table(rows);
     let done: Vec<&Shot> = frames.iter().filter(|f| folder.is_done(f)).collect();
     meshes(folder, &done)?;
+    animation(folder, &done, fps)?;
+    preview(folder, &done, fps)?;
     let json = json!({ "fps": fps, "mean": table.mean(), "frames": table.json() });
     write_atomic(&folder.root().join(TABLE), |w| Ok(serde_json::to_writer_pretty(w, &json)?))?;
     Ok(table)
@@ -55,6 +62,101 @@ fn meshes(folder: &Folder, frames: &[&Shot]) -> Result<()> {
         link(&from, &to).with_context(|| format!("{}: cannot be written", shown(&to)))?;
     }
     Ok(())
+}
+
+/// The moving surface. A binary glTF holds 4 GiB at most; of a sequence too large for it, vertices are merged until it fits.
+fn animation(folder: &Folder, frames: &[&Shot], fps: f64) -> Result<()> {
+    let bytes: u64 = frames
+        .iter()
+        .map(|f| {
+            let number = |path: &str| folder.summary(f).ok().and_then(|s| s.pointer(path)?.as_u64()).unwrap_or(0);
+            28 * number("/mesh/vertices") + 12 * number("/mesh/faces")
+        })
+        .sum();
+    let cells = (bytes as f64 / MOST_BYTES).sqrt();
+    let mut out = AnimatedGlb::new(fps);
+    for frame in frames {
+        let path = folder.frame(frame).join("mesh.ply");
+        let mesh = Mesh::read(&path)?;
+        out.push(&if cells > 1.0 { merged(&mesh, cells) } else { mesh })?;
+    }
+    Ok(out.write(&folder.root().join(ANIMATION))?)
+}
+
+/// Largest animation, bytes: what viewers open without trouble.
+const MOST_BYTES: f64 = 1.5e9;
+
+/// The mesh with all vertices in a cube of `cells` times its typical edge merged into their mean.
+fn merged(mesh: &Mesh, cells: f64) -> Mesh {
+    let edge = |f: &[u32; 3]| {
+        let (a, b) = (mesh.vertices[f[0] as usize], mesh.vertices[f[1] as usize]);
+        (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>().sqrt()
+    };
+    let mut edges: Vec<f32> = mesh.faces.iter().step_by(mesh.faces.len() / 1000 + 1).map(edge).collect();
+    if edges.is_empty() {
+        return mesh.clone();
+    }
+    edges.sort_by(f32::total_cmp);
+    let side = edges[edges.len() / 2].max(1e-6) * cells as f32;
+    let mut index = std::collections::HashMap::new();
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    let of: Vec<u32> = mesh
+        .vertices
+        .iter()
+        .enumerate()
+        .map(|(i, v)| {
+            let slot = *index.entry(v.map(|c| (c / side).floor() as i64)).or_insert_with(|| {
+                groups.push(Vec::new());
+                groups.len() - 1
+            });
+            groups[slot].push(i);
+            slot as u32
+        })
+        .collect();
+    let mean = |values: &[[f32; 3]], group: &[usize]| -> [f32; 3] {
+        std::array::from_fn(|c| group.iter().map(|i| values[*i][c]).sum::<f32>() / group.len() as f32)
+    };
+    let unit = |v: [f32; 3]| {
+        let length = v.iter().map(|c| c * c).sum::<f32>().sqrt().max(1e-12);
+        v.map(|c| c / length)
+    };
+    let each = |values: &[[f32; 3]]| groups.iter().map(|g| mean(values, g)).collect::<Vec<_>>();
+    Mesh {
+        vertices: each(&mesh.vertices),
+        normals: if mesh.normals.is_empty() { Vec::new() } else { each(&mesh.normals).into_iter().map(unit).collect() },
+        colors: if mesh.colors.is_empty() { Vec::new() } else { groups.iter().map(|g| mesh.colors[g[0]]).collect() },
+        faces: mesh
+            .faces
+            .iter()
+            .map(|f| f.map(|i| of[i as usize]))
+            .filter(|[a, b, c]| a != b && b != c && c != a)
+            .collect(),
+    }
+}
+
+/// The moving picture: the surface as clay in the colors of its depth, one scale for all frames.
+fn preview(folder: &Folder, frames: &[&Shot], fps: f64) -> Result<()> {
+    let mut ends = Vec::new();
+    for frame in frames {
+        let [near, far] = limits(&Saved::read(&folder.frame(frame))?.depth, 1.0, 99.0);
+        ends.extend([near as f32, far as f32]);
+    }
+    let range = limits(&ends, 0.0, 100.0);
+    let mut out = None;
+    for frame in frames {
+        let saved = Saved::read(&folder.frame(frame))?;
+        let normals = saved.normals.with_context(|| format!("{}: has no normals.npy", shown(&folder.frame(frame))))?;
+        // Near is bright.
+        let color = |i: usize| color_at(DEPTH_COLORS, range[0] + range[1] - f64::from(saved.depth[i]), range);
+        let picture = Picture::shaded(&normals, saved.camera.width, saved.camera.height, color).at_most(640);
+        let [w, h] = picture.size();
+        if out.is_none() {
+            out = Some(Apng::create(&folder.root().join(PREVIEW), w, h, frames.len(), fps)?);
+        }
+        let pixels: Vec<u8> = (0..w * h).flat_map(|i| picture.rgb(i)).collect();
+        out.as_mut().expect("just made").push(&pixels)?;
+    }
+    out.map_or(Ok(()), |out| Ok(out.finish()?))
 }
 
 fn link(from: &Path, to: &Path) -> std::io::Result<()> {
@@ -150,5 +252,42 @@ impl fmt::Display for Table {
             writeln!(f)?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A flat sheet of unit squares: merged twice as coarse it is still that sheet, with a quarter of the vertices.
+    #[test]
+    fn merging_keeps_the_surface() {
+        let n = 20usize;
+        let vertices: Vec<[f32; 3]> = (0..n * n).map(|i| [(i % n) as f32, (i / n) as f32, 500.0]).collect();
+        let square = |i: u32| [[i, i + 1, i + n as u32], [i + 1, i + 1 + n as u32, i + n as u32]];
+        let corner = |i: &usize| i % n + 1 < n && i / n + 1 < n;
+        let faces: Vec<[u32; 3]> = (0..n * n).filter(corner).flat_map(|i| square(i as u32)).collect();
+        let normals = vec![[0.0, 0.0, -1.0]; n * n];
+        let colors = (0..n * n).map(|i| [i as u8, 0, 0]).collect();
+        let small = merged(&Mesh { vertices, normals, colors, faces }, 2.0);
+        assert_eq!(small.vertices.len(), n * n / 4);
+        assert_eq!((small.normals.len(), small.colors.len()), (n * n / 4, n * n / 4));
+        assert!(small.vertices.iter().all(|v| v[2] == 500.0) && small.normals.iter().all(|n| *n == [0.0, 0.0, -1.0]));
+        let area: f32 = small
+            .faces
+            .iter()
+            .map(|f| {
+                let [a, b, c] = f.map(|i| small.vertices[i as usize]);
+                0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
+            })
+            .sum();
+        assert!((area - 18.0 * 18.0).abs() < 1e-3, "{area}");
+    }
+
+    #[test]
+    fn means_are_of_numbers_that_all_rows_have() {
+        let rows =
+            [json!({"a": 1.0, "b": {"c": 2}, "d": "x", "e": 5}), json!({"a": 3.0, "b": {"c": 4}, "d": "y", "e": null})];
+        assert_eq!(mean(&rows.iter().collect::<Vec<_>>()), json!({"a": 2.0, "b": {"c": 3.0}}));
     }
 }
