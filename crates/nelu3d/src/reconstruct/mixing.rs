@@ -80,7 +80,7 @@ impl Ready {
     }
 
     /// What takes a codeword of the field to that of an object.
-    fn from_board(&self, flash: Vector3<f32>) -> Matrix3<f32> {
+    fn off_board(&self, flash: Vector3<f32>) -> Matrix3<f32> {
         let rho = self.shares(flash);
         let total = self.a * rho;
         let mixed = self.a * Matrix3::from_diagonal(&rho) * self.inverse;
@@ -186,7 +186,7 @@ pub(super) fn estimate(
     let residuals = |free: &[f64; 6]| -> Option<Vec<Vector3<f64>>> {
         let ready = Ready::new(&Mixing::from_free(free))?;
         let one = |w: &Witness| {
-            let r = ready.from_board(w.flash) * w.codeword - w.measured;
+            let r = ready.off_board(w.flash) * w.codeword - w.measured;
             r.component_mul(&w.weight).cast::<f64>()
         };
         Some(witnesses.par_iter().with_min_len(256).map(one).collect())
@@ -260,10 +260,10 @@ mod tests {
         let ready = Ready::new(&A).unwrap();
         for flash in [[0.9, 0.2, 0.1], [0.3, 0.3, 0.3], [0.1, 0.15, 0.6]] {
             let flash = A.matrix() * Vector3::from(flash);
-            let identity = ready.to_board(flash) * ready.from_board(flash);
+            let identity = ready.to_board(flash) * ready.off_board(flash);
             assert!((identity - Matrix3::identity()).abs().max() < 1e-4, "{identity}");
             // White stays white: rows sum to one.
-            assert!((ready.from_board(flash) * Vector3::repeat(1.0) - Vector3::repeat(1.0)).abs().max() < 1e-5);
+            assert!((ready.off_board(flash) * Vector3::repeat(1.0) - Vector3::repeat(1.0)).abs().max() < 1e-5);
         }
     }
 
@@ -271,7 +271,7 @@ mod tests {
     #[test]
     fn gray_objects_do_not_mix() {
         let ready = Ready::new(&A).unwrap();
-        assert!((ready.from_board(Vector3::repeat(0.4)) - Matrix3::identity()).abs().max() < 1e-5);
+        assert!((ready.off_board(Vector3::repeat(0.4)) - Matrix3::identity()).abs().max() < 1e-5);
     }
 
     /// The formula against the physics it stands for: light through A, object shares, patterns.
@@ -280,7 +280,7 @@ mod tests {
         let (rho, patterns) = (Vector3::new(0.8f32, 0.3, 0.1), Vector3::new(0.2f32, 0.7, 0.5));
         let a = A.matrix();
         let measured = (a * rho.component_mul(&patterns)).component_div(&(a * rho));
-        let found = Ready::new(&A).unwrap().from_board(a * rho) * (a * patterns);
+        let found = Ready::new(&A).unwrap().off_board(a * rho) * (a * patterns);
         assert!((measured - found).abs().max() < 1e-5, "{measured} {found}");
     }
 }

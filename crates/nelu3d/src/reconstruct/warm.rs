@@ -66,7 +66,7 @@ pub(super) fn moved(
                     let t = 1.0 / ((near[i] + offset as f32 * unit) * rays.dir_z(i));
                     let q = rays.in_frame(i).at(f64::from(t)).q;
                     let [close, far] = rays.range[i];
-                    if !(t >= close && t <= far) || !valid.is_lit(q) {
+                    if !(t >= close && t <= far && valid.is_lit(q)) {
                         return most;
                     }
                     grid.eval(q, &mut c);

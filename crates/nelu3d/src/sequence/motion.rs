@@ -30,7 +30,11 @@ impl Motion {
     pub fn around(before: Option<&Image>, white: &Image, after: Option<&Image>) -> Option<Self> {
         let (width, height) = (white.width, white.height);
         // Shot noise of the square root of light does not depend on brightness.
-        let evened = |image: &Image| -> Vec<f32> { image.to_gray().into_iter().map(|v| v.max(0.0).sqrt()).collect() };
+        let evened = |image: &Image| -> Vec<Vec<f32>> {
+            let channel =
+                |c: usize| image.data.iter().skip(c).step_by(image.channels).map(|v| v.max(0.0).sqrt()).collect();
+            (0..image.channels).map(channel).collect()
+        };
         let here = evened(white);
         let to = |other: Option<&Image>| other.map(|o| flow(&here, &evened(o), width, height));
         let (back, forth) = rayon::join(|| to(before), || to(after));
