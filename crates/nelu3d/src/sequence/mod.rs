@@ -83,6 +83,9 @@ pub struct Neighbors {
 /// Speeds below this do not tell when a pattern was taken, px per frame.
 const STILL_PX: f32 = 0.2;
 
+/// A flash drawn at the pattern's time that explains this much less than the one that was taken is wrong.
+const HARMFUL: f32 = -0.02;
+
 /// Reconstructs one frame. `memory` is what the frame before left; a keyframe has none. Frames of recipe `paper` always begin anew.
 ///
 /// # Errors
@@ -133,24 +136,29 @@ pub fn frame(
             capture.white = moving.flash_at(&taken, time.frames);
         }
     }
-    let mut out = match opts.recipe {
-        Recipe::Fast => {
-            let time = found.map_or(0.0, |t| t.frames);
-            let carried = |m: &Memory| match &moving {
-                Some(moving) => moving.carried(&m.depth, time),
-                None => m.depth.clone(),
-            };
-            let before = memory.map(|m| Before { depth: carried(m), mixing: m.mixing });
-            reconstruct_after(before.as_ref(), &capture, camera, field, opts, progress, clock, None)?
-        }
-        Recipe::Paper => paper::reconstruct(&capture, camera, field, opts, progress, clock, None)?,
+    let time = found.map_or(0.0, |t| t.frames);
+    let before = memory.map(|m| {
+        let depth = moving.as_ref().map_or_else(|| m.depth.clone(), |moving| moving.carried(&m.depth, time));
+        Before { depth, mixing: m.mixing }
+    });
+    let run = |capture: &Capture, clock: &mut StageClock<'_>| match opts.recipe {
+        Recipe::Fast => reconstruct_after(before.as_ref(), capture, camera, field, opts, progress, clock, None),
+        Recipe::Paper => paper::reconstruct(capture, camera, field, opts, progress, clock, None),
     };
+    let mut out = run(&capture, clock)?;
     if let (Some(moving), None, true) = (&moving, motion.pattern_time, auto) {
         // Once more with the better surface: what the next frame begins with.
         clock.begin("find the motion");
         capture.white = taken;
         let near = found.map(|t| t.frames);
-        found = pattern_time(moving, near, &capture, &out.depth, &Rays::new(camera, field, 1), field).or(found);
+        let better = pattern_time(moving, near, &capture, &out.depth, &Rays::new(camera, field, 1), field);
+        if better.is_some_and(|t| t.explained < HARMFUL) {
+            // What was seen of motion is none: pattern and flash are believed as they were taken.
+            out = run(&capture, clock)?;
+            found = None;
+        } else {
+            found = better.or(found);
+        }
     }
     // A frame that stands still hands on what it was told.
     let time = found.or(memory.and_then(|m| m.pattern_time));
