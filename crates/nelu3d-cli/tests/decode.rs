@@ -1,7 +1,8 @@
 //! `nelu3d decode` and `nelu3d projector` on a virtual rig with every kind of code and no sensor noise.
 
+mod common;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use nelu3d_scan::camera::read_projector;
@@ -10,16 +11,12 @@ use nelu3d_sim::Spec;
 use nelu3d_sim::spec::{LightSpec, PatternSetSpec, SweepSpec};
 use serde_json::Value;
 
+use common::{nelu3d, simulated, stderr};
+
 /// The rig, made once for all tests; removed when the process ends by the system's own cleaning of its temporary folder.
 fn rig() -> &'static Path {
     static RIG: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
-    &RIG.get_or_init(|| {
-        let dir = tempfile::tempdir().expect("a temporary folder");
-        let path = dir.path().join("rig");
-        nelu3d_sim::simulate(&spec(), &path, &|_, _, _| {}).expect("the spec is sound");
-        (dir, path)
-    })
-    .1
+    &RIG.get_or_init(|| simulated(&spec())).1
 }
 
 /// A 12-bit camera without noise, a projector with a gamma of 1, codes of all kinds, a ball, six board positions.
@@ -47,14 +44,6 @@ fn spec() -> Spec {
     spec.pattern_sets =
         sets.into_iter().map(|(name, patterns)| PatternSetSpec { name: name.into(), patterns }).collect();
     spec
-}
-
-fn nelu3d(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_nelu3d")).args(args).output().expect("the program starts")
-}
-
-fn stderr(out: &Output) -> String {
-    String::from_utf8_lossy(&out.stderr).into_owned()
 }
 
 /// Decodes the ball into a folder and returns the summary.

@@ -1,18 +1,17 @@
 //! `nelu3d import` as it is typed: a recording becomes a rig that `check` has nothing to say against.
 
+mod common;
+
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use nelu3d_scan::image::{Image, write_png16};
 use nelu3d_scan::{Camera, Rig};
 
+use common::nelu3d;
+
 const W: usize = 16;
 const H: usize = 12;
-
-fn nelu3d(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_nelu3d")).args(args).output().expect("the program starts")
-}
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("text")

@@ -1,8 +1,9 @@
 //! The methods that train a signed distance field from scratch, on a small virtual rig without sensor noise: recipe `paper` and
 //! TurboSL. Few iterations, so these tests say that everything is wired up and converges, not how good it gets.
 
+mod common;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use nelu3d_scan::pattern::{Axis, Pattern, Random, Sinusoid};
@@ -10,18 +11,12 @@ use nelu3d_sim::Spec;
 use nelu3d_sim::spec::{LightSpec, PatternSetSpec, SweepSpec};
 use serde_json::Value;
 
+use common::{calibrated, nelu3d, stderr};
+
 /// The rig with a calibrated field, made once.
 fn rig() -> &'static Path {
     static RIG: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
-    &RIG.get_or_init(|| {
-        let dir = tempfile::tempdir().expect("a temporary folder");
-        let path = dir.path().join("rig");
-        nelu3d_sim::simulate(&spec(), &path, &|_, _, _| {}).expect("the spec is sound");
-        let out = nelu3d(&["calibrate", path.to_str().unwrap(), "--quiet"]);
-        assert!(out.status.success(), "{}", stderr(&out));
-        (dir, path)
-    })
-    .1
+    &RIG.get_or_init(|| calibrated(&spec())).1
 }
 
 /// A camera almost without noise, a ball, eight board positions, three patterns.
@@ -39,14 +34,6 @@ fn spec() -> Spec {
     let patterns = vec![sine, random(1), random(2)];
     spec.pattern_sets = vec![PatternSetSpec { name: "smooth".into(), patterns }];
     spec
-}
-
-fn nelu3d(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_nelu3d")).args(args).output().expect("the program starts")
-}
-
-fn stderr(out: &Output) -> String {
-    String::from_utf8_lossy(&out.stderr).into_owned()
 }
 
 /// Runs a method on the ball and returns the summary.

@@ -1,6 +1,8 @@
 //! `nelu3d sequence` on a thrown ball under color film: what it finds, that a kill at any moment changes nothing, that parts make the
 //! whole, and that a bad frame stays its own problem.
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -8,42 +10,21 @@ use std::sync::OnceLock;
 use std::time::Duration;
 
 use nelu3d_sim::Spec;
-use nelu3d_sim::spec::SweepSpec;
 use serde_json::Value;
+
+use common::{calibrated, nelu3d, small, stderr};
 
 /// The rig with its color field, made once.
 fn rig() -> &'static Path {
     static RIG: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
-    &RIG.get_or_init(|| {
-        let dir = tempfile::tempdir().expect("a temporary folder");
-        let path = dir.path().join("rig");
-        nelu3d_sim::simulate(&spec(), &path, &|_, _, _| {}).expect("the spec is sound");
-        let out = nelu3d(&["calibrate", path.to_str().unwrap(), "--quiet"]);
-        assert!(out.status.success(), "{}", stderr(&out));
-        (dir, path)
-    })
-    .1
+    &RIG.get_or_init(|| calibrated(&spec())).1
 }
 
-/// The preset with a quarter of its pixels, ten board positions, and five frames of the ball.
+/// Five frames of the preset's ball.
 fn spec() -> Spec {
-    let mut spec = Spec::preset("film-triton").expect("a preset");
-    let c = &mut spec.camera;
-    (c.width, c.height) = (c.width / 2, c.height / 2);
-    (c.fx, c.fy, c.cx, c.cy) = (0.5 * c.fx, 0.5 * c.fy, 0.5 * (c.cx - 0.5), 0.5 * (c.cy - 0.5));
-    let SweepSpec::Stage { positions, .. } = &mut spec.sweep else { panic!("the preset's board is on a stage") };
-    *positions = 10;
-    spec.scenes.clear();
+    let mut spec = small("film-triton");
     spec.sequences[0].frames = 5;
     spec
-}
-
-fn nelu3d(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_nelu3d")).args(args).output().expect("the program starts")
-}
-
-fn stderr(out: &Output) -> String {
-    String::from_utf8_lossy(&out.stderr).into_owned()
 }
 
 fn arguments<'a>(sequence: &'a str, output: &'a Path, more: &[&'a str]) -> Vec<&'a str> {

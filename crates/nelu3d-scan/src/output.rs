@@ -110,6 +110,22 @@ pub fn create_dir(path: &Path) -> io::Result<()> {
     fs::create_dir_all(path).map_err(|e| explain(path, &e))
 }
 
+/// A second name for the file `from`: no copy, no space. Where the disk has no such thing, or is another, a copy.
+///
+/// # Errors
+///
+/// `from` cannot be read or `to` not written; the message names both.
+pub fn link_or_copy(from: &Path, to: &Path) -> io::Result<()> {
+    // The link itself would be linked, and may be relative.
+    let from = fs::canonicalize(from)?;
+    if fs::hard_link(&from, to).is_ok() {
+        return Ok(());
+    }
+    fs::copy(&from, to).map(|_| ()).map_err(|e| {
+        io::Error::new(e.kind(), format!("{}: cannot be copied from {}: {e}", to.display(), from.display()))
+    })
+}
+
 fn write_whole(path: &Path, f: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let mut file = AtomicFile::start(path)?;
     f(&mut file)?;

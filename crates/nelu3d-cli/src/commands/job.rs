@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use nelu3d::color_field::ColorField;
 use nelu3d::evaluate::{Judged, Trace, Truth, evaluate};
 use nelu3d::reconstruct::{self, Observer};
 use nelu3d::result::{self, About, Input, MeshFiles, Summary};
@@ -12,7 +11,7 @@ use nelu3d_scan::Rig;
 use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::rig::{Need, PatternSet, Shot};
 
-use super::{Context, shown};
+use super::{Context, load_field, shown};
 use crate::args::MeshFormat;
 use crate::report::Page;
 
@@ -106,22 +105,8 @@ impl Job<'_> {
         observer: Option<&mut dyn Observer>,
         context: &Context,
     ) -> Result<Reconstruction> {
-        if !path.exists() {
-            anyhow::bail!(
-                "{}: there is no color field; run `nelu3d calibrate {} --set {}` first, or give one with --field",
-                shown(path),
-                shown(&self.rig.root),
-                self.set.name
-            );
-        }
-        let field = ColorField::load(path)?;
-        reconstruct::run_observed(self.rig, self.set, &self.shot, &field, options, &context.progress, observer).map_err(
-            |e| match e {
-                // The library has a field, not a file.
-                reconstruct::Error::Mismatch { .. } => anyhow::anyhow!("{}: {e}", shown(path)),
-                other => other.into(),
-            },
-        )
+        let field = load_field(self.rig, self.set, path)?;
+        Ok(reconstruct::run_observed(self.rig, self.set, &self.shot, &field, options, &context.progress, observer)?)
     }
 
     /// The files that were read, hashed.

@@ -21,7 +21,10 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
 use nelu3d::Progress;
+use nelu3d::color_field::ColorField;
+use nelu3d::reconstruct::check_field;
 use nelu3d_scan::Rig;
+use nelu3d_scan::rig::PatternSet;
 
 use crate::console::Console;
 
@@ -77,6 +80,22 @@ impl Context {
 /// Where `calibrate` writes the color field of a set, and `reconstruct` looks for it.
 fn default_field(rig: &Rig, set: &str) -> PathBuf {
     rig.root.join("fields").join(format!("{set}.safetensors"))
+}
+
+/// The color field of a set, which must be there and belong to the rig.
+fn load_field(rig: &Rig, set: &PatternSet, path: &Path) -> Result<ColorField> {
+    if !path.exists() {
+        anyhow::bail!(
+            "{}: there is no color field; run `nelu3d calibrate {} --set {}` first, or give one with --field",
+            shown(path),
+            shown(&rig.root),
+            set.name
+        );
+    }
+    let field = ColorField::load(path)?;
+    // The library has a field, not a file.
+    check_field(rig, set, &field).map_err(|e| anyhow::anyhow!("{}: {e}", shown(path)))?;
+    Ok(field)
 }
 
 /// Where `reconstruct` writes the result of a scene.

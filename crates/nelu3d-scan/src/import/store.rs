@@ -1,6 +1,5 @@
 //! Writing images into the rig: as they are where possible, with the same codes otherwise.
 
-use std::fs;
 use std::io::{self, Cursor};
 use std::path::Path;
 
@@ -10,7 +9,7 @@ use ::tiff::encoder::{TiffEncoder, colortype};
 use super::frame::{Format, Frame};
 use super::frames::ending;
 use crate::image::{Raw, RawData, write_png};
-use crate::output::write_atomic;
+use crate::output::{link_or_copy, write_atomic};
 
 /// Puts a frame at `path`: the same file if that has the right format, its codes in a new one otherwise.
 pub(super) fn put(frame: &Frame, path: &Path) -> io::Result<()> {
@@ -19,19 +18,7 @@ pub(super) fn put(frame: &Frame, path: &Path) -> io::Result<()> {
         Format::Tiff => ending(path).starts_with("tif"),
         Format::Dng => false,
     };
-    if same { link(&frame.path, path) } else { write(&frame.raw, path) }
-}
-
-/// A second name for the file: no copy, no space. Where the disk has no such thing, or is another, a copy.
-fn link(from: &Path, to: &Path) -> io::Result<()> {
-    // The link itself would be linked, and may be relative.
-    let from = fs::canonicalize(from)?;
-    if fs::hard_link(&from, to).is_ok() {
-        return Ok(());
-    }
-    fs::copy(&from, to).map(|_| ()).map_err(|e| {
-        io::Error::new(e.kind(), format!("{}: cannot be copied from {}: {e}", to.display(), from.display()))
-    })
+    if same { link_or_copy(&frame.path, path) } else { write(&frame.raw, path) }
 }
 
 /// Writes codes as PNG, or as TIFF where the name says so.

@@ -303,7 +303,8 @@ pub struct Before {
     pub mixing: Option<Mixing>,
 }
 
-/// Reconstructs a capture of a scene whose surface a moment earlier is known. Where nothing near the old surface explains what is seen, or all in all too little, it is found from nothing.
+/// Reconstructs a capture of a scene whose surface a moment earlier is known. Where nothing near the old surface explains
+/// what is seen, or all in all too little, it is found from nothing.
 #[allow(clippy::too_many_arguments)]
 pub fn reconstruct_after(
     before: Option<&Before>,
@@ -333,13 +334,14 @@ pub fn reconstruct_after(
     let board = board_color(field, &m).filter(|_| opts.cross_talk == CrossTalk::Auto);
     let taken = board.is_some().then(|| m.clone());
     let mut mixing = field.about.mixing.or(before.and_then(|b| b.mixing)).unwrap_or(Mixing::NONE);
-    if let Some(board) = &board {
+    if let Some(board) = board.as_ref().filter(|_| mixing != Mixing::NONE) {
         m.unmix(&mixing, board);
     }
     let warm = before.and_then(|before| {
         start_warm(&before.depth, &mut m, &rays, &lookup, field, camera, shares, effort.decoded_pixels, opts)
     });
     let redone = warm.as_ref().map(|w| w.redone);
+    let is_warm = redone.is_some();
     let (start, unit) = match warm {
         Some(w) => {
             effort = opts.effort.warm();
@@ -383,18 +385,18 @@ pub fn reconstruct_after(
     clock.begin("refine the surface");
     let settings = RefineSettings {
         steps: effort.steps,
-        settled: if redone.is_some() { SETTLED } else { 0.0 },
-        first_width_mm: if redone.is_some() { 0.2 } else { 0.7 },
+        settled: if is_warm { SETTLED } else { 0.0 },
+        first_width_mm: if is_warm { 0.2 } else { 0.7 },
         last_width_mm: 0.1,
         patches: effort.patches,
         gathers: effort.gathers,
-        first_gather: if redone.is_some() { 0 } else { 2 },
+        first_gather: if is_warm { 0 } else { 2 },
         shares,
         ambient_radius: (m.width / 80).max(2),
         // A label is 0.7 px of disparity.
         roughness: opts.roughness / 0.7,
         draws: effort.draws,
-        draw_iterations: if redone.is_some() { 250 } else { 400 },
+        draw_iterations: if is_warm { 250 } else { 400 },
         seed: opts.seed,
     };
     let refined = refine(&m, &rays, &lookup, &start, unit, channels, &settings, progress, &mut |step, depth| {
@@ -658,7 +660,7 @@ fn start_pieces(
 
 /// A map's value between pixels: interpolated where the four around belong together (differ by no more than `most`), else
 /// the nearest.
-fn between(map: &[f32], width: usize, height: usize, x: f32, y: f32, most: f32) -> f32 {
+pub(crate) fn between(map: &[f32], width: usize, height: usize, x: f32, y: f32, most: f32) -> f32 {
     let (x0, y0) = (x as usize, y as usize);
     let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
     let four = [map[y0 * width + x0], map[y0 * width + x1], map[y1 * width + x0], map[y1 * width + x1]];

@@ -13,16 +13,17 @@ use rayon::prelude::*;
 use super::flow::{bilinear, flow};
 use crate::calibrate::dark::DarkLevel;
 use crate::color_field::ColorField;
+use crate::reconstruct::between as between_pixels;
 use crate::reconstruct::lookup::{Lookup, Rays};
 
 /// How the points of a flash image move.
 pub struct Motion {
     width: usize,
     height: usize,
-    /// Per pixel, px per frame.
-    velocity: Vec<[f32; 2]>,
-    /// Per pixel, px per frame².
-    acceleration: Vec<[f32; 2]>,
+    /// Along x and y, per pixel, px per frame.
+    velocity: [Vec<f32>; 2],
+    /// The same, px per frame².
+    acceleration: [Vec<f32>; 2],
 }
 
 impl Motion {
@@ -43,27 +44,25 @@ impl Motion {
             (unexplained(&here, &there, &u, [width, height]) <= MOST_UNEXPLAINED).then_some(u)
         };
         let (back, forth) = rayon::join(|| to(before), || to(after));
-        let zip = |f: &dyn Fn([f32; 2], [f32; 2]) -> [f32; 2], a: &[[f32; 2]], b: &[[f32; 2]]| -> Vec<[f32; 2]> {
-            a.iter().zip(b).map(|(a, b)| f(*a, *b)).collect()
-        };
-        let (velocity, acceleration) = match (back, forth) {
-            (Some(b), Some(f)) => (
-                zip(&|b, f| [0, 1].map(|c| 0.5 * (f[c] - b[c])), &b, &f),
-                zip(&|b, f| [0, 1].map(|c| f[c] + b[c]), &b, &f),
-            ),
-            (Some(b), None) => (b.iter().map(|b| b.map(|v| -v)).collect(), vec![[0.0; 2]; width * height]),
-            (None, Some(f)) => (f, vec![[0.0; 2]; width * height]),
+        // A missing neighbor shows what constant velocity would: the other one's motion, turned round.
+        let opposite = |u: &[[f32; 2]]| u.iter().map(|u| u.map(|v| -v)).collect();
+        let (back, forth) = match (back, forth) {
+            (Some(b), Some(f)) => (b, f),
+            (Some(b), None) => (b.clone(), opposite(&b)),
+            (None, Some(f)) => (opposite(&f), f),
             (None, None) => return None,
         };
+        let each = |of: fn(f32, f32) -> f32| {
+            [0, 1].map(|c| back.iter().zip(&forth).map(|(b, f)| of(b[c], f[c])).collect::<Vec<f32>>())
+        };
+        let (velocity, acceleration) = (each(|b, f| 0.5 * (f - b)), each(|b, f| f + b));
         Some(Self { width, height, velocity, acceleration })
     }
 
     /// Median speed of the pixels where `lit`, px per frame.
     pub fn median_px(&self, lit: impl Fn(usize) -> bool) -> f32 {
-        let mut speed: Vec<f32> = (0..self.velocity.len())
-            .filter(|i| lit(*i))
-            .map(|i| self.velocity[i][0].hypot(self.velocity[i][1]))
-            .collect();
+        let [vx, vy] = &self.velocity;
+        let mut speed: Vec<f32> = (0..vx.len()).filter(|i| lit(*i)).map(|i| vx[i].hypot(vy[i])).collect();
         if speed.is_empty() {
             return 0.0;
         }
@@ -76,8 +75,10 @@ impl Motion {
         let mut p = [x, y];
         // p + displacement(p, t) = (x, y), solved for p; motion changes slowly over the image, so this converges at once.
         for _ in 0..3 {
-            let d = [0, 1]
-                .map(|c| t * self.sample(&self.velocity, p, c) + 0.5 * t * t * self.sample(&self.acceleration, p, c));
+            let d = [0, 1].map(|c| {
+                let [velocity, acceleration] = self.at(p, c);
+                t * velocity + 0.5 * t * t * acceleration
+            });
             p = [x - d[0], y - d[1]];
         }
         p
@@ -96,27 +97,22 @@ impl Motion {
                 let flash = self.source(x, y, t);
                 // From time t to t − 1.
                 let back = |c: usize| {
-                    -self.sample(&self.velocity, flash, c)
-                        + 0.5 * (1.0 - 2.0 * t) * self.sample(&self.acceleration, flash, c)
+                    let [velocity, acceleration] = self.at(flash, c);
+                    0.5 * (1.0 - 2.0 * t) * acceleration - velocity
                 };
                 let (x, y) = (x + back(0), y + back(1));
                 if !(x >= 0.0 && y >= 0.0 && x <= w as f32 - 1.0 && y <= h as f32 - 1.0) {
                     return f32::NAN;
                 }
-                between_pixels(before, w, h, x, y)
+                let near = before[y.round() as usize * w + x.round() as usize];
+                between_pixels(before, w, h, x, y, JUMP * near)
             })
             .collect()
     }
 
-    fn sample(&self, map: &[[f32; 2]], [x, y]: [f32; 2], c: usize) -> f32 {
-        let (w, h) = (self.width, self.height);
-        let (x, y) = (x.clamp(0.0, w as f32 - 1.001), y.clamp(0.0, h as f32 - 1.001));
-        let (x0, y0) = (x as usize, y as usize);
-        let (fx, fy) = (x - x0 as f32, y - y0 as f32);
-        let at = y0 * w + x0;
-        let (right, below) = (usize::from(w > 1), if h > 1 { w } else { 0 });
-        (map[at][c] * (1.0 - fx) + map[at + right][c] * fx) * (1.0 - fy)
-            + (map[at + below][c] * (1.0 - fx) + map[at + below + right][c] * fx) * fy
+    /// Velocity and acceleration of the point at `p` in the flash, along x (0) or y (1).
+    fn at(&self, p: [f32; 2], c: usize) -> [f32; 2] {
+        [&self.velocity, &self.acceleration].map(|map| bilinear(&map[c], [self.width, self.height], p[0], p[1]))
     }
 
     /// The flash as it would have been `t` frames after its own time.
@@ -132,20 +128,8 @@ impl Motion {
     }
 }
 
-/// A depth map between pixels: interpolated where the four around belong together, else the nearest.
-fn between_pixels(z: &[f32], w: usize, h: usize, x: f32, y: f32) -> f32 {
-    /// Pixels whose depths differ by more than this part belong to different surfaces.
-    const JUMP: f32 = 0.01;
-    let (x0, y0) = (x as usize, y as usize);
-    let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
-    let (fx, fy) = (x - x0 as f32, y - y0 as f32);
-    let four = [z[y0 * w + x0], z[y0 * w + x1], z[y1 * w + x0], z[y1 * w + x1]];
-    let (lo, hi) = four.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
-    if four.iter().all(|v| v.is_finite()) && hi - lo <= JUMP * lo {
-        return (four[0] * (1.0 - fx) + four[1] * fx) * (1.0 - fy) + (four[2] * (1.0 - fx) + four[3] * fx) * fy;
-    }
-    four[usize::from(fx > 0.5) + 2 * usize::from(fy > 0.5)]
-}
+/// Pixels whose depths differ by more than this part belong to different surfaces.
+const JUMP: f32 = 0.01;
 
 /// An image between pixels (Catmull and Rom 1974), never beyond the values around; clipped where one of the four nearest is.
 fn cubic(image: &Image, [x, y]: [f32; 2], out: &mut [f32]) {
@@ -340,7 +324,7 @@ mod tests {
         let forth = Motion::around(None, &picture(0.0), Some(&picture(2.0))).unwrap();
         let middle = 60 * 160 + 80;
         for m in [back, forth] {
-            assert!((m.velocity[middle][0] - 2.0).abs() < 0.1, "{:?}", m.velocity[middle]);
+            assert!((m.velocity[0][middle] - 2.0).abs() < 0.1, "{:?}", m.velocity[0][middle]);
         }
         assert!(Motion::around(None, &picture(0.0), None).is_none());
     }
@@ -355,7 +339,7 @@ mod tests {
         }
         assert!(Motion::around(Some(&other), &picture(0.0), None).is_none());
         let one = Motion::around(Some(&other), &picture(0.0), Some(&picture(2.0))).unwrap();
-        assert!((one.velocity[60 * 160 + 80][0] - 2.0).abs() < 0.1);
+        assert!((one.velocity[0][60 * 160 + 80] - 2.0).abs() < 0.1);
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod folder;
 mod outputs;
 mod slurm;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, Result};
@@ -19,7 +20,7 @@ use nelu3d_scan::rig::{Need, PatternSet, Shot};
 use nelu3d_scan::{Image, Rig};
 
 use self::folder::Folder;
-use super::{Context, default_field, shown};
+use super::{Context, default_field, default_result, load_field, shown};
 use crate::args;
 
 /// Everything that stays the same from frame to frame.
@@ -40,22 +41,19 @@ pub(crate) fn run(args: &args::Sequence, context: &Context) -> Result<ExitCode> 
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
     let frames = rig.sequence(&args.sequence)?;
-    let name = args.sequence.trim_end_matches('/').rsplit('/').next().unwrap_or(&args.sequence).to_owned();
-    let output = args.output.clone().unwrap_or_else(|| rig.root.join("results").join(format!("{name}-{}", set.name)));
+    let output = match &args.output {
+        Some(output) => output.clone(),
+        None => {
+            let dir = frames[0].dir.canonicalize().with_context(|| format!("{}: is gone", shown(&frames[0].dir)))?;
+            let name = dir.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
+            default_result(&rig, &name, &set.name)
+        }
+    };
     let path = args.field.clone().unwrap_or_else(|| default_field(&rig, &set.name));
     if let Some(script) = &args.slurm {
         return slurm::write(script, args, &output, frames.len(), context);
     }
-    if !path.exists() {
-        anyhow::bail!(
-            "{}: there is no color field; run `nelu3d calibrate {} --set {}` first, or give one with --field",
-            shown(&path),
-            shown(&rig.root),
-            set.name
-        );
-    }
-    let field = ColorField::load(&path)?;
-    nelu3d::reconstruct::check_field(&rig, set, &field).map_err(|e| anyhow::anyhow!("{}: {e}", shown(&path)))?;
+    let field = load_field(&rig, set, &path)?;
     let mut inputs = Vec::new();
     for file in [rig.root.join(nelu3d_scan::rig::RIG_FILE), rig.root.join(&rig.camera_file), path] {
         inputs.push(Input::of(&file).with_context(|| format!("{}: cannot be read", shown(&file)))?);

@@ -4,12 +4,13 @@ use std::fmt;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
+use nelu3d::evaluate::percentile;
 use nelu3d::result::Saved;
-use nelu3d::result::picture::{DEPTH_COLORS, Picture, color_at, limits};
+use nelu3d::result::picture::{DEPTH_COLORS, Picture, color_at};
 use nelu3d_scan::Mesh;
 use nelu3d_scan::image::Apng;
 use nelu3d_scan::mesh::AnimatedGlb;
-use nelu3d_scan::output::{create_dir, write_atomic};
+use nelu3d_scan::output::{create_dir, link_or_copy, write_atomic};
 use nelu3d_scan::rig::Shot;
 use serde_json::{Value, json};
 
@@ -45,8 +46,8 @@ pub(super) fn write(folder: &Folder, frames: &[Shot], fps: f64) -> Result<Table>
     let table = Table(rows);
     let done: Vec<&Shot> = frames.iter().filter(|f| folder.is_done(f)).collect();
     meshes(folder, &done)?;
-    animation(folder, &done, fps)?;
-    preview(folder, &done, fps)?;
+    animation(folder, &done, &table, fps)?;
+    preview(folder, &done, &table, fps)?;
     let json = json!({ "fps": fps, "mean": table.mean(), "frames": table.json() });
     write_atomic(&folder.root().join(TABLE), |w| Ok(serde_json::to_writer_pretty(w, &json)?))?;
     Ok(table)
@@ -65,15 +66,9 @@ fn meshes(folder: &Folder, frames: &[&Shot]) -> Result<()> {
 }
 
 /// The moving surface. A binary glTF holds 4 GiB at most; of a sequence too large for it, vertices are merged until it fits.
-fn animation(folder: &Folder, frames: &[&Shot], fps: f64) -> Result<()> {
-    let bytes: u64 = frames
-        .iter()
-        .map(|f| {
-            let number = |path: &str| folder.summary(f).ok().and_then(|s| s.pointer(path)?.as_u64()).unwrap_or(0);
-            28 * number("/mesh/vertices") + 12 * number("/mesh/faces")
-        })
-        .sum();
-    let cells = (bytes as f64 / MOST_BYTES).sqrt();
+fn animation(folder: &Folder, frames: &[&Shot], table: &Table, fps: f64) -> Result<()> {
+    let bytes = 28.0 * table.numbers("/mesh/vertices").sum::<f64>() + 12.0 * table.numbers("/mesh/faces").sum::<f64>();
+    let cells = (bytes / MOST_BYTES).sqrt();
     let mut out = AnimatedGlb::new(fps);
     for frame in frames {
         let path = folder.frame(frame).join("mesh.ply");
@@ -135,13 +130,10 @@ fn merged(mesh: &Mesh, cells: f64) -> Mesh {
 }
 
 /// The moving picture: the surface as clay in the colors of its depth, one scale for all frames.
-fn preview(folder: &Folder, frames: &[&Shot], fps: f64) -> Result<()> {
-    let mut ends = Vec::new();
-    for frame in frames {
-        let [near, far] = limits(&Saved::read(&folder.frame(frame))?.depth, 1.0, 99.0);
-        ends.extend([near as f32, far as f32]);
-    }
-    let range = limits(&ends, 0.0, 100.0);
+fn preview(folder: &Folder, frames: &[&Shot], table: &Table, fps: f64) -> Result<()> {
+    // A single pixel far off in one frame does not spread the colors of all.
+    let middle = |path: &str| percentile(table.numbers(path).collect(), 50.0);
+    let range = [middle("/depth_mm/min"), middle("/depth_mm/max")];
     let mut out = None;
     for frame in frames {
         let saved = Saved::read(&folder.frame(frame))?;
@@ -159,11 +151,11 @@ fn preview(folder: &Folder, frames: &[&Shot], fps: f64) -> Result<()> {
     out.map_or(Ok(()), |out| Ok(out.finish()?))
 }
 
+/// Beside and renamed: another task may be doing the same.
 fn link(from: &Path, to: &Path) -> std::io::Result<()> {
-    // Beside and renamed: another task may be doing the same.
     let beside = to.with_extension(format!("ply.{}", std::process::id()));
     let _ = std::fs::remove_file(&beside);
-    std::fs::hard_link(from, &beside).or_else(|_| std::fs::copy(from, &beside).map(|_| ()))?;
+    link_or_copy(from, &beside)?;
     std::fs::rename(&beside, to)
 }
 
@@ -191,6 +183,11 @@ impl Table {
     pub(super) fn mean(&self) -> Value {
         let rows: Vec<Value> = self.0.iter().filter(|r| r.summary.is_some()).map(Row::json).collect();
         mean(&rows.iter().collect::<Vec<_>>())
+    }
+
+    /// A number of every frame's result.json.
+    fn numbers<'a>(&'a self, path: &'a str) -> impl Iterator<Item = f64> + 'a {
+        self.0.iter().filter_map(move |row| row.number(path))
     }
 
     /// One object per frame.
