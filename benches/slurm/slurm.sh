@@ -43,7 +43,6 @@ SlurmctldPort=26817
 AuthType=auth/munge
 AuthInfo=socket=$dir/munge.socket
 CredType=cred/munge
-CryptoType=crypto/munge
 MpiDefault=none
 ProctrackType=proctrack/pgid
 TaskPlugin=task/none
@@ -63,7 +62,6 @@ NodeName=n1 NodeHostname=$host NodeAddr=127.0.0.1 Port=26818 CPUs=1 State=UNKNOW
 NodeName=n2 NodeHostname=$host NodeAddr=127.0.0.1 Port=26819 CPUs=1 State=UNKNOWN
 PartitionName=all Nodes=n1,n2 Default=YES MaxTime=INFINITE State=UP
 END
-sed -i '/^CryptoType/d' "$dir/slurm.conf"
 export SLURM_CONF="$dir/slurm.conf"
 slurmctld
 sleep 2
