@@ -54,7 +54,7 @@ impl Place {
                 return Err(io::ErrorKind::IsADirectory.into());
             }
             let folders = Folders::create(&dir)?;
-            tempfile::Builder::new().prefix(&prefix).suffix(".partial").tempfile_in(&dir)?;
+            tempfile::Builder::new().prefix(&prefix).suffix(SUFFIX).tempfile_in(&dir)?;
             Ok(Self { _folders: folders })
         };
         place().map_err(|e| explain(path, &e))
@@ -153,12 +153,22 @@ impl AtomicFile {
 
     fn start(path: &Path) -> io::Result<Self> {
         let (target, dir, prefix) = target_of(path)?;
+        remove_abandoned(&dir, &prefix);
         let mut builder = tempfile::Builder::new();
-        builder.prefix(&prefix).suffix(".partial");
+        builder.prefix(&prefix).suffix(SUFFIX);
         // A temporary file is private by default; a result should be as readable as any other file (less the umask).
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let temp = builder.tempfile_in(dir)?;
+        let temp = loop {
+            let temp = builder.tempfile_in(&dir)?;
+            // The lock says that somebody is at work on it, and the system takes it back however he ends. Not every disk
+            // has locks; there, what a killed run left stays.
+            let locked = temp.as_file().lock();
+            // Between its creation and the lock another run may have taken it for abandoned.
+            if locked.is_err() || temp.path().exists() {
+                break temp;
+            }
+        };
         let partial = Partial::new(temp.path());
         Ok(Self { target, temp: BufWriter::with_capacity(1 << 16, temp), _partial: partial })
     }
@@ -187,6 +197,27 @@ impl Write for AtomicFile {
 
     fn flush(&mut self) -> io::Result<()> {
         self.temp.flush()
+    }
+}
+
+/// How the names of files under construction end.
+const SUFFIX: &str = ".partial";
+
+/// Removes what killed runs have left of the file whose temporary names begin with `prefix`: what nobody has locked.
+fn remove_abandoned(dir: &Path, prefix: &str) {
+    // The folder may be missing or unreadable; whoever writes there will say so.
+    for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let Some(middle) = name.to_str().and_then(|n| n.strip_prefix(prefix)?.strip_suffix(SUFFIX)) else { continue };
+        // A dot in the middle: the file of a longer name.
+        if middle.contains('.') || !entry.file_type().is_ok_and(|t| t.is_file()) {
+            continue;
+        }
+        if let Ok(file) = fs::OpenOptions::new().write(true).open(entry.path())
+            && file.try_lock().is_ok()
+        {
+            let _ = fs::remove_file(entry.path());
+        }
     }
 }
 
@@ -373,6 +404,23 @@ mod tests {
         assert!(e.to_string().contains("a.txt") && e.to_string().contains("free space"), "{e}");
         assert_eq!(fs::read(&path).unwrap(), b"first");
         assert_eq!(names(dir.path()), ["a.txt"]);
+    }
+
+    /// What a killed run left goes when the file is written again; what a running one has in hand stays, and so do other
+    /// files' parts.
+    #[test]
+    fn abandoned_parts_are_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        let mut live = AtomicFile::create(&path).unwrap();
+        for name in [".a.png.Xy12z3.partial", ".a.png.b.Xy12z3.partial", ".b.png.Xy12z3.partial", ".a.png.Xy12z3"] {
+            fs::write(dir.path().join(name), "half").unwrap();
+        }
+        write_atomic(&path, |w| w.write_all(b"first")).unwrap();
+        live.write_all(b"second").unwrap();
+        live.commit().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"second");
+        assert_eq!(names(dir.path()), [".a.png.Xy12z3", ".a.png.b.Xy12z3.partial", ".b.png.Xy12z3.partial", "a.png"]);
     }
 
     #[test]

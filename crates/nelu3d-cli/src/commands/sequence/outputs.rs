@@ -1,6 +1,7 @@
 //! What a finished sequence is besides its frames: one table, one moving surface, one preview.
 
 use std::fmt;
+use std::io::ErrorKind;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
@@ -10,7 +11,7 @@ use nelu3d::result::picture::{DEPTH_COLORS, Picture, color_at};
 use nelu3d_scan::Mesh;
 use nelu3d_scan::image::Apng;
 use nelu3d_scan::mesh::AnimatedGlb;
-use nelu3d_scan::output::{create_dir, link_or_copy, write_atomic};
+use nelu3d_scan::output::{create_dir, write_atomic};
 use nelu3d_scan::rig::Shot;
 use serde_json::{Value, json};
 
@@ -151,12 +152,18 @@ fn preview(folder: &Folder, frames: &[&Shot], table: &Table, fps: f64) -> Result
     out.map_or(Ok(()), |out| Ok(out.finish()?))
 }
 
-/// Beside and renamed: another task may be doing the same.
+/// A link, or where the disk has none a copy. Another task may be doing the same: who comes second finds it done.
 fn link(from: &Path, to: &Path) -> std::io::Result<()> {
-    let beside = to.with_extension(format!("ply.{}", std::process::id()));
-    let _ = std::fs::remove_file(&beside);
-    link_or_copy(from, &beside)?;
-    std::fs::rename(&beside, to)
+    match std::fs::remove_file(to) {
+        Err(e) if e.kind() != ErrorKind::NotFound => return Err(e),
+        _ => {}
+    }
+    match std::fs::hard_link(from, to) {
+        Err(e) if e.kind() != ErrorKind::AlreadyExists => {
+            write_atomic(to, |w| std::io::copy(&mut std::fs::File::open(from)?, w).map(|_| ()))
+        }
+        _ => Ok(()),
+    }
 }
 
 impl Row {
