@@ -23,8 +23,11 @@
 
 pub mod adam;
 pub mod bench;
+pub mod device;
 pub mod encoding;
 pub mod field;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod loss;
 mod memory;
 pub mod mlp;

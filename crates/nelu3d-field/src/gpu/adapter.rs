@@ -1,0 +1,203 @@
+//! Finding a GPU, and opening it.
+
+use crate::device::{Choice, DeviceError, Found};
+use std::collections::HashMap;
+use std::fmt;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use wgpu::{Adapter, Backends, DeviceType, Features, Instance, InstanceDescriptor, InstanceFlags};
+
+/// Storage buffers that the largest kernel binds.
+const STORAGE_BUFFERS: u32 = 12;
+/// Threads of a workgroup.
+const WORKGROUP: u32 = 256;
+/// Bytes that a workgroup shares.
+const WORKGROUP_BYTES: u32 = 16 << 10;
+
+/// An opened GPU.
+pub struct Gpu {
+    name: String,
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    /// Whether it adds f32 atomically.
+    pub(super) f32_atomics: bool,
+    pub(super) most_buffer_bytes: u64,
+    failure: Arc<Mutex<Option<DeviceError>>>,
+}
+
+impl fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Gpu({})", self.name)
+    }
+}
+
+/// Adapters in the order of their numbers: real ones first.
+fn adapters() -> Vec<Adapter> {
+    // Validation layers are for developers of drivers.
+    let instance = Instance::new(InstanceDescriptor {
+        backends: Backends::VULKAN | Backends::METAL | Backends::DX12,
+        flags: InstanceFlags::empty().with_env(),
+        ..InstanceDescriptor::new_without_display_handle()
+    });
+    let mut all = pollster::block_on(instance.enumerate_adapters(Backends::all()));
+    let rank = |a: &Adapter| match a.get_info().device_type {
+        DeviceType::DiscreteGpu => 0,
+        DeviceType::IntegratedGpu => 1,
+        DeviceType::VirtualGpu => 2,
+        DeviceType::Other => 3,
+        DeviceType::Cpu => 4,
+    };
+    all.sort_by_key(rank);
+    all
+}
+
+/// Why an adapter cannot be used.
+fn unusable(adapter: &Adapter) -> Option<String> {
+    let limits = adapter.limits();
+    let less = |what: &str, has: u64, needed: u64| (has < needed).then(|| format!("{what}: {has}, needed {needed}"));
+    less("storage buffers of a kernel", limits.max_storage_buffers_per_shader_stage.into(), STORAGE_BUFFERS.into())
+        .or(less("threads of a workgroup", limits.max_compute_invocations_per_workgroup.into(), WORKGROUP.into()))
+        .or(less("bytes a workgroup shares", limits.max_compute_workgroup_storage_size.into(), WORKGROUP_BYTES.into()))
+}
+
+fn found(number: usize, adapter: &Adapter) -> Found {
+    let info = adapter.get_info();
+    let features = adapter.features();
+    let kind = match info.device_type {
+        DeviceType::DiscreteGpu => "discrete",
+        DeviceType::IntegratedGpu => "integrated",
+        DeviceType::VirtualGpu => "virtual",
+        DeviceType::Cpu => "software",
+        DeviceType::Other => "unknown",
+    };
+    let limits = adapter.limits();
+    let unusable = unusable(adapter);
+    Found {
+        device: Choice::GpuAt(number),
+        name: info.name.clone(),
+        kind,
+        backend: info.backend.to_string(),
+        driver: [info.driver, info.driver_info].join(" ").trim().to_owned(),
+        most_buffer_bytes: most_buffer_bytes(&limits),
+        features: [(Features::SHADER_FLOAT32_ATOMIC, "f32-atomics"), (Features::SUBGROUP, "subgroups")]
+            .into_iter()
+            .filter(|(f, _)| features.contains(*f))
+            .map(|(_, name)| name)
+            .collect(),
+        // A software driver does on the CPU what the CPU forms do faster.
+        automatic: unusable.is_none() && info.device_type != DeviceType::Cpu,
+        unusable,
+    }
+}
+
+fn most_buffer_bytes(limits: &wgpu::Limits) -> u64 {
+    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+}
+
+/// See [`crate::device::list`].
+pub fn list() -> Vec<Found> {
+    adapters().iter().enumerate().map(|(i, a)| found(i, a)).collect()
+}
+
+impl Gpu {
+    /// Opens a GPU; the same choice gives the same one, unless it was lost.
+    pub(crate) fn open(choice: Choice) -> Result<Arc<Self>, DeviceError> {
+        static OPEN: OnceLock<Mutex<HashMap<usize, Arc<Gpu>>>> = OnceLock::new();
+        let adapters = adapters();
+        let found: Vec<Found> = adapters.iter().enumerate().map(|(i, a)| found(i, a)).collect();
+        let none = |reason: String| DeviceError::None { choice, reason };
+        let number = match choice {
+            Choice::GpuAt(n) => n,
+            _ => found
+                .iter()
+                .position(|f| if choice == Choice::Auto { f.automatic } else { f.unusable.is_none() })
+                .ok_or_else(|| none("no GPU that could be used was found".into()))?,
+        };
+        let Some(there) = found.get(number) else {
+            return Err(none(format!("there are {} GPUs", found.len())));
+        };
+        if let Some(reason) = &there.unusable {
+            return Err(none(format!("{} cannot be used ({reason})", there.name)));
+        }
+        let mut open = OPEN.get_or_init(Mutex::default).lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(gpu) = open.get(&number).filter(|gpu| gpu.check().is_ok()) {
+            return Ok(gpu.clone());
+        }
+        let gpu = Arc::new(Self::new(&adapters[number], there).map_err(none)?);
+        open.insert(number, gpu.clone());
+        Ok(gpu)
+    }
+
+    fn new(adapter: &Adapter, found: &Found) -> Result<Self, String> {
+        let atomics = Features::SHADER_FLOAT32_ATOMIC;
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("nelu3d"),
+            required_features: adapter.features() & atomics,
+            required_limits: adapter.limits(),
+            ..Default::default()
+        }))
+        .map_err(|e| e.to_string())?;
+        let failure = Arc::new(Mutex::new(None));
+        let name = found.name.clone();
+        // The first failure is the cause of the others.
+        let note = {
+            let failure = failure.clone();
+            move |e: DeviceError| {
+                failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(e);
+            }
+        };
+        let (lost, device_name) = (note.clone(), name.clone());
+        device.set_device_lost_callback(move |reason, message| {
+            let reason = format!("{reason:?} {message}").trim().to_lowercase();
+            lost(DeviceError::Lost { device: device_name.clone(), reason });
+        });
+        let device_name = name.clone();
+        device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
+            let device = device_name.clone();
+            note(match e {
+                wgpu::Error::OutOfMemory { .. } => {
+                    DeviceError::Memory { device, what: "a buffer".into(), needed: 0, most: 0 }
+                }
+                e => DeviceError::Failed { device, reason: e.to_string() },
+            });
+        }));
+        let f32_atomics = device.features().contains(atomics);
+        let most_buffer_bytes = most_buffer_bytes(&device.limits());
+        Ok(Self { name, device, queue, f32_atomics, most_buffer_bytes, failure })
+    }
+
+    /// What the device calls itself.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Whether all has gone well so far.
+    ///
+    /// # Errors
+    ///
+    /// The first thing that did not.
+    pub fn check(&self) -> Result<(), DeviceError> {
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone().map_or(Ok(()), Err)
+    }
+
+    pub(super) fn fail(&self, e: DeviceError) -> DeviceError {
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(e).clone()
+    }
+
+    /// Pulls the plug, as a driver's reset would.
+    #[doc(hidden)]
+    pub fn destroy(&self) {
+        self.device.destroy();
+        let _ = self.device.poll(wgpu::PollType::Poll);
+    }
+
+    /// A second handle without atomic additions, for tests of the other way to add.
+    #[cfg(test)]
+    pub(super) fn without_f32_atomics(choice: Choice) -> Result<Arc<Self>, DeviceError> {
+        let adapters = adapters();
+        let Choice::GpuAt(n) = choice else { panic!("name a number") };
+        let found = found(n, &adapters[n]);
+        let mut gpu = Self::new(&adapters[n], &found).map_err(|reason| DeviceError::None { choice, reason })?;
+        gpu.f32_atomics = false;
+        Ok(Arc::new(gpu))
+    }
+}

@@ -1,0 +1,293 @@
+//! Buffers, kernels, and lists of kernels that are run one after the other.
+
+use super::Gpu;
+use crate::device::DeviceError;
+use bytemuck::Pod;
+use std::collections::HashMap;
+use std::marker::PhantomData;
+use std::sync::Arc;
+use std::time::Duration;
+use wgpu::BufferUsages;
+
+/// Values on the device.
+#[derive(Clone, Debug)]
+pub(crate) struct Buffer<T = f32> {
+    raw: wgpu::Buffer,
+    len: usize,
+    kind: PhantomData<T>,
+}
+
+impl<T: Pod> Buffer<T> {
+    /// Number of values.
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+}
+
+/// Something that a kernel can be given.
+pub(crate) trait Binding {
+    fn raw(&self) -> &wgpu::Buffer;
+}
+
+impl<T: Pod> Binding for Buffer<T> {
+    fn raw(&self) -> &wgpu::Buffer {
+        &self.raw
+    }
+}
+
+/// A kernel, compiled.
+#[derive(Clone, Debug)]
+pub(crate) struct Kernel {
+    label: &'static str,
+    pipeline: wgpu::ComputePipeline,
+}
+
+/// A kernel with its buffers and its number of workgroups.
+#[derive(Clone, Debug)]
+pub(crate) struct Call {
+    kernel: Kernel,
+    bindings: wgpu::BindGroup,
+    groups: [u32; 3],
+}
+
+/// How long one submission may take before the device counts as lost.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+impl Gpu {
+    fn allocate<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, DeviceError> {
+        // An empty binding is no binding.
+        let bytes = (len.max(4) * size_of::<T>()).next_multiple_of(4) as u64;
+        let device = self.name().to_owned();
+        let memory = |most| DeviceError::Memory { device, what: what.to_owned(), needed: bytes, most };
+        if bytes > self.most_buffer_bytes {
+            return Err(memory(self.most_buffer_bytes));
+        }
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let raw = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(what),
+            size: bytes,
+            usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        if pollster::block_on(scope.pop()).is_some() {
+            return Err(memory(0));
+        }
+        self.check()?;
+        Ok(Buffer { raw, len, kind: PhantomData })
+    }
+
+    /// Values that are zero; `what` names them in errors.
+    pub(crate) fn zeros<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, DeviceError> {
+        // New buffers are.
+        self.allocate(what, len)
+    }
+
+    /// Values from here.
+    pub(crate) fn upload<T: Pod>(&self, what: &str, values: &[T]) -> Result<Buffer<T>, DeviceError> {
+        let buffer = self.allocate(what, values.len())?;
+        self.write(&buffer, values);
+        Ok(buffer)
+    }
+
+    /// Overwrites the first values of a buffer, before whatever is submitted next.
+    pub(crate) fn write<T: Pod>(&self, buffer: &Buffer<T>, values: &[T]) {
+        assert!(values.len() <= buffer.len);
+        if !values.is_empty() {
+            self.queue.write_buffer(&buffer.raw, 0, bytemuck::cast_slice(values));
+        }
+    }
+
+    /// Waits for everything submitted, and fetches the first `len` values.
+    pub(crate) fn read<T: Pod>(&self, buffer: &Buffer<T>, len: usize) -> Result<Vec<T>, DeviceError> {
+        assert!(len <= buffer.len);
+        let bytes = (len * size_of::<T>()) as u64;
+        if bytes == 0 {
+            return Ok(Vec::new());
+        }
+        self.check()?;
+        let copy = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("copy"),
+            size: bytes.next_multiple_of(4),
+            usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(&buffer.raw, 0, &copy, 0, bytes.next_multiple_of(4));
+        self.queue.submit([encoder.finish()]);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        copy.map_async(wgpu::MapMode::Read, .., move |result| {
+            let _ = sender.send(result.is_ok());
+        });
+        self.wait()?;
+        let lost = || {
+            let reason = "its memory could not be read".to_owned();
+            self.fail(DeviceError::Lost { device: self.name().to_owned(), reason })
+        };
+        if !matches!(receiver.try_recv(), Ok(true)) {
+            return Err(lost());
+        }
+        let view = copy.get_mapped_range(..).map_err(|_| lost())?;
+        let values = bytemuck::pod_collect_to_vec(&view[..bytes as usize]);
+        drop(view);
+        Ok(values)
+    }
+
+    /// Waits for everything submitted.
+    pub(crate) fn wait(&self) -> Result<(), DeviceError> {
+        let result = self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) });
+        if result.is_err() {
+            let reason = format!("no answer in {} s", PATIENCE.as_secs());
+            return Err(self.fail(DeviceError::Lost { device: self.name().to_owned(), reason }));
+        }
+        self.check()
+    }
+
+    /// Starts calls, one after the other; each sees what those before it wrote. Does not wait.
+    pub(crate) fn submit(&self, calls: &[&[Call]]) -> Result<(), DeviceError> {
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            for call in calls.iter().copied().flatten() {
+                pass.set_pipeline(&call.kernel.pipeline);
+                pass.set_bind_group(0, &call.bindings, &[]);
+                let [x, y, z] = call.groups;
+                pass.dispatch_workgroups(x, y, z);
+            }
+        }
+        self.queue.submit([encoder.finish()]);
+        self.check()
+    }
+}
+
+/// Kernels of one object, compiled once for each set of constants.
+#[derive(Debug)]
+pub(crate) struct Kernels {
+    gpu: Arc<Gpu>,
+    compiled: HashMap<String, Kernel>,
+}
+
+impl Kernels {
+    pub(crate) fn new(gpu: &Arc<Gpu>) -> Self {
+        Self { gpu: gpu.clone(), compiled: HashMap::new() }
+    }
+
+    /// The kernel `source` (WGSL, entry point `main`) with constants put before it.
+    pub(crate) fn get(
+        &mut self,
+        label: &'static str,
+        source: &str,
+        constants: &[(&str, u32)],
+    ) -> Result<Kernel, DeviceError> {
+        let mut text = String::new();
+        for (name, value) in constants {
+            text += &format!("const {name}: u32 = {value}u;\n");
+        }
+        text += source;
+        if let Some(kernel) = self.compiled.get(&text) {
+            return Ok(kernel.clone());
+        }
+        let gpu = &self.gpu;
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(label),
+            source: wgpu::ShaderSource::Wgsl(text.as_str().into()),
+        });
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(label),
+            layout: None,
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                zero_initialize_workgroup_memory: false,
+                ..Default::default()
+            },
+            cache: None,
+        });
+        gpu.check()?;
+        let kernel = Kernel { label, pipeline };
+        self.compiled.insert(text, kernel.clone());
+        Ok(kernel)
+    }
+
+    /// A call of a kernel: `groups` workgroups along x, y, z; buffers in the order of their binding numbers.
+    pub(crate) fn call(
+        &self,
+        kernel: &Kernel,
+        groups: [usize; 3],
+        bindings: &[&dyn Binding],
+    ) -> Result<Call, DeviceError> {
+        let entries: Vec<wgpu::BindGroupEntry> = bindings
+            .iter()
+            .enumerate()
+            .map(|(i, b)| wgpu::BindGroupEntry { binding: i as u32, resource: b.raw().as_entire_binding() })
+            .collect();
+        let bindings = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(kernel.label),
+            layout: &kernel.pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        self.gpu.check()?;
+        Ok(Call { kernel: kernel.clone(), bindings, groups: groups.map(|g| g as u32) })
+    }
+}
+
+/// Workgroups for `n` threads of a grid of `size` each, folded into two dimensions: thread
+/// `(wid.y * FOLD + wid.x) * size + lid.x`.
+pub(crate) fn folded(n: usize, size: usize) -> [usize; 3] {
+    let groups = n.div_ceil(size).max(1);
+    [groups.min(FOLD), groups.div_ceil(FOLD), 1]
+}
+
+/// Workgroups along x of a folded grid.
+pub(crate) const FOLD: usize = 32_768;
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_gpu;
+    use super::*;
+
+    const DOUBLE: &str = "
+        @group(0) @binding(0) var<storage, read> x: array<f32>;
+        @group(0) @binding(1) var<storage, read_write> y: array<f32>;
+        @compute @workgroup_size(64)
+        fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid: vec3<u32>) {
+            let i = (wid.y * FOLD + wid.x) * 64u + lid.x;
+            if (i < N) { y[i] = 2.0 * x[i] + y[i]; }
+        }";
+
+    #[test]
+    fn calls_run_in_order_on_every_value() {
+        let Some(gpu) = test_gpu() else { return };
+        // More workgroups than fit into one dimension.
+        let n = FOLD * 64 + 1000;
+        let values: Vec<f32> = (0..n).map(|i| (i % 1000) as f32).collect();
+        let (x, y) = (gpu.upload("x", &values).unwrap(), gpu.zeros::<f32>("y", n).unwrap());
+        let mut kernels = Kernels::new(&gpu);
+        let double = kernels.get("double", DOUBLE, &[("N", n as u32), ("FOLD", FOLD as u32)]).unwrap();
+        let call = kernels.call(&double, folded(n, 64), &[&x, &y]).unwrap();
+        gpu.submit(&[&[call.clone(), call]]).unwrap();
+        let out = gpu.read(&y, n).unwrap();
+        assert!(out.iter().zip(&values).all(|(y, x)| *y == 4.0 * x));
+    }
+
+    #[test]
+    fn what_is_too_large_is_refused_before_it_is_tried() {
+        let Some(gpu) = test_gpu() else { return };
+        let n = gpu.most_buffer_bytes as usize / 4 + 1;
+        let e = gpu.zeros::<f32>("the cost volume", n).unwrap_err().to_string();
+        assert!(e.contains("the cost volume") && e.contains("MB") && e.contains("--device cpu"), "{e}");
+        gpu.check().unwrap();
+    }
+
+    #[test]
+    fn a_faulty_kernel_is_an_error_and_a_lost_device_too() {
+        let Some(gpu) = super::super::test_gpu_alone() else { return };
+        let e = Kernels::new(&gpu).get("faulty", "fn main( {", &[]).unwrap_err().to_string();
+        assert!(e.contains("report"), "{e}");
+        let Some(gpu) = super::super::test_gpu_alone() else { return };
+        let buffer = gpu.upload("x", &[1.0f32; 8]).unwrap();
+        gpu.destroy();
+        let e = gpu.read(&buffer, 8).unwrap_err();
+        assert!(matches!(e, DeviceError::Lost { .. }), "{e:?}");
+        assert!(gpu.check().is_err() && e.to_string().contains("--device cpu"), "{e}");
+    }
+}
