@@ -7,9 +7,12 @@
 //! whatever order they come.
 
 mod adapter;
+mod field;
+mod net;
 pub(crate) mod program;
 
 pub use adapter::{Gpu, list};
+pub use field::Samples;
 
 /// The GPU that tests run on: the one that NELU3D_TEST_DEVICE names (as `gpu:1`), else the first, be it a software driver. `None` if there is none, and loudly; with NELU3D_REQUIRE_GPU set
 /// that is a failure.

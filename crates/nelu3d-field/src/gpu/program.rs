@@ -171,18 +171,14 @@ impl Kernels {
         Self { gpu: gpu.clone(), compiled: HashMap::new() }
     }
 
-    /// The kernel `source` (WGSL, entry point `main`) with constants put before it.
+    /// The kernel `source` (WGSL, entry point `main`), completed by `constants`.
     pub(crate) fn get(
         &mut self,
         label: &'static str,
         source: &str,
-        constants: &[(&str, u32)],
+        constants: &Constants,
     ) -> Result<Kernel, DeviceError> {
-        let mut text = String::new();
-        for (name, value) in constants {
-            text += &format!("const {name}: u32 = {value}u;\n");
-        }
-        text += source;
+        let text = constants.complete(source);
         if let Some(kernel) = self.compiled.get(&text) {
             return Ok(kernel.clone());
         }
@@ -208,6 +204,19 @@ impl Kernels {
         Ok(kernel)
     }
 
+    /// A kernel and its call at once.
+    pub(crate) fn run(
+        &mut self,
+        label: &'static str,
+        source: &str,
+        constants: &Constants,
+        groups: [usize; 3],
+        bindings: &[&dyn Binding],
+    ) -> Result<Call, DeviceError> {
+        let kernel = self.get(label, source, constants)?;
+        self.call(&kernel, groups, bindings)
+    }
+
     /// A call of a kernel: `groups` workgroups along x, y, z; buffers in the order of their binding numbers.
     pub(crate) fn call(
         &self,
@@ -227,6 +236,54 @@ impl Kernels {
         });
         self.gpu.check()?;
         Ok(Call { kernel: kernel.clone(), bindings, groups: groups.map(|g| g as u32) })
+    }
+}
+
+/// What completes a shader: constants, and what its lines `#if NAME`, `#else`, `#endif` go by.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Constants {
+    text: String,
+    flags: Vec<&'static str>,
+}
+
+impl Constants {
+    /// A number of things.
+    pub(crate) fn count(mut self, name: &str, value: usize) -> Self {
+        let value = u32::try_from(value).expect("sizes of a kernel fit into 32 bits");
+        self.text += &format!("const {name}: u32 = {value}u;\n");
+        self
+    }
+
+    /// A quantity.
+    pub(crate) fn value(mut self, name: &str, value: f64) -> Self {
+        self.text += &format!("const {name}: f32 = {:e}f;\n", value as f32);
+        self
+    }
+
+    /// Includes the lines behind `#if name`.
+    pub(crate) fn flag(mut self, name: &'static str, on: bool) -> Self {
+        if on {
+            self.flags.push(name);
+        }
+        self
+    }
+
+    fn complete(&self, source: &str) -> String {
+        let mut out = self.text.clone();
+        let mut included = None;
+        for line in source.lines() {
+            match line.trim().split_once(' ').unwrap_or((line.trim(), "")) {
+                ("#if", name) => included = Some(self.flags.contains(&name)),
+                ("#else", _) => included = included.map(|is| !is),
+                ("#endif", _) => included = None,
+                _ if included != Some(false) => {
+                    out += line;
+                    out.push('\n');
+                }
+                _ => {}
+            }
+        }
+        out
     }
 }
 
@@ -262,7 +319,7 @@ mod tests {
         let values: Vec<f32> = (0..n).map(|i| (i % 1000) as f32).collect();
         let (x, y) = (gpu.upload("x", &values).unwrap(), gpu.zeros::<f32>("y", n).unwrap());
         let mut kernels = Kernels::new(&gpu);
-        let double = kernels.get("double", DOUBLE, &[("N", n as u32), ("FOLD", FOLD as u32)]).unwrap();
+        let double = kernels.get("double", DOUBLE, &Constants::default().count("N", n).count("FOLD", FOLD)).unwrap();
         let call = kernels.call(&double, folded(n, 64), &[&x, &y]).unwrap();
         gpu.submit(&[&[call.clone(), call]]).unwrap();
         let out = gpu.read(&y, n).unwrap();
@@ -281,7 +338,7 @@ mod tests {
     #[test]
     fn a_faulty_kernel_is_an_error_and_a_lost_device_too() {
         let Some(gpu) = super::super::test_gpu_alone() else { return };
-        let e = Kernels::new(&gpu).get("faulty", "fn main( {", &[]).unwrap_err().to_string();
+        let e = Kernels::new(&gpu).get("faulty", "fn main( {", &Constants::default()).unwrap_err().to_string();
         assert!(e.contains("report"), "{e}");
         let Some(gpu) = super::super::test_gpu_alone() else { return };
         let buffer = gpu.upload("x", &[1.0f32; 8]).unwrap();
