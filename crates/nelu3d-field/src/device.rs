@@ -13,7 +13,7 @@ use crate::gpu::Gpu;
 use std::sync::Arc;
 
 /// What the user asked for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Choice {
     /// The first real GPU; without one, the CPU.
@@ -168,6 +168,11 @@ impl Device {
             #[cfg(not(feature = "gpu"))]
             Choice::Gpu | Choice::GpuAt(_) => Err(DeviceError::NotBuilt(choice)),
         }
+    }
+
+    /// The same, or the CPU if there is none such: for the middle of work that began with a device that was there.
+    pub fn or_cpu(choice: Choice) -> Self {
+        Self::open(choice).unwrap_or(Self::Cpu)
     }
 
     /// Its name.

@@ -33,12 +33,12 @@ impl Default for OccupancyConfig {
 /// See the module.
 #[derive(Clone, Debug)]
 pub struct OccupancyGrid {
-    config: OccupancyConfig,
+    pub(crate) config: OccupancyConfig,
     /// Cells that exist, ascending.
-    cells: Vec<u32>,
+    pub(crate) cells: Vec<u32>,
     /// Of every cell of the cube, x fastest.
-    values: Vec<f32>,
-    occupied: Vec<u64>,
+    pub(crate) values: Vec<f32>,
+    pub(crate) occupied: Vec<u64>,
 }
 
 impl OccupancyGrid {

@@ -20,6 +20,8 @@ pub struct Gpu {
     pub(super) queue: wgpu::Queue,
     /// Whether it adds f32 atomically.
     pub(super) f32_atomics: bool,
+    /// Whether a workgroup's memory is faster than the rest.
+    pub(super) tiles: bool,
     pub(super) most_buffer_bytes: u64,
     failure: Arc<Mutex<Option<DeviceError>>>,
 }
@@ -99,9 +101,22 @@ pub fn list() -> Vec<Found> {
 }
 
 impl Gpu {
-    /// Opens a GPU; the same choice gives the same one, unless it was lost.
+    /// Opens a GPU; the same choice gives the same one, or the same answer that there is none, unless it was lost.
     pub(crate) fn open(choice: Choice) -> Result<Arc<Self>, DeviceError> {
-        static OPEN: OnceLock<Mutex<HashMap<usize, Arc<Gpu>>>> = OnceLock::new();
+        type Opened = HashMap<Choice, Result<Arc<Gpu>, DeviceError>>;
+        static OPENED: OnceLock<Mutex<Opened>> = OnceLock::new();
+        let mut opened = OPENED.get_or_init(Mutex::default).lock().unwrap_or_else(PoisonError::into_inner);
+        match opened.get(&choice) {
+            Some(Ok(gpu)) if gpu.check().is_err() => {}
+            Some(answer) => return answer.clone(),
+            None => {}
+        }
+        let answer = Self::open_anew(choice);
+        opened.insert(choice, answer.clone());
+        answer
+    }
+
+    fn open_anew(choice: Choice) -> Result<Arc<Self>, DeviceError> {
         let adapters = adapters();
         let found: Vec<Found> = adapters.iter().enumerate().map(|(i, a)| found(i, a)).collect();
         let none = |reason: String| DeviceError::None { choice, reason };
@@ -113,18 +128,15 @@ impl Gpu {
                 .ok_or_else(|| none("no GPU that could be used was found".into()))?,
         };
         let Some(there) = found.get(number) else {
-            return Err(none(format!("there are {} GPUs", found.len())));
+            return Err(none(match found.len() {
+                0 => "no GPU was found".into(),
+                n => format!("the last GPU here is gpu:{}", n - 1),
+            }));
         };
         if let Some(reason) = &there.unusable {
             return Err(none(format!("{} cannot be used ({reason})", there.name)));
         }
-        let mut open = OPEN.get_or_init(Mutex::default).lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(gpu) = open.get(&number).filter(|gpu| gpu.check().is_ok()) {
-            return Ok(gpu.clone());
-        }
-        let gpu = Arc::new(Self::new(&adapters[number], there).map_err(none)?);
-        open.insert(number, gpu.clone());
-        Ok(gpu)
+        Ok(Arc::new(Self::new(&adapters[number], there).map_err(none)?))
     }
 
     fn new(adapter: &Adapter, found: &Found) -> Result<Self, String> {
@@ -162,7 +174,8 @@ impl Gpu {
         }));
         let f32_atomics = device.features().contains(atomics);
         let most_buffer_bytes = most_buffer_bytes(&device.limits());
-        Ok(Self { name, device, queue, f32_atomics, most_buffer_bytes, failure })
+        let tiles = adapter.get_info().device_type != DeviceType::Cpu;
+        Ok(Self { name, device, queue, f32_atomics, tiles, most_buffer_bytes, failure })
     }
 
     /// What the device calls itself.
@@ -190,14 +203,15 @@ impl Gpu {
         let _ = self.device.poll(wgpu::PollType::Poll);
     }
 
-    /// A second handle without atomic additions, for tests of the other way to add.
+    /// A second handle that works the other way: without atomic additions, and with a workgroup's memory where the first does without.
     #[cfg(test)]
-    pub(super) fn without_f32_atomics(choice: Choice) -> Result<Arc<Self>, DeviceError> {
+    pub(super) fn the_other_way(choice: Choice) -> Result<Arc<Self>, DeviceError> {
         let adapters = adapters();
         let Choice::GpuAt(n) = choice else { panic!("name a number") };
         let found = found(n, &adapters[n]);
         let mut gpu = Self::new(&adapters[n], &found).map_err(|reason| DeviceError::None { choice, reason })?;
         gpu.f32_atomics = false;
+        gpu.tiles = !gpu.tiles;
         Ok(Arc::new(gpu))
     }
 }

@@ -259,8 +259,8 @@ mod tests {
     #[test]
     fn training_learns_what_the_cpu_learns_and_goes_on_there() {
         let Some(gpu) = test_gpu() else { return };
-        let mut config = config::<2>(2, 2, 32, false);
-        config.training.schedule.n_steps = 300;
+        let mut config = config::<2>(2, 2, 16, false);
+        config.training.schedule.n_steps = 200;
         let truth = |p: &[f32; 2]| [(9.0 * p[0]).sin() * 0.4, (7.0 * p[1] + p[0]).cos() * 0.4];
         let unit: Vec<[f32; 2]> = uniform_f32(3, 8192, 0.0, 1.0).chunks_exact(2).map(|p| [p[0], p[1]]).collect();
         let targets: Vec<f32> = unit.iter().flat_map(truth).collect();
@@ -271,18 +271,18 @@ mod tests {
             (out.iter().zip(&targets).map(|(a, b)| (a - b) * (a - b)).sum::<f32>() / out.len() as f32).sqrt()
         };
         let mut field = HashField::new(config, 3).unwrap();
-        field.train_on(&gpu, &samples, 1024, 200, |_| true).unwrap();
+        field.train_on(&gpu, &samples, 512, 100, |_| true).unwrap();
         let halfway = rmse(&field);
         // A lost device is no reason to begin again.
         for step in 0..100 {
-            let at = step * 1024 % 4096;
-            field.train_step(&unit[at..at + 1024], &targets[at * 2..(at + 1024) * 2], &[]);
+            let at = step * 512 % 4096;
+            field.train_step(&unit[at..at + 512], &targets[at * 2..(at + 512) * 2], &[]);
         }
         let end = rmse(&field);
-        assert!(halfway < 0.02 && end < 0.01 && end < halfway, "{halfway} {end}");
+        assert!(halfway < 0.05 && end < 0.03 && end < halfway, "{halfway} {end}");
         // It ends when told to.
         let before = field.n_steps();
-        field.train_on(&gpu, &samples, 1024, 100, |done| done < 7).unwrap();
+        field.train_on(&gpu, &samples, 512, 100, |done| done < 7).unwrap();
         assert_eq!(field.n_steps(), before + 7);
     }
 

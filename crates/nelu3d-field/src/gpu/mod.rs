@@ -10,9 +10,11 @@ mod adapter;
 mod field;
 mod net;
 pub(crate) mod program;
+mod surface;
 
 pub use adapter::{Gpu, list};
 pub use field::Samples;
+pub use surface::{AmbientUse, Lattice, RayScene, ScenePixel, SurfaceTraining, TrainingReport};
 
 /// The GPU that tests run on: the one that NELU3D_TEST_DEVICE names (as `gpu:1`), else the first, be it a software driver. `None` if there is none, and loudly; with NELU3D_REQUIRE_GPU set
 /// that is a failure.
@@ -35,8 +37,8 @@ pub(crate) fn test_gpu() -> Option<std::sync::Arc<Gpu>> {
     test_choice().map(|choice| Gpu::open(choice).expect("it was listed"))
 }
 
-/// One to break; without atomic additions of f32.
+/// One to break; its kernels are the other forms, where there are two.
 #[cfg(test)]
 pub(crate) fn test_gpu_alone() -> Option<std::sync::Arc<Gpu>> {
-    test_choice().map(|choice| Gpu::without_f32_atomics(choice).expect("it was listed"))
+    test_choice().map(|choice| Gpu::the_other_way(choice).expect("it was listed"))
 }

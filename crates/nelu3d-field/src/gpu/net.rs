@@ -60,7 +60,6 @@ pub(super) enum Back<'a> {
 #[derive(Debug)]
 pub(super) struct Net {
     mlp: MlpConfig,
-    n_features: usize,
     n_levels: usize,
     /// What every kernel of the net is completed by.
     constants: Constants,
@@ -121,7 +120,6 @@ impl Net {
         let training = if train { Some(TrainingBuffers::new(gpu, field, capacity)?) } else { None };
         Ok(Self {
             mlp: mlp.clone(),
-            n_features: grid.n_features(),
             n_levels: grid.levels().len(),
             constants,
             capacity,
@@ -174,6 +172,21 @@ impl Net {
         [self.capacity / 64, 1, 1]
     }
 
+    /// A call of a layer: see the shaders.
+    fn layer(
+        &self,
+        kernels: &mut Kernels,
+        label: &'static str,
+        constants: &Constants,
+        n_out: usize,
+        bindings: &[&dyn Binding],
+    ) -> Result<Call, DeviceError> {
+        let tiled = include_str!("shaders/layer.wgsl");
+        let plain = include_str!("shaders/layer_plain.wgsl");
+        let (source, per_group) = if kernels.gpu().tiles { (tiled, 64) } else { (plain, 4) };
+        kernels.run(label, source, constants, [self.capacity / 64, n_out.div_ceil(per_group), 1], bindings)
+    }
+
     /// Points to outputs.
     pub(super) fn forward(&self, kernels: &mut Kernels, shared: &Shared) -> Result<Vec<Call>, DeviceError> {
         let Shared { control, .. } = *shared;
@@ -195,9 +208,8 @@ impl Net {
                 continue;
             }
             let constants = constants.count("ROW", layer.0).flag("BIASED", true).flag("RELU", !is_last);
-            let groups = [self.capacity / 64, layer.1.div_ceil(64), 1];
-            let source = include_str!("shaders/layer.wgsl");
-            calls.push(kernels.run("layer", source, &constants, groups, &[control, &self.weights, input, output])?);
+            let bindings: &[&dyn Binding] = &[control, &self.weights, input, output];
+            calls.push(self.layer(kernels, "layer", &constants, layer.1, bindings)?);
         }
         Ok(calls)
     }
@@ -231,13 +243,11 @@ impl Net {
             let constants = self.layer_constants(shared, (n_out, n_in, at)).count("ROW", n_in);
             let constants = constants.flag("TRANSPOSED", true).flag("MASKED", l > 0);
             let d_input = if l == 0 { &t.d_x } else { &t.d_hidden[l - 1] };
-            let groups = [self.capacity / 64, n_in.div_ceil(64), 1];
             let mut bindings: Vec<&dyn Binding> = vec![control, &self.weights, d_output, d_input];
             if l > 0 {
                 bindings.push(&self.hidden[l - 1]);
             }
-            let source = include_str!("shaders/layer.wgsl");
-            calls.push(kernels.run("layer_back", source, &constants, groups, &bindings)?);
+            calls.push(self.layer(kernels, "layer_back", &constants, n_in, &bindings)?);
         }
         Ok(calls)
     }
@@ -257,9 +267,8 @@ impl Net {
                 let input = if l == 0 { &self.x } else { &self.hidden[l - 1] };
                 let constants = self.layer_constants(shared, layer).count("ROW", layer.0);
                 let constants = constants.flag("SCALED", true).flag("MASKED_BY_ITSELF", true);
-                let groups = [self.capacity / 64, layer.1.div_ceil(64), 1];
                 let bindings: &[&dyn Binding] = &[shared.control, &self.weights, input, &self.hidden[l], s];
-                kernels.run("tangents", include_str!("shaders/layer.wgsl"), &constants, groups, bindings)
+                self.layer(kernels, "tangents", &constants, layer.1, bindings)
             })
             .collect()
     }
@@ -281,27 +290,18 @@ impl Net {
             let is_last = l + 1 == layers.len();
             let input = if l == 0 { &self.x } else { &self.hidden[l - 1] };
             let d = if is_last { &t.d_out } else { &t.d_hidden[l] };
-            let mut constants = self.layer_constants(shared, layer);
-            let mut bindings: Vec<&dyn Binding> = vec![control, input, &t.partial];
             let scale = match back {
                 Back::Outputs => None,
                 Back::Distance { s, .. } => Some(s),
             };
-            if is_last && scale.is_some() {
-                constants = constants.flag("ONES", true);
-                // Bindings are numbered without gaps.
-                bindings.push(scale.expect("just seen"));
-                let source = include_str!("shaders/gradient.wgsl").replace("binding(4)", "binding(3)");
-                let constants = constants.flag("SCALED", true);
-                let groups = [N_CHUNKS, n_out.div_ceil(64), n_in.div_ceil(64)];
-                calls.push(kernels.run("gradient", &source, &constants, groups, &bindings)?);
-                continue;
+            let ones = is_last && scale.is_some();
+            let mut bindings: Vec<&dyn Binding> = vec![control, input, &t.partial];
+            if !ones {
+                bindings.push(d);
             }
-            bindings.push(d);
-            if let Some(scale) = scale {
-                bindings.push(scale);
-            }
-            let constants = constants.flag("SCALED", scale.is_some());
+            bindings.extend(scale.map(|s| s as &dyn Binding));
+            let constants = self.layer_constants(shared, layer);
+            let constants = constants.flag("ONES", ones).flag("SCALED", scale.is_some() && !ones);
             let groups = [N_CHUNKS, n_out.div_ceil(64), n_in.div_ceil(64)];
             calls.push(kernels.run(
                 "gradient",

@@ -50,6 +50,13 @@ pub(crate) struct Call {
     groups: [u32; 3],
 }
 
+impl Call {
+    /// The kernel's name.
+    pub(crate) fn label(&self) -> &'static str {
+        self.kernel.label
+    }
+}
+
 /// How long one submission may take before the device counts as lost.
 const PATIENCE: Duration = Duration::from_secs(120);
 
@@ -171,6 +178,11 @@ impl Kernels {
         Self { gpu: gpu.clone(), compiled: HashMap::new() }
     }
 
+    /// The device they are for.
+    pub(crate) fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
     /// The kernel `source` (WGSL, entry point `main`), completed by `constants`.
     pub(crate) fn get(
         &mut self,
@@ -187,9 +199,18 @@ impl Kernels {
             label: Some(label),
             source: wgpu::ShaderSource::Wgsl(text.as_str().into()),
         });
+        let bindings = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(label),
+            entries: &entries(&text),
+        });
+        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(label),
+            bind_group_layouts: &[Some(&bindings)],
+            immediate_size: 0,
+        });
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(label),
-            layout: None,
+            layout: Some(&layout),
             module: &module,
             entry_point: Some("main"),
             compilation_options: wgpu::PipelineCompilationOptions {
@@ -237,6 +258,26 @@ impl Kernels {
         self.gpu.check()?;
         Ok(Call { kernel: kernel.clone(), bindings, groups: groups.map(|g| g as u32) })
     }
+}
+
+/// The bindings that a shader declares. Left to itself, wgpu forgets those that are declared and not used.
+fn entries(text: &str) -> Vec<wgpu::BindGroupLayoutEntry> {
+    let declared = text.lines().filter_map(|line| {
+        let (binding, rest) = line.trim().strip_prefix("@group(0) @binding(")?.split_once(')')?;
+        Some((binding.parse().ok()?, rest.contains("var<storage, read>")))
+    });
+    declared
+        .map(|(binding, read_only)| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Storage { read_only },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        })
+        .collect()
 }
 
 /// What completes a shader: constants, and what its lines `#if NAME`, `#else`, `#endif` go by.

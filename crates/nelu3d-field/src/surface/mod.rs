@@ -226,10 +226,10 @@ pub fn eikonal_samples(offsets: &[usize], every: usize) -> impl Iterator<Item = 
 /// A signed distance field with its sharpness inv_s.
 #[derive(Clone, Debug)]
 pub struct NeuralSurface {
-    config: SurfaceConfig,
-    field: HashField<3>,
-    sharpness: f32,
-    sharpness_moments: MomentBuffers,
+    pub(crate) config: SurfaceConfig,
+    pub(crate) field: HashField<3>,
+    pub(crate) sharpness: f32,
+    pub(crate) sharpness_moments: MomentBuffers,
     scratch: cpu::StepScratch,
 }
 
@@ -295,4 +295,4 @@ impl NeuralSurface {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -4,7 +4,7 @@ use crate::check::{assert_close, assert_gradient, uniform, uniform_f32};
 use crate::encoding::hash_grid::HashGridConfig;
 use crate::field::TrainConfig;
 
-fn config(append_position: bool) -> SurfaceConfig {
+pub(crate) fn config(append_position: bool) -> SurfaceConfig {
     // 2^8 entries: the coarse level is dense, the finer ones hashed.
     let encoding = HashGridConfig {
         n_levels: 3,
@@ -30,19 +30,19 @@ fn config(append_position: bool) -> SurfaceConfig {
     }
 }
 
-struct Rays {
-    offsets: Vec<usize>,
-    points: Vec<[f32; 3]>,
-    colors: Vec<f32>,
-    measured: Vec<f32>,
-    white: Vec<f32>,
-    ambient: Vec<f32>,
-    mask: Vec<f32>,
+pub(crate) struct Rays {
+    pub(crate) offsets: Vec<usize>,
+    pub(crate) points: Vec<[f32; 3]>,
+    pub(crate) colors: Vec<f32>,
+    pub(crate) measured: Vec<f32>,
+    pub(crate) white: Vec<f32>,
+    pub(crate) ambient: Vec<f32>,
+    pub(crate) mask: Vec<f32>,
 }
 
 impl Rays {
     /// Rays along z with these numbers of samples.
-    fn new(lengths: &[usize]) -> Self {
+    pub(crate) fn new(lengths: &[usize]) -> Self {
         const K: usize = 2;
         let n_rays = lengths.len();
         let mut offsets = vec![0];
@@ -63,7 +63,7 @@ impl Rays {
         }
     }
 
-    fn batch(&self) -> SurfaceBatch<'_> {
+    pub(crate) fn batch(&self) -> SurfaceBatch<'_> {
         SurfaceBatch {
             offsets: &self.offsets,
             points: &self.points,
@@ -77,7 +77,7 @@ impl Rays {
 }
 
 /// Random values instead of ±1e-4 in the table, so that nothing is near zero.
-fn surface(config: SurfaceConfig) -> NeuralSurface {
+pub(crate) fn surface(config: SurfaceConfig) -> NeuralSurface {
     let mut surface = NeuralSurface::new(config.clone(), 1).unwrap();
     let n = surface.field.params().len();
     surface.field = HashField::from_params(config.field, uniform_f32(5, n, -0.4, 0.4)).unwrap();
@@ -85,7 +85,7 @@ fn surface(config: SurfaceConfig) -> NeuralSurface {
 }
 
 /// Gradients of the last step: after the first one the first moment is (1 − β1) g.
-fn gradients(surface: &NeuralSurface) -> Vec<f32> {
+pub(crate) fn gradients(surface: &NeuralSurface) -> Vec<f32> {
     let moments = &surface.field.training.as_ref().unwrap().moments;
     let share = 1.0 - AdamConfig::default().beta1 as f32;
     moments.first.iter().map(|m| m / share).collect()

@@ -14,6 +14,7 @@ use crate::color_field::hash::{HashForm, HashSettings};
 use crate::color_field::validity::Validity;
 use crate::color_field::{Form, Quality};
 use crate::progress::Progress;
+use nelu3d_field::device::Device;
 
 /// Most coefficients of a field: 24 million in f16 are 48 MB.
 const MAX_COEFFS: usize = 24_000_000;
@@ -99,7 +100,7 @@ impl Candidate {
             }
             FormKind::Hash => {
                 let mut hash = HashForm::new(HashSettings::for_cells(cells), k, opts.seed);
-                hash.train(&bins, opts.seed, progress);
+                hash.train(&bins, opts.seed, &Device::or_cpu(opts.device), progress);
                 Form::Hash(Box::new(hash))
             }
             FormKind::Frequency => {
@@ -144,7 +145,9 @@ impl Candidate {
         let mut form = std::mem::replace(&mut self.form, empty);
         match &mut form {
             Form::Grid(grid) => fit(grid, &bins, smoothness(self.center), 8, progress),
-            Form::Hash(hash) => hash.train(&bins, opts.seed.wrapping_add(1), progress),
+            Form::Hash(hash) => {
+                hash.train(&bins, opts.seed.wrapping_add(1), &Device::or_cpu(opts.device), progress);
+            }
             Form::Frequency(frequency) => frequency.train(&bins, opts.seed.wrapping_add(1), progress),
         }
         Ok(form)

@@ -12,6 +12,7 @@ pub mod sweep;
 use std::path::PathBuf;
 
 use nalgebra::{Isometry3, Point3, Vector3};
+use nelu3d_field::device::{Choice, Device, DeviceError};
 use nelu3d_scan::board::{BoardError, Detector};
 use nelu3d_scan::pose::{PoseError, Trajectory, TrajectoryModel};
 use nelu3d_scan::rig::{PatternSet, RigError};
@@ -95,6 +96,10 @@ pub struct Options {
     /// Seed of everything random
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 0))]
     pub seed: u64,
+    /// Where form hash is trained: auto (a GPU, if there is one), cpu, gpu, or gpu:N as in `nelu3d devices`
+    #[serde(skip)]
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Choice::Auto))]
+    pub device: Choice,
     /// Compute the field from the calibrated projector and the projected images instead of a sweep
     #[cfg_attr(feature = "clap", arg(long))]
     pub from_projector: bool,
@@ -113,6 +118,7 @@ impl Default for Options {
             hold_out: 8,
             min_contrast: 0.02,
             seed: 0,
+            device: Choice::Cpu,
             from_projector: false,
             depth: None,
         }
@@ -172,6 +178,9 @@ pub enum Error {
         /// What is wrong and what to do.
         reason: String,
     },
+    /// The device that was asked for is not there.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
     /// The user stopped it.
     #[error("stopped before the color field was finished; nothing was written")]
     Cancelled,
@@ -196,6 +205,7 @@ pub struct Report {
 
 /// Calibrates a rig for one pattern set.
 pub fn run(rig: &Rig, set: &PatternSet, opts: &Options, progress: &Progress) -> Result<(ColorField, Report), Error> {
+    Device::open(opts.device)?;
     if opts.from_projector {
         return projector::run(rig, set, opts, progress);
     }

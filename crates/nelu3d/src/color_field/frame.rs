@@ -103,6 +103,14 @@ impl Frame {
         Point3::from(self.origin) + self.rotation().transpose() * y
     }
 
+    /// Row by row, the affine map from points (mm) to the coordinates y that this frame divides by 1 + kappa · y_z.
+    pub fn affine(&self) -> [[f64; 4]; 3] {
+        self.axes.map(|e| {
+            let offset = -(e[0] * self.origin[0] + e[1] * self.origin[1] + e[2] * self.origin[2]);
+            [e[0], e[1], e[2], offset]
+        })
+    }
+
     /// The line `t ↦ dir · t` of a camera ray through this frame, ready to be evaluated at many `t`.
     pub fn along_ray(&self, dir: &Vector3<f64>) -> RayInFrame {
         let r = self.rotation();

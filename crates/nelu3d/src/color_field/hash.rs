@@ -5,6 +5,7 @@
 //! are never supervised between board positions and put wiggles there. Here the levels are anisotropic and live in the
 //! field's frame: fine across, and along w no finer than what the sweep supervises.
 
+use nelu3d_field::device::Device;
 use nelu3d_field::encoding::hash_grid::HashGridConfig;
 use nelu3d_field::{HashField, HashFieldConfig};
 use serde::{Deserialize, Serialize};
@@ -134,7 +135,9 @@ impl HashForm {
 
     /// Trains on the samples that the bins stand for, in random order, each weighed by its precision relative to the
     /// others. A form that was trained before goes on from its parameters, with a shorter schedule and lower rates.
-    pub fn train(&mut self, bins: &Bins, seed: u64, progress: &Progress) {
+    ///
+    /// A device that fails is left for the CPU, which begins again.
+    pub fn train(&mut self, bins: &Bins, seed: u64, device: &Device, progress: &Progress) {
         let Some(mut samples) = Samples::of(bins, GROUP, seed) else { return };
         let s = &self.shape.settings;
         let n = samples.len();
@@ -149,13 +152,28 @@ impl HashForm {
 
         let mut drawn = Batch::default();
         let steps = steps.ceil() as usize;
-        for step in 0..steps {
-            if progress.cancelled() {
-                break;
-            }
+        let go_on = |step: usize| {
             progress.tick(step, steps);
-            samples.draw(batch, &mut drawn);
-            self.field.train_step(&drawn.points, &drawn.targets, &drawn.weights);
+            !progress.cancelled()
+        };
+        match device {
+            #[cfg(feature = "gpu")]
+            Device::Gpu(gpu) => {
+                // All of them once in random order, and that order again and again.
+                samples.draw(n, &mut drawn);
+                let Batch { points, targets, weights } = &drawn;
+                let all = nelu3d_field::gpu::Samples { points, targets, weights };
+                if let Err(e) = self.field.train_on(gpu, &all, batch, steps, go_on) {
+                    progress.warn(format!("{e}; the field is trained on the CPU instead"));
+                    return self.train(bins, seed, &Device::Cpu, progress);
+                }
+            }
+            Device::Cpu => {
+                for _ in (0..steps).take_while(|step| go_on(*step)) {
+                    samples.draw(batch, &mut drawn);
+                    self.field.train_step(&drawn.points, &drawn.targets, &drawn.weights);
+                }
+            }
         }
         self.field.finish_training();
         self.trained = true;
@@ -215,19 +233,39 @@ mod tests {
     #[test]
     fn it_interpolates_a_left_out_slab() {
         let mut form = HashForm::new(HashSettings::for_cells(CELLS), 2, 3);
-        form.train(&bins(0.4..0.6), 3, &Progress::none());
+        form.train(&bins(0.4..0.6), 3, &Device::Cpu, &Progress::none());
         let error = rmse(&form, 0.4..0.6);
         // 40 dB, where the signal's own deviation from its mean is about 0.2.
         assert!(error < 0.01, "{error}");
     }
 
+    /// On a GPU, if there is one: held out as well as on the CPU.
+    #[cfg(feature = "gpu")]
+    #[test]
+    fn it_interpolates_on_a_gpu_too() {
+        use nelu3d_field::device::Choice;
+        let Ok(gpu) = Device::open(Choice::Gpu) else {
+            assert!(std::env::var_os("NELU3D_REQUIRE_GPU").is_none(), "no GPU, and NELU3D_REQUIRE_GPU is set");
+            eprintln!("SKIPPED: the hash form on a GPU: no GPU and no software driver");
+            return;
+        };
+        let settings = HashSettings { width: 16, n_levels: 4, batch: 512, ..HashSettings::for_cells([24, 20, 2]) };
+        let error = |device: &Device| {
+            let mut form = HashForm::new(settings.clone(), 2, 3);
+            form.train(&bins(0.4..0.6), 3, device, &Progress::none());
+            rmse(&form, 0.0..1.0)
+        };
+        let (gpu, cpu) = (error(&gpu), error(&Device::Cpu));
+        assert!(gpu < 1.15 * cpu && cpu < 1.15 * gpu, "GPU {gpu}, CPU {cpu}");
+    }
+
     #[test]
     fn a_second_training_takes_up_what_is_new_and_keeps_the_rest() {
         let mut form = HashForm::new(HashSettings::for_cells(CELLS), 2, 3);
-        form.train(&bins(0.6..1.0), 3, &Progress::none());
+        form.train(&bins(0.6..1.0), 3, &Device::Cpu, &Progress::none());
         let (known, unknown) = (rmse(&form, 0.05..0.4), rmse(&form, 0.85..1.0));
         let before = form.params().to_vec();
-        form.train(&bins(0.0..0.0), 4, &Progress::none());
+        form.train(&bins(0.0..0.0), 4, &Device::Cpu, &Progress::none());
         let (kept, learned) = (rmse(&form, 0.05..0.4), rmse(&form, 0.85..1.0));
         let norm = |x: &mut dyn Iterator<Item = f32>| x.map(|x| x * x).sum::<f32>().sqrt();
         let moved = norm(&mut before.iter().zip(form.params()).map(|(a, b)| a - b)) / norm(&mut before.iter().copied());
@@ -241,7 +279,7 @@ mod tests {
     #[test]
     fn the_spline_passes_through_the_network_at_its_nodes() {
         let mut form = HashForm::new(HashSettings { epochs: 1.0, ..HashSettings::for_cells(CELLS) }, 2, 5);
-        form.train(&bins(0.0..0.0), 5, &Progress::none());
+        form.train(&bins(0.0..0.0), 5, &Device::Cpu, &Progress::none());
         let grid = form.to_grid();
         let (mut v, mut expected) = ([0.0; 2], [0.0; 2]);
         for (a, b, w) in (0..=48).flat_map(|a| (0..=40).step_by(5).flat_map(move |b| (0..=4).map(move |w| (a, b, w)))) {
@@ -268,7 +306,7 @@ mod tests {
     fn no_samples_leave_it_as_it_is() {
         let mut form = HashForm::new(HashSettings::for_cells(CELLS), 2, 1);
         let before = form.params().to_vec();
-        form.train(&Bins::new([4, 4, 4], 2), 1, &Progress::none());
+        form.train(&Bins::new([4, 4, 4], 2), 1, &Device::Cpu, &Progress::none());
         assert_eq!(before, form.params());
     }
 }

@@ -23,6 +23,7 @@ mod window;
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
+use nelu3d_field::device::{Choice, Device, DeviceError};
 use nelu3d_scan::rig::{Capture, PatternSet, RigError, Shot};
 use nelu3d_scan::{Camera, Rig};
 use rayon::prelude::*;
@@ -96,6 +97,10 @@ pub struct Options {
     /// What to do about camera channels that see each other's light (recipe `fast`, color cameras)
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = CrossTalk::Auto))]
     pub cross_talk: CrossTalk,
+    /// Where the heavy work is done: auto (a GPU, if there is one), cpu, gpu, or gpu:N as in `nelu3d devices`
+    #[serde(skip)]
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Choice::Auto))]
+    pub device: Choice,
     /// Settings of recipe `paper`.
     #[cfg_attr(feature = "clap", command(flatten))]
     pub paper: paper::PaperOptions,
@@ -112,6 +117,7 @@ impl Default for Options {
             roughness: 0.14,
             min_component: 40,
             cross_talk: CrossTalk::Auto,
+            device: Choice::Cpu,
             paper: paper::PaperOptions::default(),
         }
     }
@@ -135,6 +141,9 @@ pub enum Error {
         /// What to do.
         remedy: &'static str,
     },
+    /// The device that was asked for is not there.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
     /// Nothing can be reconstructed.
     #[error("{path}: no pixel can be reconstructed: {reason}")]
     Nothing {
@@ -171,6 +180,7 @@ pub fn run_observed(
     observer: Option<&mut dyn Observer>,
 ) -> Result<Reconstruction, Error> {
     check_field(rig, set, field)?;
+    Device::open(opts.device)?;
     let mut clock = StageClock::new(progress);
     clock.begin("read the scene");
     let capture = rig.read_shot(shot, set, nelu3d_scan::rig::Need::Scene)?;

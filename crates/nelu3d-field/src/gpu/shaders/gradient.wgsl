@@ -1,10 +1,12 @@
 // Gradient of a layer's weights and biases over one chunk of points: partial[chunk][weight] = sum_s d[j][s] x[i][s], biases
-// sum_s d[j][s] scale[s]; 64 x 64 weights per workgroup, 4 x 4 per thread. ONES: d is 1.
+// sum_s d[j][s] scale[s]; 64 x 64 weights per workgroup, 4 x 4 per thread. SCALED: scale is not 1. ONES: d is 1,
+// and scale is not.
 
 @group(0) @binding(0) var<storage, read> control: array<u32>;
 @group(0) @binding(1) var<storage, read> x: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> partial: array<f32>;
 #if ONES
+@group(0) @binding(3) var<storage, read> scale: array<vec4<f32>>;
 #else
 @group(0) @binding(3) var<storage, read> d: array<vec4<f32>>;
 #endif
@@ -62,6 +64,9 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid
         tile_x[at + 3u * WIDE] = of_x.w;
         if (t < STEP) {
             var factor = 1.0;
+#if ONES
+            factor = scale[(first + t) / 4u][t % 4u];
+#endif
 #if SCALED
             factor = scale[(first + t) / 4u][t % 4u];
 #endif

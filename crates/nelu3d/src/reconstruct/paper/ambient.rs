@@ -22,12 +22,12 @@ pub enum Ambient {
 
 /// A small network over the image, one output per camera channel.
 pub(super) struct AmbientField {
-    kind: Ambient,
-    field: HashField<2>,
+    pub(super) kind: Ambient,
+    pub(super) field: HashField<2>,
 }
 
 /// White below which `I_ambient / I_white` is not followed any further.
-const LEAST_WHITE: f32 = 1e-3;
+pub(super) const LEAST_WHITE: f32 = 1e-3;
 
 impl AmbientField {
     pub(super) fn new(kind: Ambient, n_channels: usize, n_steps: usize, seed: u64) -> Self {

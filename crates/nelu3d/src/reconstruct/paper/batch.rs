@@ -18,9 +18,9 @@ use crate::sdf::march::{March, Samples, march};
 pub(super) struct Pixels {
     pub(super) bounds: Bounds,
     /// Pixels with a codeword or dark, in the order of small tiles: neighbors are sampled together.
-    all: Vec<u32>,
+    pub(super) all: Vec<u32>,
     /// M of each pixel of `all`.
-    is_lit: Vec<bool>,
+    pub(super) is_lit: Vec<bool>,
 }
 
 impl Pixels {

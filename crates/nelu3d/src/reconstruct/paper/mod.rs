@@ -7,7 +7,10 @@
 
 mod ambient;
 mod batch;
+#[cfg(feature = "gpu")]
+mod on_gpu;
 
+use nelu3d_field::device::Device;
 use nelu3d_field::occupancy::OccupancyGrid;
 use nelu3d_field::surface::{NeuralSurface, SurfaceLoss};
 use nelu3d_scan::Camera;
@@ -104,6 +107,29 @@ struct Record {
     occupied: f64,
 }
 
+impl Record {
+    #[cfg(feature = "gpu")]
+    fn on_gpu(report: &nelu3d_field::gpu::TrainingReport, iteration: usize, unit_mm: f64) -> Self {
+        Self {
+            iteration,
+            image: report.losses.image,
+            mask: report.losses.mask,
+            eikonal: report.losses.eikonal,
+            sparsity: report.losses.sparsity,
+            inv_s_per_mm: report.inv_s / unit_mm,
+            rays: report.n_rays,
+            samples: report.n_samples,
+            occupied: report.occupied,
+        }
+    }
+}
+
+fn diverged(iteration: usize) -> Failure {
+    let text =
+        format!("training diverged at iteration {iteration}: the loss is not a number; try another --seed or --start");
+    Failure::Nothing(text)
+}
+
 /// Reconstructs a capture.
 pub(crate) fn reconstruct(
     capture: &Capture,
@@ -139,7 +165,28 @@ pub(crate) fn reconstruct(
     let mut n_rays = sdf::FIRST_RAYS;
     let mut records = Vec::new();
     let mut batch = Batch::default();
-    for step in 0..n_steps {
+    let device = Device::or_cpu(opts.device);
+    #[allow(unused_mut)]
+    let mut done = 0;
+    #[cfg(feature = "gpu")]
+    if let Device::Gpu(gpu) = &device {
+        let scene = on_gpu::Scene::new(&pixels, &m, &rays, &grid, field, settings, opts.seed);
+        let mut parts = on_gpu::Parts { surface: &mut surface, ambient: &mut ambient, occupancy: &mut occupancy };
+        let is_observed = observer.is_some();
+        let mut on_report = |report: &nelu3d_field::gpu::TrainingReport, done: usize| {
+            records.push(Record::on_gpu(report, done, bounds.unit_mm));
+            report.losses.total.is_finite()
+        };
+        let mut on_look = |parts: &on_gpu::Parts<'_>, done: usize| {
+            let Some(o) = observer.as_deref_mut() else { return };
+            clock.pause();
+            o.surface(Stage::Refine, done, &see(parts.surface, &pixels, &rays, parts.occupancy, &m).depth);
+            clock.resume();
+        };
+        let watch = on_gpu::Watch { is_observed, on_report: &mut on_report, on_look: &mut on_look };
+        (done, n_rays) = scene.train(gpu, &mut parts, n_steps, progress, watch)?;
+    }
+    for step in done..n_steps {
         if progress.cancelled() {
             return Err(Failure::Cancelled);
         }
@@ -161,10 +208,7 @@ pub(crate) fn reconstruct(
             });
             tracing::info!(?losses, inv_s = surface.inv_s(), n_rays, n_samples, occupied = occupancy.share(), step);
             if !losses.total.is_finite() {
-                return Err(Failure::Nothing(format!(
-                    "training diverged at iteration {}: the loss is not a number; try another --seed or --start",
-                    step + 1
-                )));
+                return Err(diverged(step + 1));
             }
         }
         n_rays = sdf::next_ray_count(n_rays, n_samples, settings.samples);
@@ -216,6 +260,7 @@ pub(crate) fn reconstruct(
     let mut info = serde_json::Map::new();
     info.insert("settings".into(), serde_json::to_value(opts).expect("plain data serializes"));
     info.insert("iterations".into(), json!(n_steps));
+    info.insert("device".into(), json!(device.name()));
     info.insert("unit_mm".into(), json!(bounds.unit_mm));
     info.insert(
         "field".into(),

@@ -1,0 +1,188 @@
+//! The training of recipe `paper` on a GPU, where the scene stays: see [`nelu3d_field::gpu::SurfaceTraining`].
+
+use nelu3d_field::NeuralSurface;
+use nelu3d_field::device::DeviceError;
+use nelu3d_field::gpu::{AmbientUse, Gpu, Lattice, RayScene, ScenePixel, SurfaceTraining, TrainingReport};
+use nelu3d_field::occupancy::OccupancyGrid;
+use std::sync::Arc;
+
+use super::ambient::{AmbientField, LEAST_WHITE, place};
+use super::batch::Pixels;
+use super::{Ambient, Failure, Measurements, PaperOptions, Rays, diverged, watched};
+use crate::color_field::ColorField;
+use crate::color_field::grid::Grid;
+use crate::progress::Progress;
+use crate::sdf;
+use crate::sdf::march::step_mm;
+
+/// Iterations after which the state is fetched: what a lost device costs.
+const CHECKPOINT: usize = 1000;
+/// Most rays of an iteration.
+const MOST_RAYS: usize = 8192;
+
+/// What is trained.
+pub(super) struct Parts<'a> {
+    pub(super) surface: &'a mut NeuralSurface,
+    pub(super) ambient: &'a mut AmbientField,
+    pub(super) occupancy: &'a mut OccupancyGrid,
+}
+
+/// Who wants to know.
+pub(super) struct Watch<'a> {
+    /// Whether anybody looks at the surface.
+    pub(super) is_observed: bool,
+    /// Told how it goes after so many iterations; answers whether that is still a number.
+    pub(super) on_report: &'a mut dyn FnMut(&TrainingReport, usize) -> bool,
+    /// Shown the surface.
+    pub(super) on_look: &'a mut dyn FnMut(&Parts<'_>, usize),
+}
+
+/// A scene as the device needs it.
+pub(super) struct Scene<'a> {
+    pixels: Vec<ScenePixel>,
+    origin: [f32; 3],
+    measured: Vec<f32>,
+    white: Vec<f32>,
+    n_channels: usize,
+    lattice: Lattice<'a>,
+    ambient: AmbientUse,
+    n_samples: usize,
+    step: f32,
+    half_step: f32,
+    seed: u64,
+}
+
+impl<'a> Scene<'a> {
+    pub(super) fn new(
+        pixels: &Pixels,
+        m: &Measurements,
+        rays: &Rays,
+        grid: &'a Grid,
+        field: &ColorField,
+        settings: &PaperOptions,
+        seed: u64,
+    ) -> Self {
+        let bounds = &pixels.bounds;
+        let side = bounds.side_mm();
+        let (k, n_channels) = (m.k, m.light.len() / m.n());
+        let mut out = Vec::with_capacity(pixels.all.len());
+        let (mut measured, mut white) = (Vec::new(), Vec::new());
+        for (&i, &is_lit) in pixels.all.iter().zip(&pixels.is_lit) {
+            let i = i as usize;
+            let ray = pixels.march(rays, i, 0.0);
+            let [near, far] = bounds.clip(&ray.origin, &ray.dir, ray.range).map(|t| t as f32);
+            let dir = (ray.dir / side).map(|d| d as f32).into();
+            out.push(ScenePixel { dir, near, place: place(m, i), far, mask: f32::from(u8::from(is_lit)) });
+            measured.extend_from_slice(&m.p[i * k..(i + 1) * k]);
+            white.extend_from_slice(&m.light[i * n_channels..(i + 1) * n_channels]);
+        }
+        // From the cube to the frame: x = center + (q − 1/2) side, y = M (x, 1).
+        let frame = &field.frame;
+        let corner = bounds.center.coords.map(|c| c - 0.5 * side);
+        let affine = frame.affine().map(|row| {
+            let offset = row[0] * corner.x + row[1] * corner.y + row[2] * corner.z + row[3];
+            [row[0] * side, row[1] * side, row[2] * side, offset].map(|v| v as f32)
+        });
+        let lattice = Lattice {
+            nodes: &grid.coeffs,
+            cells: grid.cells,
+            k,
+            affine,
+            kappa: frame.kappa as f32,
+            lo: frame.lo.map(|v| v as f32),
+            scale: std::array::from_fn(|a| (1.0 / (frame.hi[a] - frame.lo[a])) as f32),
+        };
+        Self {
+            pixels: out,
+            origin: std::array::from_fn(|a| (0.5 - bounds.center[a] / side) as f32),
+            measured,
+            white,
+            n_channels,
+            lattice,
+            ambient: match settings.ambient {
+                Ambient::None => AmbientUse::None,
+                Ambient::Bounded => AmbientUse::Share,
+                Ambient::Unbounded => AmbientUse::Intensity { least_white: LEAST_WHITE },
+            },
+            n_samples: settings.samples,
+            step: step_mm(bounds) as f32,
+            half_step: (0.5 * sdf::SIDE * 3f64.sqrt() / sdf::STEPS_PER_DIAGONAL) as f32,
+            seed,
+        }
+    }
+
+    /// Trains, and says how far it came and with how many rays: all the way, or to the last checkpoint of a device that failed. What was trained is in
+    /// `parts` then.
+    pub(super) fn train(
+        &self,
+        gpu: &Arc<Gpu>,
+        parts: &mut Parts<'_>,
+        n_steps: usize,
+        progress: &Progress,
+        mut watch: Watch<'_>,
+    ) -> Result<(usize, usize), Failure> {
+        let mut saved = (0, sdf::FIRST_RAYS);
+        match self.attempt(gpu, parts, n_steps, progress, &mut watch, &mut saved) {
+            Ok(Ok(())) => {}
+            Ok(Err(failure)) => return Err(failure),
+            Err(e) => progress.warn(format!("{e}; training goes on from iteration {} on the CPU", saved.0)),
+        }
+        Ok(saved)
+    }
+
+    fn attempt(
+        &self,
+        gpu: &Arc<Gpu>,
+        parts: &mut Parts<'_>,
+        n_steps: usize,
+        progress: &Progress,
+        watch: &mut Watch<'_>,
+        saved: &mut (usize, usize),
+    ) -> Result<Result<(), Failure>, DeviceError> {
+        let scene = RayScene {
+            pixels: &self.pixels,
+            origin: self.origin,
+            step: self.step,
+            measured: &self.measured,
+            white: &self.white,
+            n_channels: self.n_channels,
+            lattice: self.lattice,
+            ambient: self.ambient,
+            n_samples: self.n_samples,
+            first_rays: sdf::FIRST_RAYS,
+            most_rays: MOST_RAYS,
+            half_step: self.half_step,
+            seed: self.seed,
+        };
+        let mut training =
+            SurfaceTraining::new(gpu, parts.surface, &parts.ambient.field, parts.occupancy, &scene, n_steps)?;
+        while training.done() < n_steps {
+            if progress.cancelled() {
+                return Ok(Err(Failure::Cancelled));
+            }
+            // The records are of the iterations after each hundredth, and of the last.
+            let done = training.done();
+            let record = done / 100 * 100 + 1 + if done % 100 == 0 { 0 } else { 100 };
+            let look = (done + 1..=n_steps).find(|&d| watch.is_observed && watched(d, n_steps)).unwrap_or(n_steps);
+            let until = record.min(look).min(n_steps).min((done / CHECKPOINT + 1) * CHECKPOINT);
+            let report = training.run(until)?;
+            progress.tick(until, n_steps);
+            if (until == record || until == n_steps) && !(watch.on_report)(&report, until) {
+                return Ok(Err(diverged(until)));
+            }
+            if until == look || until.is_multiple_of(CHECKPOINT) || until == n_steps {
+                // Whole or not at all.
+                let mut surface = parts.surface.clone();
+                let mut ambient = parts.ambient.field.clone();
+                let mut occupancy = parts.occupancy.clone();
+                training.fetch(&mut surface, &mut ambient, &mut occupancy)?;
+                (*parts.surface, parts.ambient.field, *parts.occupancy) = (surface, ambient, occupancy);
+                *saved = (until, report.n_rays);
+                if until == look && watch.is_observed {
+                    (watch.on_look)(parts, until);
+                }
+            }
+        }
+        Ok(Ok(()))
+    }
+}
