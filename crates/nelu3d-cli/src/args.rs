@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 use nelu3d::decode::lookup3d::Rank;
+use nelu3d_field::device::Choice;
 use nelu3d_scan::image::Channels;
 use nelu3d_scan::pattern::{
     Alacarte, Binary, Film, Gray, Hilbert, Mps, PhaseShift, Ramp, Random, Sinusoid, Triangle, Xor,
@@ -79,6 +80,8 @@ pub(crate) enum Command {
     Table(Table),
     /// Measure this machine, and how close the kernels and training steps come to what it allows.
     Bench(Bench),
+    /// List the GPUs that were found, and why one is not used.
+    Devices,
 }
 
 /// `nelu3d demo`
@@ -87,6 +90,9 @@ pub(crate) struct Demo {
     /// Folder to write, new or left by an earlier demo.
     #[arg(short, long, value_name = "DIR", default_value = "nelu3d-demo")]
     pub output: PathBuf,
+    /// Where the heavy work is done: auto (a GPU, if there is one), cpu, gpu, or gpu:N as in `nelu3d devices`.
+    #[arg(long, default_value_t)]
+    pub device: Choice,
 }
 
 /// `nelu3d simulate`
@@ -608,6 +614,9 @@ pub(crate) struct Experiment {
     /// A small version, in a minute or so: to see that it works, not to learn anything.
     #[arg(long)]
     pub quick: bool,
+    /// Where calibrations, reconstructions and sequences do their heavy work: auto, cpu, gpu, or gpu:N as in `nelu3d devices`.
+    #[arg(long, default_value_t)]
+    pub device: Choice,
     /// Seeds instead of the experiment's own.
     #[arg(long, value_name = "N", value_delimiter = ',', num_args = 1..)]
     pub seeds: Option<Vec<u64>>,

@@ -47,6 +47,13 @@ impl Console {
             .init();
     }
 
+    /// Something good to know, in one line.
+    pub(crate) fn note(&self, text: &str) {
+        if !self.quiet {
+            self.line(text);
+        }
+    }
+
     /// Ends the last stage.
     pub(crate) fn finish(&self) {
         let stage = self.lock().take();

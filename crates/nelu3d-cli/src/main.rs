@@ -67,6 +67,7 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
         Command::Experiment(a) => experiment::run(&a, &context),
         Command::Table(a) => commands::table::run(a, &context),
         Command::Bench(a) => commands::bench::run(a, &context),
+        Command::Devices => commands::devices::run(&context),
     }
 }
 

@@ -17,6 +17,7 @@ use crate::args;
 pub(crate) fn run(args: args::Calibrate, context: &Context) -> Result<ExitCode> {
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
+    context.open_device(args.options.device)?;
     let output: PathBuf = args.output.unwrap_or_else(|| default_field(&rig, &set.name));
     let (report, mixing) = calibrate_with(&rig, set, &args.options, args.colors.as_deref(), &output, context)?;
     let bytes = std::fs::metadata(&output).map(|m| m.len()).ok();
@@ -67,7 +68,7 @@ fn calibrate_with(
     }
     let (mut field, report) = calibrate::run(rig, set, options, &context.progress)?;
     if let Some(scene) = scene {
-        let options = reconstruct::Options::default();
+        let options = reconstruct::Options { device: options.device, ..Default::default() };
         let result = reconstruct::run(rig, set, &scene, &field, &options, &context.progress)?;
         let found = result.info.get("mixing").cloned().and_then(|m| serde_json::from_value(m).ok());
         if found.is_none_or(|m| m == Mixing::NONE) {

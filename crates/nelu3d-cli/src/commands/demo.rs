@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail};
+use nelu3d::reconstruct;
 use nelu3d::result::MeshFiles;
 use nelu3d_scan::Rig;
 
@@ -18,6 +19,7 @@ const MARKER: &str = "nelu3d-demo.txt";
 /// Runs the command.
 pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
     let spec = nelu3d_sim::Spec::preset("demo").context("the preset `demo` is part of the simulator")?;
+    context.open_device(args.device)?;
     claim(&args.output)?;
     let rig_dir = args.output.join("rig");
     super::simulate::write(&spec, &rig_dir, context)?;
@@ -25,7 +27,8 @@ pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
     let rig = Rig::open(&rig_dir)?;
     let set = rig.pattern_set(None)?;
     let field = default_field(&rig, &set.name);
-    calibrate_to(&rig, set, &Default::default(), &field, context)?;
+    let options = nelu3d::calibrate::Options { device: args.device, ..Default::default() };
+    calibrate_to(&rig, set, &options, &field, context)?;
     let mut answers = Vec::new();
     for shot in rig.scenes()? {
         let job = Job {
@@ -35,7 +38,11 @@ pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
             truth: Some(shot.dir.join("truth")),
             shot,
             mesh_files: MeshFiles::default(),
-            work: Work::Reconstruct { field: field.clone(), options: Default::default(), trace: true },
+            work: Work::Reconstruct {
+                field: field.clone(),
+                options: reconstruct::Options { device: args.device, ..Default::default() },
+                trace: true,
+            },
         };
         let summary = job.run(context)?;
         answers.push((job.output, summary));

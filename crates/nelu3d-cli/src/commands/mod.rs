@@ -5,6 +5,7 @@ pub(crate) mod calibrate;
 pub(crate) mod check;
 pub(crate) mod decode;
 pub(crate) mod demo;
+pub(crate) mod devices;
 pub(crate) mod evaluate;
 pub(crate) mod import;
 pub(crate) mod job;
@@ -23,6 +24,7 @@ use anyhow::Result;
 use nelu3d::Progress;
 use nelu3d::color_field::ColorField;
 use nelu3d::reconstruct::check_field;
+use nelu3d_field::device::{self, Choice, Device};
 use nelu3d_scan::Rig;
 use nelu3d_scan::rig::PatternSet;
 
@@ -52,6 +54,19 @@ impl Context {
     /// A context that reports to `console`.
     pub(crate) fn new(console: Arc<Console>, cancel: Arc<AtomicBool>, json: bool) -> Self {
         Self { progress: Progress::new(console.clone(), cancel.clone()), console, cancel, json }
+    }
+
+    /// Opens the device that work will be done on, before it begins, and says which it is.
+    pub(crate) fn open_device(&self, choice: Choice) -> Result<()> {
+        let device = Device::open(choice)?;
+        match (choice, device.is_cpu()) {
+            (Choice::Auto, true) if device::has_gpu_code() => {
+                self.console.note("no GPU: everything is done on the CPU (`nelu3d devices` says why)");
+            }
+            (_, false) => self.console.note(&format!("on {}", device.name())),
+            _ => {}
+        }
+        Ok(())
     }
 
     /// Progress that nobody sees, of work that stops when this does.

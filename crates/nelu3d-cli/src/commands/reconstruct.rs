@@ -14,6 +14,7 @@ pub(crate) fn run(args: args::Reconstruct, context: &Context) -> Result<ExitCode
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
     let shot = rig.scene(&args.scene)?;
+    context.open_device(args.options.device)?;
     let job = Job {
         output: args.output.unwrap_or_else(|| default_result(&rig, &shot.name, &set.name)),
         truth: args.truth,

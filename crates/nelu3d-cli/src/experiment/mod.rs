@@ -29,9 +29,10 @@ pub(crate) fn run(args: &args::Experiment, context: &Context) -> Result<ExitCode
     if let Some(seeds) = &args.seeds {
         experiment.seeds.clone_from(seeds);
     }
+    context.open_device(args.device)?;
     let dir = args.output.join(if args.quick { format!("{name}-quick") } else { name.clone() });
     create_dir(&dir)?;
-    let mut runner = Runner::new(&args.output, args.reuse, context)?;
+    let mut runner = Runner::new(&args.output, args.device, args.reuse, context)?;
     let cells = plan::run(&experiment, &args.output, &dir, &mut runner)?;
     context.stop_if_asked()?;
 

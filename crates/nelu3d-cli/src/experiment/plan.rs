@@ -150,6 +150,7 @@ fn one(
     };
     let mut arguments = words(&["calibrate", &shown(&rig_dir), "--set", &set, "-o", &shown(&field)]);
     arguments.extend(extra);
+    arguments.extend(runner.device());
     let calibrate = Step {
         what: format!("calibrate {} {set}", rig.name),
         arguments,
@@ -165,6 +166,7 @@ fn one(
     let mut arguments = words(&[&command, &shown(&rig_dir), &case.scene, "--set", &set]);
     if command == "reconstruct" || command == "sequence" {
         arguments.extend(words(&["--field", &shown(&field)]));
+        arguments.extend(runner.device());
     }
     arguments.extend(run);
     let truth = cell.scene.join("truth");

@@ -7,6 +7,7 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use anyhow::{Context as _, Result, bail};
+use nelu3d_field::device::Choice;
 use nelu3d_scan::output::{create_dir, write_atomic};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -46,6 +47,7 @@ pub(super) struct Runner<'a> {
     notes: PathBuf,
     program: PathBuf,
     program_hash: String,
+    device: Choice,
     /// Whether outcomes of another build of the program are good enough.
     reuse: bool,
     failed: HashMap<String, String>,
@@ -55,13 +57,21 @@ pub(super) struct Runner<'a> {
 }
 
 impl<'a> Runner<'a> {
-    pub(super) fn new(root: &Path, reuse: bool, context: &'a Context) -> Result<Self> {
+    pub(super) fn new(root: &Path, device: Choice, reuse: bool, context: &'a Context) -> Result<Self> {
         let notes = root.join("steps");
         create_dir(&notes)?;
         let program = std::env::current_exe().context("this program cannot find itself")?;
         let content = std::fs::read(&program).with_context(|| format!("{}: cannot be read", program.display()))?;
         let program_hash = hex(&content);
-        Ok(Self { context, notes, program, program_hash, reuse, failed: HashMap::new(), ran: 0, reused: 0 })
+        Ok(Self { context, notes, program, program_hash, device, reuse, failed: HashMap::new(), ran: 0, reused: 0 })
+    }
+
+    /// Arguments that have a command do its work where this experiment's is done; none for the default.
+    pub(super) fn device(&self) -> Vec<String> {
+        match self.device {
+            Choice::Auto => Vec::new(),
+            device => vec!["--device".into(), device.to_string()],
+        }
     }
 
     /// The outcome of a command: from an earlier run of the same command on the same inputs, or from running it.

@@ -608,7 +608,7 @@ mod tests {
         settings.extent = [3.0; 3];
         settings.sharpness = 0.3;
         settings.field.width = 16;
-        settings.field.training.schedule.n_steps = 300;
+        settings.field.training.schedule.n_steps = 200;
         // f = 3 (0.5 - z): the plane of the start is in the middle.
         let mut surface = NeuralSurface::new(settings, 4).unwrap();
         for i in 0..400 {
@@ -635,7 +635,7 @@ mod tests {
             let slope = [at(i % 24) - 0.5, at(i / 24) - 0.5];
             pixels.push(ScenePixel {
                 // From below the cube's middle, fanning out.
-                dir: [0.4 * slope[0], 0.4 * slope[1], 0.5],
+                dir: [0.2 * slope[0], 0.2 * slope[1], 0.5],
                 near: 2.0,
                 far: 4.0,
                 place: [at(i % 24), at(i / 24)],
@@ -660,7 +660,7 @@ mod tests {
                 scale: [1.0; 3],
             },
             ambient: AmbientUse::Share,
-            n_samples: 1500,
+            n_samples: 3000,
             first_rays: 16,
             most_rays: 128,
             half_step: 0.01,
@@ -675,16 +675,16 @@ mod tests {
             surface.field().query(&[[0.4, 0.5, 0.52], [0.6, 0.5, 0.56]], &mut out);
             out
         };
-        let mut training = SurfaceTraining::new(&gpu, &surface, &ambient, &occupancy, &scene, 300).unwrap();
+        let mut training = SurfaceTraining::new(&gpu, &surface, &ambient, &occupancy, &scene, 200).unwrap();
         let early = training.run(50).unwrap();
         assert!(early.n_rays > 16 && early.n_samples > 700, "{early:?}");
-        let late = training.run(300).unwrap();
+        let late = training.run(200).unwrap();
         assert!(late.losses.image < 0.7 * early.losses.image, "{early:?} {late:?}");
         assert!(late.inv_s > early.inv_s && late.occupied < 1.0, "{early:?} {late:?}");
         training.fetch(&mut surface, &mut ambient, &mut occupancy).unwrap();
         let [before, behind] = depth(&surface);
         assert!(before > 0.0 && behind < 0.0, "{before} {behind}");
-        assert_eq!((surface.field().n_steps(), ambient.n_steps()), (300, 300));
+        assert_eq!((surface.field().n_steps(), ambient.n_steps()), (200, 200));
         assert!((occupancy.share() - late.occupied).abs() < 1e-9);
         assert!(occupancy.is_occupied([0.5, 0.5, 0.54]) && !occupancy.is_occupied([0.5, 0.5, 0.1]));
         // As if nothing had happened.

@@ -53,6 +53,7 @@ pub(crate) fn run(args: &args::Sequence, context: &Context) -> Result<ExitCode> 
     if let Some(script) = &args.slurm {
         return slurm::write(script, args, &output, frames.len(), context);
     }
+    context.open_device(args.options.device)?;
     let field = load_field(&rig, set, &path)?;
     let mut inputs = Vec::new();
     for file in [rig.root.join(nelu3d_scan::rig::RIG_FILE), rig.root.join(&rig.camera_file), path] {
