@@ -5,7 +5,7 @@ The peer of `nelu3d bench`: the same encoding (spatial hash of Instant NGP), net
 `torch.optim.Adam`. Prints one line of JSON per step size.
 
     pip install torch numpy
-    python benches/peer/surface_step.py [--threads 2] [--steps 10] [full narrow narrow-small]
+    python benches/peer/surface_step.py [--threads 2] [--steps 10] [--device cpu|cuda] [--rays N] [full narrow narrow-small]
 
 The CPU time is that of the whole process (`time.process_time`), so a second thread costs what it uses.
 """
@@ -123,15 +123,21 @@ def main():
     parser.add_argument("names", nargs="*", default=list(STEPS), help="full, narrow, narrow-small")
     parser.add_argument("--threads", type=int, default=torch.get_num_threads())
     parser.add_argument("--steps", type=int, default=10)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--rays", type=int, help="instead of the shape's own")
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
     for name in arguments.names:
-        shape = STEPS[name]
+        shape = dict(STEPS[name], **({"rays": arguments.rays} if arguments.rays else {}))
+        torch.set_default_device("cpu")
         torch.manual_seed(0)
         generator = torch.Generator().manual_seed(1)
         model = Surface(shape["levels"], shape["log2"], shape["finest"], shape["hidden"])
+        model.to(arguments.device)
         optimizer = torch.optim.Adam(model.parameters(), lr=1e-3, betas=(0.9, 0.99), eps=1e-15)
         batches = [batch(shape["rays"], shape["samples"], shape["band"], generator) for _ in range(4)]
+        batches = [[part.to(arguments.device) for part in parts] for parts in batches]
+        torch.set_default_device(arguments.device)
         for i in range(2):
             step(model, optimizer, *batches[i % 4], shape["eikonal"])
         cpu, wall = time.process_time(), time.perf_counter()
@@ -139,7 +145,7 @@ def main():
             loss = step(model, optimizer, *batches[i % 4], shape["eikonal"])
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
         points = shape["rays"] * shape["samples"] * arguments.steps
-        report = dict(step=name, threads=arguments.threads, torch=torch.__version__, loss=loss)
+        report = dict(step=name, device=arguments.device, seconds_per_step=wall / arguments.steps, threads=arguments.threads, torch=torch.__version__, loss=loss)
         report.update(points_per_cpu_second=round(points / cpu), points_per_second=round(points / wall))
         print(json.dumps(report), flush=True)
 

@@ -682,9 +682,15 @@ pub(crate) struct Bench {
     /// Only kernels and steps with this in their name; "step" for all training steps.
     #[arg(default_value = "")]
     pub filter: String,
-    /// Processor seconds for each kernel and step.
+    /// Processor seconds for each kernel and step; on a GPU, seconds for each phase of a step of recipe `paper`.
     #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = seconds)]
     pub seconds: f64,
+    /// What is measured: cpu, or a GPU, as gpu or gpu:N of `nelu3d devices`.
+    #[arg(long, default_value_t = Choice::Cpu)]
+    pub device: Choice,
+    /// Samples of the step on a GPU.
+    #[arg(long, value_name = "N", default_value_t = 262_144, value_parser = clap::value_parser!(usize))]
+    pub samples: usize,
 }
 
 fn positive(text: &str) -> Result<f64, String> {

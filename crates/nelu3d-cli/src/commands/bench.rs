@@ -4,17 +4,29 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use nelu3d_field::bench::Report;
+use nelu3d_field::device::Device;
 
 use super::Context;
 use crate::args;
 
 /// Runs the command.
 pub(crate) fn run(args: args::Bench, context: &Context) -> Result<ExitCode> {
-    let mut threads = vec![1, rayon::current_num_threads()];
-    threads.dedup();
-    context.progress.stage("Measuring");
-    let tick = |done, total| context.progress.tick(done, total);
-    let report = Report::measure(&args.filter, &threads, args.seconds, &tick, &|| context.progress.cancelled())?;
-    context.answer(&report, || report.to_string())?;
+    match Device::open(args.device)? {
+        #[cfg(feature = "gpu")]
+        Device::Gpu(gpu) => {
+            context.progress.stage("Measuring");
+            let report = nelu3d_field::gpu::GpuReport::measure(&gpu, args.samples, args.seconds)?;
+            context.answer(&report, || report.to_string())?;
+        }
+        Device::Cpu => {
+            let mut threads = vec![1, rayon::current_num_threads()];
+            threads.dedup();
+            context.progress.stage("Measuring");
+            let tick = |done, total| context.progress.tick(done, total);
+            let cancelled = || context.progress.cancelled();
+            let report = Report::measure(&args.filter, &threads, args.seconds, &tick, &cancelled)?;
+            context.answer(&report, || report.to_string())?;
+        }
+    }
     Ok(ExitCode::SUCCESS)
 }

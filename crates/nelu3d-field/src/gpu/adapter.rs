@@ -23,6 +23,7 @@ pub struct Gpu {
     /// Whether a workgroup's memory is faster than the rest.
     pub(super) tiles: bool,
     pub(super) most_buffer_bytes: u64,
+    pub(super) memory: Arc<super::program::Memory>,
     failure: Arc<Mutex<Option<DeviceError>>>,
 }
 
@@ -175,7 +176,7 @@ impl Gpu {
         let f32_atomics = device.features().contains(atomics);
         let most_buffer_bytes = most_buffer_bytes(&device.limits());
         let tiles = adapter.get_info().device_type != DeviceType::Cpu;
-        Ok(Self { name, device, queue, f32_atomics, tiles, most_buffer_bytes, failure })
+        Ok(Self { name, device, queue, f32_atomics, tiles, most_buffer_bytes, memory: Arc::default(), failure })
     }
 
     /// What the device calls itself.

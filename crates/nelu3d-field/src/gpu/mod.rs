@@ -7,12 +7,14 @@
 //! whatever order they come.
 
 mod adapter;
+mod bench;
 mod field;
 mod net;
 pub(crate) mod program;
 mod surface;
 
 pub use adapter::{Gpu, list};
+pub use bench::{GpuReport, PhaseResult};
 pub use field::Samples;
 pub use surface::{AmbientUse, Lattice, RayScene, ScenePixel, SurfaceTraining, TrainingReport};
 

@@ -56,6 +56,19 @@ pub(super) enum Back<'a> {
     },
 }
 
+/// What a net costs.
+pub(super) struct Work {
+    /// Weights, and those of all layers but the last.
+    pub(super) macs: f64,
+    pub(super) inner_macs: f64,
+    pub(super) n_inputs: f64,
+    /// Values that the layers read and write.
+    pub(super) unit_values: f64,
+    /// Values of the table that a point is interpolated from.
+    pub(super) corner_values: f64,
+    pub(super) n_table: f64,
+}
+
 /// See the module.
 #[derive(Debug)]
 pub(super) struct Net {
@@ -339,6 +352,20 @@ impl Net {
         let bindings: &[&dyn Binding] = &[rates, &t.units, &t.gradient, &self.weights, &t.raw, first, second];
         calls.push(kernels.run("network", &source, &constants, [t.units.len().div_ceil(64), 1, 1], bindings)?);
         Ok(calls)
+    }
+
+    /// What the net costs per point.
+    pub(super) fn work(&self) -> Work {
+        let layers = self.layers();
+        let macs = |layers: &[(usize, usize, usize)]| layers.iter().map(|(i, o, _)| i * o).sum::<usize>() as f64;
+        Work {
+            macs: macs(&layers),
+            inner_macs: macs(&layers[..layers.len() - 1]),
+            n_inputs: self.mlp.n_inputs as f64,
+            unit_values: layers.iter().map(|(i, o, _)| i + o).sum::<usize>() as f64,
+            corner_values: 8.0 * self.mlp.n_inputs as f64,
+            n_table: self.table.len() as f64,
+        }
     }
 
     /// The encoding's slopes are looked at again by others.

@@ -6,6 +6,7 @@ use bytemuck::Pod;
 use std::collections::HashMap;
 use std::marker::PhantomData;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use wgpu::BufferUsages;
 
@@ -14,7 +15,36 @@ use wgpu::BufferUsages;
 pub(crate) struct Buffer<T = f32> {
     raw: wgpu::Buffer,
     len: usize,
+    held: Arc<Held>,
     kind: PhantomData<T>,
+}
+
+/// Memory of buffers, bytes.
+#[derive(Debug, Default)]
+pub(super) struct Memory {
+    now: AtomicU64,
+    peak: AtomicU64,
+}
+
+/// Memory of one buffer, as long as there is one.
+#[derive(Debug)]
+pub(crate) struct Held {
+    bytes: u64,
+    memory: Arc<Memory>,
+}
+
+impl Held {
+    fn new(bytes: u64, memory: &Arc<Memory>) -> Arc<Self> {
+        let now = memory.now.fetch_add(bytes, Ordering::Relaxed) + bytes;
+        memory.peak.fetch_max(now, Ordering::Relaxed);
+        Arc::new(Self { bytes, memory: memory.clone() })
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        self.memory.now.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
 }
 
 impl<T: Pod> Buffer<T> {
@@ -26,12 +56,19 @@ impl<T: Pod> Buffer<T> {
 
 /// Something that a kernel can be given.
 pub(crate) trait Binding {
+    #[doc(hidden)]
     fn raw(&self) -> &wgpu::Buffer;
+    #[doc(hidden)]
+    fn held(&self) -> &Arc<Held>;
 }
 
 impl<T: Pod> Binding for Buffer<T> {
     fn raw(&self) -> &wgpu::Buffer {
         &self.raw
+    }
+
+    fn held(&self) -> &Arc<Held> {
+        &self.held
     }
 }
 
@@ -48,6 +85,8 @@ pub(crate) struct Call {
     kernel: Kernel,
     bindings: wgpu::BindGroup,
     groups: [u32; 3],
+    /// The buffers live as long as there is a call that uses them.
+    _held: Arc<[Arc<Held>]>,
 }
 
 impl Call {
@@ -61,6 +100,16 @@ impl Call {
 const PATIENCE: Duration = Duration::from_secs(120);
 
 impl Gpu {
+    /// Bytes of all buffers that there are now.
+    pub fn memory(&self) -> u64 {
+        self.memory.now.load(Ordering::Relaxed)
+    }
+
+    /// Most bytes of buffers that there were at a time.
+    pub fn peak_memory(&self) -> u64 {
+        self.memory.peak.load(Ordering::Relaxed)
+    }
+
     fn allocate<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, DeviceError> {
         // An empty binding is no binding.
         let bytes = (len.max(4) * size_of::<T>()).next_multiple_of(4) as u64;
@@ -80,7 +129,7 @@ impl Gpu {
             return Err(memory(0));
         }
         self.check()?;
-        Ok(Buffer { raw, len, kind: PhantomData })
+        Ok(Buffer { raw, len, held: Held::new(bytes, &self.memory), kind: PhantomData })
     }
 
     /// Values that are zero; `what` names them in errors.
@@ -250,13 +299,14 @@ impl Kernels {
             .enumerate()
             .map(|(i, b)| wgpu::BindGroupEntry { binding: i as u32, resource: b.raw().as_entire_binding() })
             .collect();
+        let held = bindings.iter().map(|b| b.held().clone()).collect();
         let bindings = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(kernel.label),
             layout: &kernel.pipeline.get_bind_group_layout(0),
             entries: &entries,
         });
         self.gpu.check()?;
-        Ok(Call { kernel: kernel.clone(), bindings, groups: groups.map(|g| g as u32) })
+        Ok(Call { kernel: kernel.clone(), bindings, groups: groups.map(|g| g as u32), _held: held })
     }
 }
 

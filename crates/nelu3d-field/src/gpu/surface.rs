@@ -2,6 +2,7 @@
 //! the occupancy grid. Nothing goes over the bus from step to step.
 
 use super::Gpu;
+use super::bench::{Demand, seconds};
 use super::net::{Back, Net, Shared, schedule};
 use super::program::{Binding, Buffer, Call, Kernels, folded};
 use crate::adam::MomentBuffers;
@@ -149,7 +150,6 @@ pub struct SurfaceTraining {
     // Tests put a batch of their own here.
     #[cfg_attr(not(test), allow(dead_code))]
     rays: Buffer<[u32; 4]>,
-    #[cfg_attr(not(test), allow(dead_code))]
     colors: Buffer,
     look: Vec<Call>,
     draw: Vec<Call>,
@@ -400,21 +400,63 @@ impl SurfaceTraining {
         })
     }
 
-    /// Seconds of every kernel of a step, each waited for, the occupancy grid's included: for finding out what is slow.
-    ///
-    /// # Errors
-    ///
-    /// The device failed.
-    pub fn profile(&mut self) -> Result<Vec<(&'static str, f64)>, DeviceError> {
-        let mut out = Vec::new();
-        for call in [&self.look, &self.draw, &self.step].into_iter().flatten() {
-            let start = std::time::Instant::now();
-            self.gpu.submit(&[std::slice::from_ref(call)])?;
-            self.gpu.wait()?;
-            out.push((call.label(), start.elapsed().as_secs_f64()));
+    /// Measures the phases of a step, for `budget` seconds each: name, seconds, demand. Returns the seconds of a whole step. The training is of no use after it.
+    pub(super) fn measure(
+        &mut self,
+        budget: f64,
+        n_samples: usize,
+        mut phase: impl FnMut(&'static str, f64, Demand),
+    ) -> Result<f64, DeviceError> {
+        let n = n_samples as f64;
+        // The table's update clears what the scatter left, so the two are measured together.
+        const PHASES: [(&str, &[&str]); 8] = [
+            ("draw and codewords", &["begin", "draw", "lattice"]),
+            ("encode", &["encode"]),
+            ("layers", &["layer", "thin", "tangents"]),
+            ("layers, back", &["layer_back", "thin_back"]),
+            ("slopes", &["slopes", "tangents_x"]),
+            ("compositing", &["render"]),
+            ("network's gradient", &["gradient", "sum", "network", "sharpness"]),
+            ("table's gradient, Adam", &["scatter", "table"]),
+        ];
+        let all: Vec<&Call> = self.draw.iter().chain(&self.step).collect();
+        for (name, labels) in PHASES {
+            let mut calls: Vec<Call> =
+                all.iter().filter(|c| labels.contains(&c.label())).map(|c| (*c).clone()).collect();
+            if labels.contains(&"scatter") {
+                // The scatter adds to the table's gradient; both nets' tables come after both scatters otherwise.
+                calls.sort_by_key(|c| c.label() == "table");
+            }
+            let secs = seconds(&self.gpu, &[&calls], budget)?;
+            phase(name, secs, self.demand(name, n));
         }
-        self.done += 1;
-        Ok(out)
+        let steps = seconds(&self.gpu, &[&self.draw, &self.step], budget)?;
+        Ok(steps)
+    }
+
+    /// What a phase asks for, of the surface's net alone (the ambient one is small).
+    fn demand(&self, phase: &str, n: f64) -> Demand {
+        let work = self.net.work();
+        let k = (self.colors.len() / self.net.capacity) as f64;
+        let (inner, macs) = (work.inner_macs, work.macs);
+        let (flops, bytes) = match phase {
+            // 64 nodes of k values.
+            "draw and codewords" => (n * 128.0 * k, n * (4.0 * 64.0 * k + 16.0)),
+            "encode" => (n * work.corner_values * 2.0, n * 4.0 * (work.corner_values + work.n_inputs)),
+            // Values and tangents.
+            "layers" => (2.0 * n * (macs + inner), n * 4.0 * 2.0 * work.unit_values),
+            "layers, back" => (2.0 * n * macs, n * 4.0 * work.unit_values),
+            // The slopes of every fourth sample, read twice.
+            "slopes" => (n * work.corner_values, n * 4.0 * (0.5 * work.corner_values + 2.0 * work.n_inputs)),
+            "compositing" => (n * 60.0, n * 4.0 * (2.0 + 8.0 + 2.0 + 3.0 * k)),
+            "network's gradient" => (2.0 * n * macs, n * 4.0 * work.unit_values),
+            // A value is read, added to and written; the table's gradient is read once, and its touched entries updated.
+            _ => {
+                let touched = (n * work.corner_values).min(work.n_table);
+                (n * work.corner_values * 2.0, 4.0 * (2.0 * n * work.corner_values + work.n_table + 7.0 * touched))
+            }
+        };
+        Demand { flops, bytes }
     }
 
     /// Steps done.

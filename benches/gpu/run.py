@@ -1,0 +1,138 @@
+"""Everything that nelu3d claims of a GPU, on this machine's, as one Markdown table.
+
+    cargo build --release --features nelu3d-cli/gpu
+    pip install torch numpy          # for the PyTorch column; left out where torch has no device
+    python benches/gpu/run.py [--device gpu] [--dlp ../shared/data/dlp] [--film ../shared/data/film]
+
+Runs the built program: ceilings and phases of a training step (`nelu3d bench`), calibration, recipe `fast`, recipe `paper`, a
+2-megapixel virtual scene, and a film sequence, each on the device and on the CPU in turns, next to the same training step in
+PyTorch (`benches/peer/surface_step.py`) on the same device. Rigs that are not there are left out, loudly; `--small` is for
+software drivers: few iterations, scaled up, and marked so.
+"""
+
+import argparse
+import json
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import time
+
+HERE = pathlib.Path(__file__).resolve().parent
+ITERATIONS = 10_000
+
+
+def run(program, *arguments):
+    """The answer of a command, and the seconds it took."""
+    start = time.perf_counter()
+    done = subprocess.run([program, *map(str, arguments), "--json", "--quiet"], capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"nelu3d {' '.join(map(str, arguments))}: {done.stderr.strip().splitlines()[-1]}")
+    return json.loads(done.stdout), time.perf_counter() - start
+
+
+def torch_step(device, samples):
+    """Seconds of a step in PyTorch; None without torch or such a device."""
+    script = HERE.parent / "peer" / "surface_step.py"
+    command = [sys.executable, script, "--device", device, "--rays", samples // 32, "--steps", 5, "full"]
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True)
+    if done.returncode:
+        print(f"LEFT OUT: PyTorch: {(done.stderr.strip().splitlines() or ['?'])[-1]}", file=sys.stderr)
+        return None
+    return json.loads(done.stdout.splitlines()[-1])["seconds_per_step"]
+
+
+def stage(result, name):
+    """Seconds of a result's stage."""
+    with open(result / "result.json") as file:
+        stages = json.load(file)["stages"]
+    return sum(s["wall_secs"] for s in stages if name in s["name"])
+
+
+def two_megapixels(program, folder):
+    """The preset `dlp` with a camera of 1632 x 1224 pixels."""
+    run(program, "simulate", "dlp", "-o", folder / "preset")
+    text = (folder / "preset" / "simulation.toml").read_text()
+    width = int(re.search(r"^width = (\d+)$", text, re.M)[1])
+    factor = 1632 / width
+    for key in ["width", "height", "fx", "fy", "cx", "cy", "psf_sigma_px"]:
+        scaled = lambda m: f"{key} = {round(float(m[1]) * factor) if key in ('width', 'height') else float(m[1]) * factor}"
+        text = re.sub(rf"^{key} = ([\d.]+)$", scaled, text, count=1, flags=re.M)
+    (folder / "two.toml").write_text(text)
+    run(program, "simulate", folder / "two.toml", "-o", folder / "two")
+    return folder / "two"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--device", default="gpu")
+    parser.add_argument("--torch-device", default="cuda")
+    parser.add_argument("--nelu3d", default="target/release/nelu3d")
+    parser.add_argument("--dlp", default="../shared/data/dlp", type=pathlib.Path)
+    parser.add_argument("--film", default="../shared/data/film", type=pathlib.Path)
+    parser.add_argument("--small", action="store_true", help="for software drivers")
+    options = parser.parse_args()
+    program, device = options.nelu3d, options.device
+    iterations, samples = (10, 8192) if options.small else (ITERATIONS, 262_144)
+    scale = ITERATIONS / iterations
+    rows = []
+
+    found, _ = run(program, "devices")
+    print(json.dumps(found, indent=1), file=sys.stderr)
+    bench, _ = run(program, "bench", "--device", device, "--samples", samples, "--seconds", 0.3)
+    torch = torch_step(options.torch_device, samples)
+    ratio = f"{torch / bench['step_secs']:.1f}x PyTorch" if torch else "no PyTorch"
+    rows.append(("a step of recipe `paper`", f"{1e3 * bench['step_secs']:.2f} ms, {bench['n_samples']} samples", ratio))
+    rows.append(("its memory", f"{bench['memory_bytes'] / 1e6:.0f} MB", "target 1000 MB"))
+    rows.append(("ceilings", f"{bench['flops_per_sec'] / 1e12:.2f} TFLOP/s", f"{bench['bytes_per_sec'] / 1e9:.0f} GB/s"))
+    for p in bench["phases"]:
+        rows.append((f"phase {p['name']}", f"{1e3 * p['secs']:.3f} ms", f"{100 * p['share_of_ceiling']:.0f} % of {p['bound']}"))
+
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        rigs = [("dlp", options.dlp, "pawn", True)] if options.dlp.is_dir() else []
+        if not rigs:
+            print(f"LEFT OUT: {options.dlp} is not there", file=sys.stderr)
+        if not options.small:
+            rigs.append(("2 megapixels", two_megapixels(program, folder), None, False))
+        for label, rig, scene, paper in rigs:
+            scene = scene or sorted(p.name for p in (rig / "scenes").iterdir())[0]
+            field = folder / f"{label[0]}.safetensors"
+            for form in ["grid", "hash"] if paper else ["grid"]:
+                for d in [device, "cpu"]:
+                    _, secs = run(program, "calibrate", rig, "--form", form, "--device", d, "-o", field)
+                    rows.append((f"{label}: calibrate, {form}", f"{secs:.1f} s", d))
+            run(program, "calibrate", rig, "--device", "cpu", "-o", field)
+            for d in [device, "cpu", device, "cpu"]:
+                out = folder / f"fast-{d}"
+                _, secs = run(program, "reconstruct", rig, scene, "--field", field, "--device", d, "-o", out)
+                text = f"{secs:.2f} s, cost volume {stage(out, 'cost volume'):.2f} s, refinement {stage(out, 'refine'):.2f} s"
+                rows.append((f"{label} {scene}: fast", text, d))
+            if paper:
+                out = folder / "paper"
+                arguments = ["--recipe", "paper", "--steps", iterations, "--samples", samples, "--device", device, "-o", out]
+                run(program, "reconstruct", rig, scene, "--field", field, *arguments)
+                training = stage(out, "volume rendering") * scale
+                text = f"{training:.1f} s of training" + (f" (scaled up from {iterations} iterations)" if scale > 1 else "")
+                rows.append((f"{label} {scene}: paper, {ITERATIONS} iterations", text, device))
+                if torch:
+                    rows.append((f"the same in PyTorch, {ITERATIONS} steps", f"{torch * ITERATIONS:.0f} s", options.torch_device))
+        if options.film.is_dir():
+            field = folder / "film.safetensors"
+            run(program, "calibrate", options.film, "-o", field)
+            sequence = sorted(p.name for p in (options.film / "sequences").iterdir())[0]
+            for d in [device, "cpu"]:
+                out = folder / f"sequence-{d}"
+                answer, secs = run(program, "sequence", options.film, sequence, "--field", field, "--device", d, "-o", out)
+                rows.append((f"film {sequence}", f"{len(answer['table']) / secs:.2f} frames/s", d))
+        else:
+            print(f"LEFT OUT: {options.film} is not there", file=sys.stderr)
+
+    print(f"{bench['device']}\n\n| what | measured | on, against |\n|---|---|---|")
+    for row in rows:
+        print("| " + " | ".join(row) + " |")
+
+
+if __name__ == "__main__":
+    main()
