@@ -193,6 +193,11 @@ impl Gpu {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone().map_or(Ok(()), Err)
     }
 
+    /// Largest buffer of a kernel, bytes.
+    pub(crate) fn most_buffer_bytes(&self) -> u64 {
+        self.most_buffer_bytes
+    }
+
     pub(super) fn fail(&self, e: DeviceError) -> DeviceError {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(e).clone()
     }

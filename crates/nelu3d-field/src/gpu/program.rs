@@ -179,7 +179,8 @@ impl Gpu {
             let reason = "its memory could not be read".to_owned();
             self.fail(DeviceError::Lost { device: self.name().to_owned(), reason })
         };
-        if !matches!(receiver.try_recv(), Ok(true)) {
+        // Another thread that waits may be the one that is told, a moment later.
+        if !matches!(receiver.recv_timeout(PATIENCE), Ok(true)) {
             return Err(lost());
         }
         let view = copy.get_mapped_range(..).map_err(|_| lost())?;

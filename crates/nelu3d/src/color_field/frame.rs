@@ -132,6 +132,17 @@ pub struct RayInFrame {
 }
 
 impl RayInFrame {
+    /// The line in homogeneous unit coordinates: `q(t) = h_0..2 / h_3` with `h = base + t · step`. The point is behind the
+    /// frame's center where h_3 is not positive.
+    pub fn homogeneous(&self) -> ([f64; 4], [f64; 4]) {
+        let part = |y: [f64; 3], one: f64| {
+            let s = one + self.kappa * y[2];
+            let q = |i: usize| (y[i] - self.lo[i] * s) * self.scale[i];
+            [q(0), q(1), q(2), s]
+        };
+        (part(self.y0, 1.0), part(self.dy, 0.0))
+    }
+
     /// Unit coordinates at `t` and their derivative by `t`.
     pub fn at(&self, t: f64) -> Moving {
         let y: [f64; 3] = std::array::from_fn(|i| self.y0[i] + t * self.dy[i]);
@@ -176,6 +187,9 @@ mod tests {
             let x = Point3::from(dir * t);
             let q = f.to_unit(&x).unwrap();
             let m = ray.at(t);
+            let (base, step) = ray.homogeneous();
+            let h: [f64; 4] = std::array::from_fn(|i| base[i] + t * step[i]);
+            assert!((0..3).all(|i| (h[i] / h[3] - f64::from(m.q[i])).abs() < 1e-7), "{h:?} {:?}", m.q);
             let back = f.from_unit(q.map(f64::from));
             assert!((back - x).norm() < 1e-2, "{back} {x}");
             let (hi, lo) = (ray.at(t + 0.5), ray.at(t - 0.5));

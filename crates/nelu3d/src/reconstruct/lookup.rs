@@ -1,5 +1,6 @@
 //! The color field along camera rays: what every inner loop of the reconstruction evaluates.
 
+use nelu3d_field::cost_volume::Lattice;
 use nelu3d_scan::Camera;
 use rayon::prelude::*;
 
@@ -41,6 +42,12 @@ impl Rays {
         let right = nalgebra::Vector3::x();
         let frame = Frame::around(nalgebra::Point3::origin(), nalgebra::Point3::new(0.0, 0.0, 500.0), right);
         Self { focal_px, range: vec![[0.0, 1e9]; plane.len()], plane, frame }
+    }
+
+    /// Rays of a field without a camera.
+    #[cfg(test)]
+    pub(super) fn of_field(focal_px: f32, plane: Vec<[f32; 2]>, range: Vec<[f32; 2]>, frame: Frame) -> Self {
+        Self { focal_px, plane, range, frame }
     }
 
     /// The unit ray's z: depth = t · z.
@@ -91,6 +98,11 @@ impl<'a> Lookup<'a> {
     /// Channels.
     pub fn k(&self) -> usize {
         self.grid.k
+    }
+
+    /// The spline itself.
+    pub(super) fn lattice(&self) -> Lattice<'a> {
+        Lattice { cells: self.grid.cells, k: self.grid.k, nodes: &self.grid.coeffs }
     }
 
     /// Pixels across the field along a and b: what disparities are measured in, however fine its cells are.

@@ -628,13 +628,14 @@ fn start_pieces(
     let noisy = decode::depth_noise(m, full, grid).round().clamp(1.0, 4.0) as usize;
     let f = too_large.max(noisy);
     tracing::info!(reduction = f, noisy, "decode");
+    let device = Device::or_cpu(opts.device);
     let (mut inv_z, unit, small_camera, small) = if f == 1 {
-        let d = decode(m, full, grid, &field.validity, &settings);
+        let d = decode(m, full, grid, &field.validity, &settings, &device);
         (d.inv_z, d.label_step, camera.clone(), None)
     } else {
         let mut small = m.reduced(f);
         let small_rays = Rays::new(camera, field, f);
-        let d = decode(&mut small, &small_rays, grid, &field.validity, &settings);
+        let d = decode(&mut small, &small_rays, grid, &field.validity, &settings, &device);
         let g = f as f64;
         let half = (g - 1.0) / 2.0;
         let reduced = Camera {

@@ -4,7 +4,13 @@
 //! optimized. Costs are in units of −2 log likelihood (χ²), and so are the penalties between neighbors: −2 log of the
 //! prior probability of a step or a jump in depth. The minimum over all labels and neighbors is approached by
 //! semi-global matching along eight directions (Hirschmüller 2008).
+//!
+//! The form here is the CPU's; [`problem`] hands the same to other devices.
 
+mod problem;
+
+use nelu3d_field::cost_volume::{NEAR, OUTSIDE, Winner};
+use nelu3d_field::device::Device;
 use rayon::prelude::*;
 
 use super::lookup::{Lookup, Rays};
@@ -67,6 +73,11 @@ pub(super) struct Labels {
 }
 
 impl Labels {
+    /// 1/z of a label, 1/mm.
+    fn inv_z(&self, label: usize) -> f32 {
+        self.lo + label as f32 * self.step
+    }
+
     /// For the kept pixels. Those whose rays miss the calibrated volume are marked [`Left::Outside`]; `None` if all do.
     pub(super) fn new(m: &mut Measurements, rays: &Rays, grid: &Lookup<'_>, most: usize) -> Option<Self> {
         let (mut lo, mut hi) = (f32::INFINITY, 0.0f32);
@@ -91,28 +102,79 @@ impl Labels {
     }
 }
 
-/// Decodes every kept pixel. Pixels whose rays miss the calibrated volume are marked [`Left::Outside`].
-pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Lookup<'_>, valid: &Validity, s: &DecodeSettings) -> Decoded {
+/// Decodes every kept pixel, on a device or, if it fails, on the CPU. Pixels whose rays miss the calibrated volume are
+/// marked [`Left::Outside`].
+pub fn decode(
+    m: &mut Measurements,
+    rays: &Rays,
+    grid: &Lookup<'_>,
+    valid: &Validity,
+    s: &DecodeSettings,
+    device: &Device,
+) -> Decoded {
     let n = m.n();
-    let nothing = Decoded { inv_z: vec![f32::NAN; n], margin: vec![0.0; n], label_step: 0.0 };
-    let Some(Labels { lo, step, count: labels }) = Labels::new(m, rays, grid, s.max_labels) else {
-        return nothing;
+    let mut out = Decoded { inv_z: vec![f32::NAN; n], margin: vec![0.0; n], label_step: 0.0 };
+    let Some(labels) = Labels::new(m, rays, grid, s.max_labels) else {
+        return out;
     };
     let kept: Vec<usize> = (0..n).filter(|i| m.left[*i] == Left::Kept).collect();
-    let inv_z_of = |l: usize| lo + l as f32 * step;
+    let penalties = Penalties::new(s, labels.count);
+    let found = (!device.is_cpu()).then(|| problem::solve(m, rays, grid, valid, s, &labels, &penalties, &kept, device));
+    let found = found.and_then(|found| {
+        // A GPU that fails is no reason to have no result.
+        found.inspect_err(|e| tracing::warn!("{e}; decoded on the CPU instead")).ok()
+    });
+    let found = found.unwrap_or_else(|| on_cpu(m, rays, grid, valid, s, &labels, &penalties, &kept));
+    out.label_step = labels.step;
+    for (i, winner) in kept.into_iter().zip(found) {
+        if winner.label.is_nan() {
+            m.left[i] = Left::Outside;
+            continue;
+        }
+        out.inv_z[i] = labels.lo + winner.label * labels.step;
+        out.margin[i] = winner.margin;
+    }
+    out
+}
+
+/// χ² of neighbors that differ.
+struct Penalties {
+    /// By one label.
+    step: f32,
+    /// By more.
+    jump: f32,
+}
+
+impl Penalties {
+    fn new(s: &DecodeSettings, labels: usize) -> Self {
+        Self { step: -2.0 * (s.p_step / (1.0 - 2.0 * s.p_step)).ln(), jump: -2.0 * (s.p_jump / labels as f32).ln() }
+    }
+}
+
+/// The label of every kept pixel.
+fn on_cpu(
+    m: &Measurements,
+    rays: &Rays,
+    grid: &Lookup<'_>,
+    valid: &Validity,
+    s: &DecodeSettings,
+    all: &Labels,
+    penalties: &Penalties,
+    kept: &[usize],
+) -> Vec<Winner> {
+    let labels = all.count;
 
     // Cost volume: f16 would do for the costs, but the sums of eight paths need the range of f32.
-    let mut index = vec![u32::MAX; n];
+    let mut index = vec![u32::MAX; m.n()];
     for (slot, i) in kept.iter().enumerate() {
         index[*i] = slot as u32;
     }
     let mut cost = vec![0.0f32; kept.len() * labels];
     let k = m.k;
     let prior = m.shares_prior(&s.shares);
-    let m_ref = &*m;
     let seen: Vec<bool> = cost
         .par_chunks_mut(labels)
-        .zip(&kept)
+        .zip(kept)
         .map_init(
             || vec![0.0; k],
             |c, (row, i)| {
@@ -120,14 +182,14 @@ pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Lookup<'_>, valid: &Vali
                 let (ray, dir_z) = (rays.in_frame(*i), rays.dir_z(*i));
                 let mut any = false;
                 for (l, e) in row.iter_mut().enumerate() {
-                    let t = 1.0 / (inv_z_of(l) * dir_z);
+                    let t = 1.0 / (all.inv_z(l) * dir_z);
                     let q = ray.at(f64::from(t)).q;
                     *e = if t < near || t > far || !valid.is_lit(q) {
                         OUTSIDE
                     } else {
                         any = true;
                         grid.eval(q, c);
-                        misfit(m_ref, *i, c, prior)
+                        misfit(m, *i, c, prior)
                     };
                 }
                 any
@@ -136,30 +198,25 @@ pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Lookup<'_>, valid: &Vali
         .collect();
     for (i, seen) in kept.iter().zip(&seen) {
         if !seen {
-            m.left[*i] = Left::Outside;
             index[*i] = u32::MAX;
         }
     }
 
-    let step_penalty = -2.0 * (s.p_step / (1.0 - 2.0 * s.p_step)).ln();
-    let jump_penalty = -2.0 * (s.p_jump / labels as f32).ln();
     let mut total = vec![0.0f32; cost.len()];
     for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1)] {
-        aggregate(&cost, &mut total, &index, m.width, m.height, labels, (dx, dy), step_penalty, jump_penalty);
+        aggregate(&cost, &mut total, &index, m.width, m.height, labels, (dx, dy), penalties.step, penalties.jump);
     }
 
-    let mut out = nothing;
-    out.label_step = step;
-    let winners: Vec<(f32, f32)> = total
+    total
         .par_chunks(labels)
         .zip(cost.par_chunks(labels))
         .map(|(row, own)| {
             let best = (0..labels).min_by(|a, b| row[*a].total_cmp(&row[*b])).expect("there are labels");
             if own[best] >= OUTSIDE {
-                return (f32::NAN, 0.0);
+                return Winner::NONE;
             }
             let rival = (0..labels)
-                .filter(|l| l.abs_diff(best) > 3)
+                .filter(|l| l.abs_diff(best) > NEAR)
                 .map(|l| row[l])
                 .min_by(f32::total_cmp)
                 .unwrap_or(f32::INFINITY);
@@ -171,25 +228,10 @@ pub fn decode(m: &mut Measurements, rays: &Rays, grid: &Lookup<'_>, valid: &Vali
                     at += (0.5 * (a - c) / bend).clamp(-0.5, 0.5);
                 }
             }
-            (lo + at * step, (rival - row[best]) / 8.0)
+            Winner { label: at, margin: (rival - row[best]) / 8.0 }
         })
-        .collect();
-    for (i, (inv_z, margin)) in kept.iter().zip(winners) {
-        if m.left[*i] != Left::Kept {
-            continue;
-        }
-        if inv_z.is_nan() {
-            m.left[*i] = Left::Outside;
-            continue;
-        }
-        out.inv_z[*i] = inv_z;
-        out.margin[*i] = margin;
-    }
-    out
+        .collect()
 }
-
-/// Cost of a label outside the calibrated volume: never chosen, but finite so that sums stay finite.
-const OUTSIDE: f32 = 1e6;
 
 /// Labels needed so that between two of them no ray moves by more than 0.7 of a pixel's width across (a, b).
 fn label_count(kept: &[usize], rays: &Rays, grid: &Lookup<'_>, lo: f32, hi: f32) -> usize {
@@ -362,3 +404,6 @@ fn aggregate(
         before_first = Some((first, end));
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,111 @@
+// The best label of every pixel, and its margin. One workgroup per pixel; its threads share the labels. Constants: THREADS (a
+// multiple of 8), NEAR, FOLD.
+
+struct About {
+    pixels: u32,
+    labels: u32,
+    outside: f32,
+}
+
+const LARGE = 1e30;
+
+@group(0) @binding(0) var<storage, read> about: About;
+@group(0) @binding(1) var<storage, read> seen: array<u32>;
+@group(0) @binding(2) var<storage, read> costs: array<f32>;
+@group(0) @binding(3) var<storage, read> sums: array<f32>;
+// Label, −1 where there is none, and margin, −1 where there is no rival.
+@group(0) @binding(4) var<storage, read_write> found: array<vec2<f32>>;
+
+var<workgroup> values: array<f32, THREADS>;
+var<workgroup> labels_of: array<u32, THREADS>;
+var<workgroup> few: array<f32, 8>;
+var<workgroup> labels_of_few: array<u32, 8>;
+
+@compute @workgroup_size(THREADS)
+fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid: vec3<u32>) {
+    let pixel = wid.y * FOLD + wid.x;
+    let thread = lid.x;
+    if (pixel >= about.pixels) {
+        return;
+    }
+    if (seen[pixel] == 0u) {
+        if (thread == 0u) {
+            found[pixel] = vec2(-1.0, 0.0);
+        }
+        return;
+    }
+    let labels = about.labels;
+    let row = pixel * labels;
+
+    // Of equal sums the first label.
+    var least = LARGE;
+    var best = 0xffffffffu;
+    for (var l = thread; l < labels; l += THREADS) {
+        let v = sums[row + l];
+        if (v < least) {
+            least = v;
+            best = l;
+        }
+    }
+    values[thread] = least;
+    labels_of[thread] = best;
+    workgroupBarrier();
+    if (thread < 8u) {
+        for (var j = thread + 8u; j < THREADS; j += 8u) {
+            let v = values[j];
+            if (v < least || (v == least && labels_of[j] < best)) {
+                least = v;
+                best = labels_of[j];
+            }
+        }
+        few[thread] = least;
+        labels_of_few[thread] = best;
+    }
+    workgroupBarrier();
+    least = few[0];
+    best = labels_of_few[0];
+    for (var j = 1u; j < 8u; j++) {
+        let v = few[j];
+        if (v < least || (v == least && labels_of_few[j] < best)) {
+            least = v;
+            best = labels_of_few[j];
+        }
+    }
+
+    var rival = LARGE;
+    for (var l = thread; l < labels; l += THREADS) {
+        if (l + NEAR < best || l > best + NEAR) {
+            rival = min(rival, sums[row + l]);
+        }
+    }
+    // Read by all threads before the first barrier, and by eight of them before the second.
+    values[thread] = rival;
+    workgroupBarrier();
+    if (thread < 8u) {
+        for (var j = thread + 8u; j < THREADS; j += 8u) {
+            rival = min(rival, values[j]);
+        }
+        few[thread] = rival;
+    }
+    workgroupBarrier();
+    if (thread > 0u) {
+        return;
+    }
+    for (var j = 1u; j < 8u; j++) {
+        rival = min(rival, few[j]);
+    }
+    if (costs[row + best] >= about.outside) {
+        found[pixel] = vec2(-1.0, 0.0);
+        return;
+    }
+    var label = f32(best);
+    if (best > 0u && best + 1u < labels) {
+        let a = sums[row + best - 1u];
+        let c = sums[row + best + 1u];
+        let bend = a - 2.0 * least + c;
+        if (bend > 1e-6 && a < about.outside && c < about.outside) {
+            label += clamp(0.5 * (a - c) / bend, -0.5, 0.5);
+        }
+    }
+    found[pixel] = vec2(label, select(-1.0, (rival - least) / 8.0, rival < LARGE));
+}
