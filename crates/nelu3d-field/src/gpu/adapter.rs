@@ -24,6 +24,7 @@ pub struct Gpu {
     pub(super) tiles: bool,
     pub(super) most_buffer_bytes: u64,
     pub(super) memory: Arc<super::program::Memory>,
+    pub(super) compiled: super::program::Compiled,
     failure: Arc<Mutex<Option<DeviceError>>>,
 }
 
@@ -117,7 +118,13 @@ impl Gpu {
         answer
     }
 
-    fn open_anew(choice: Choice) -> Result<Arc<Self>, DeviceError> {
+    /// One of one's own, to break in a test.
+    ///
+    /// # Errors
+    ///
+    /// There is none such.
+    #[doc(hidden)]
+    pub fn open_anew(choice: Choice) -> Result<Arc<Self>, DeviceError> {
         let adapters = adapters();
         let found: Vec<Found> = adapters.iter().enumerate().map(|(i, a)| found(i, a)).collect();
         let none = |reason: String| DeviceError::None { choice, reason };
@@ -176,7 +183,17 @@ impl Gpu {
         let f32_atomics = device.features().contains(atomics);
         let most_buffer_bytes = most_buffer_bytes(&device.limits());
         let tiles = adapter.get_info().device_type != DeviceType::Cpu;
-        Ok(Self { name, device, queue, f32_atomics, tiles, most_buffer_bytes, memory: Arc::default(), failure })
+        Ok(Self {
+            name,
+            device,
+            queue,
+            f32_atomics,
+            tiles,
+            most_buffer_bytes,
+            memory: Arc::default(),
+            compiled: Default::default(),
+            failure,
+        })
     }
 
     /// What the device calls itself.

@@ -5,8 +5,8 @@ use crate::device::DeviceError;
 use bytemuck::Pod;
 use std::collections::HashMap;
 use std::marker::PhantomData;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use wgpu::BufferUsages;
 
@@ -216,16 +216,18 @@ impl Gpu {
     }
 }
 
-/// Kernels of one object, compiled once for each set of constants.
+/// Kernels, by their complete text.
+pub(super) type Compiled = Mutex<HashMap<String, Kernel>>;
+
+/// A device's kernels, compiled once for each set of constants.
 #[derive(Debug)]
 pub(crate) struct Kernels {
     gpu: Arc<Gpu>,
-    compiled: HashMap<String, Kernel>,
 }
 
 impl Kernels {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Self {
-        Self { gpu: gpu.clone(), compiled: HashMap::new() }
+        Self { gpu: gpu.clone() }
     }
 
     /// The device they are for.
@@ -241,10 +243,11 @@ impl Kernels {
         constants: &Constants,
     ) -> Result<Kernel, DeviceError> {
         let text = constants.complete(source);
-        if let Some(kernel) = self.compiled.get(&text) {
+        let gpu = &self.gpu;
+        let mut compiled = gpu.compiled.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernel) = compiled.get(&text) {
             return Ok(kernel.clone());
         }
-        let gpu = &self.gpu;
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(label),
             source: wgpu::ShaderSource::Wgsl(text.as_str().into()),
@@ -271,7 +274,7 @@ impl Kernels {
         });
         gpu.check()?;
         let kernel = Kernel { label, pipeline };
-        self.compiled.insert(text, kernel.clone());
+        compiled.insert(text, kernel.clone());
         Ok(kernel)
     }
 

@@ -650,7 +650,7 @@ mod tests {
         settings.extent = [3.0; 3];
         settings.sharpness = 0.3;
         settings.field.width = 16;
-        settings.field.training.schedule.n_steps = 200;
+        settings.field.training.schedule.n_steps = 120;
         // f = 3 (0.5 - z): the plane of the start is in the middle.
         let mut surface = NeuralSurface::new(settings, 4).unwrap();
         for i in 0..400 {
@@ -702,7 +702,7 @@ mod tests {
                 scale: [1.0; 3],
             },
             ambient: AmbientUse::Share,
-            n_samples: 3000,
+            n_samples: 2000,
             first_rays: 16,
             most_rays: 128,
             half_step: 0.01,
@@ -710,23 +710,23 @@ mod tests {
         };
         let config = HashFieldConfig { output_activation: Activation::Sigmoid, ..HashFieldConfig::small(1) };
         let mut ambient = HashField::<2>::new(config, 2).unwrap();
-        let occupancy_config = OccupancyConfig { resolution: 16, n_warmup_steps: 64, ..Default::default() };
+        let occupancy_config = OccupancyConfig { resolution: 12, n_warmup_steps: 32, ..Default::default() };
         let mut occupancy = OccupancyGrid::new(occupancy_config, |_| true);
         let depth = |surface: &NeuralSurface| {
             let mut out = [0.0; 2];
             surface.field().query(&[[0.4, 0.5, 0.52], [0.6, 0.5, 0.56]], &mut out);
             out
         };
-        let mut training = SurfaceTraining::new(&gpu, &surface, &ambient, &occupancy, &scene, 200).unwrap();
-        let early = training.run(50).unwrap();
+        let mut training = SurfaceTraining::new(&gpu, &surface, &ambient, &occupancy, &scene, 120).unwrap();
+        let early = training.run(40).unwrap();
         assert!(early.n_rays > 16 && early.n_samples > 700, "{early:?}");
-        let late = training.run(200).unwrap();
+        let late = training.run(120).unwrap();
         assert!(late.losses.image < 0.7 * early.losses.image, "{early:?} {late:?}");
         assert!(late.inv_s > early.inv_s && late.occupied < 1.0, "{early:?} {late:?}");
         training.fetch(&mut surface, &mut ambient, &mut occupancy).unwrap();
         let [before, behind] = depth(&surface);
         assert!(before > 0.0 && behind < 0.0, "{before} {behind}");
-        assert_eq!((surface.field().n_steps(), ambient.n_steps()), (200, 200));
+        assert_eq!((surface.field().n_steps(), ambient.n_steps()), (120, 120));
         assert!((occupancy.share() - late.occupied).abs() < 1e-9);
         assert!(occupancy.is_occupied([0.5, 0.5, 0.54]) && !occupancy.is_occupied([0.5, 0.5, 0.1]));
         // As if nothing had happened.

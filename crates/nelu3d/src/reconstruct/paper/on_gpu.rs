@@ -186,3 +186,70 @@ impl<'a> Scene<'a> {
         Ok(Ok(()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nelu3d_field::device::Choice;
+    use nelu3d_field::encoding::hash_grid::HashGridConfig;
+    use nelu3d_field::occupancy::OccupancyConfig;
+
+    /// A device that is lost on the way leaves what was trained as it was at the last checkpoint, and says so.
+    #[test]
+    fn a_lost_gpu_hands_over_to_the_cpu() {
+        let Ok(gpu) = Gpu::open_anew(Choice::Gpu) else {
+            assert!(std::env::var_os("NELU3D_REQUIRE_GPU").is_none(), "no GPU, and NELU3D_REQUIRE_GPU is set");
+            eprintln!("SKIPPED: training on a GPU: no GPU and no software driver");
+            return;
+        };
+        let mut config = sdf::surface_config(Default::default(), 300);
+        config.field.encoding =
+            HashGridConfig { n_levels: 3, log2_hashmap_size: 10, finest_resolution: [40; 3], ..config.field.encoding };
+        config.field.width = 8;
+        let mut surface = sdf::Start::Plane.surface(config, 1);
+        let before = surface.field().params().to_vec();
+        let mut ambient = AmbientField::new(Ambient::Bounded, 1, 300, 1);
+        let mut occupancy = OccupancyGrid::new(OccupancyConfig { resolution: 8, ..sdf::occupancy_config() }, |_| true);
+        let nodes = vec![0.5; 4 * 4 * 4 * 2];
+        let pixel = ScenePixel { dir: [0.0, 0.0, 1.0], near: 1.0, place: [0.5; 2], far: 2.0, mask: 1.0 };
+        let scene = Scene {
+            pixels: vec![pixel; 4],
+            origin: [0.5, 0.5, -1.0],
+            measured: vec![0.6; 8],
+            white: vec![0.9; 4],
+            n_channels: 1,
+            lattice: Lattice {
+                nodes: &nodes,
+                cells: [1; 3],
+                k: 2,
+                affine: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+                kappa: 0.0,
+                lo: [0.0; 3],
+                scale: [1.0; 3],
+            },
+            ambient: AmbientUse::Share,
+            n_samples: 512,
+            step: 0.05,
+            half_step: 0.01,
+            seed: 1,
+        };
+        let mut parts = Parts { surface: &mut surface, ambient: &mut ambient, occupancy: &mut occupancy };
+        let plug = gpu.clone();
+        let (mut reports, mut seen) = (Vec::new(), 0);
+        let mut on_report = |report: &TrainingReport, done: usize| {
+            reports.push(done);
+            if done > 1 {
+                plug.destroy();
+            }
+            report.losses.total.is_finite()
+        };
+        let mut on_look = |_: &Parts<'_>, done: usize| seen = done;
+        let watch = Watch { is_observed: true, on_report: &mut on_report, on_look: &mut on_look };
+        let (done, n_rays) = scene.train(&gpu, &mut parts, 300, &Progress::none(), watch).unwrap();
+        // Looked at after 100 iterations, lost after 101.
+        assert_eq!((reports.as_slice(), seen, done), ([1, 101].as_slice(), 100, 100));
+        assert!(n_rays >= 16);
+        assert_eq!(surface.field().n_steps(), 100);
+        assert!(surface.field().params() != before && surface.field().params().iter().all(|p| p.is_finite()));
+    }
+}
