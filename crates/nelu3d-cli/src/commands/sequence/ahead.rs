@@ -113,3 +113,110 @@ impl<'a> Ahead<'a> {
         Ok(Flash { image: rest.read(&self.rig.white)?, rest })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use image::{DynamicImage, GrayImage, ImageBuffer, Luma};
+    use nelu3d_scan::rig::Need;
+
+    use super::*;
+
+    const SIZE: (u32, u32) = (40, 30);
+
+    fn save(path: &Path, shift: u32) {
+        let image = GrayImage::from_fn(SIZE.0, SIZE.1, |x, y| Luma([(20 + 5 * ((x + shift) % 40) + y) as u8]));
+        image.save(path).unwrap();
+    }
+
+    /// Six frames of 40 × 30 px; the second has no flash, the fourth a pattern of another depth, the fifth a black image.
+    fn rig(root: &Path) -> Rig {
+        let toml = "format = 1\n[camera]\nchannels = \"mono\"\nblack_level = 0\nsaturation = 255\n[[pattern_sets]]\n\
+                    name = \"a\"\nimages = [\"a0.png\", \"a1.png\"]\n";
+        std::fs::write(root.join("rig.toml"), toml).unwrap();
+        let camera = r#"{ "resx": 40, "resy": 30, "K": [[50, 0, 20], [0, 50, 15], [0, 0, 1]], "dist_coeffs": [] }"#;
+        std::fs::write(root.join("camera.json"), camera).unwrap();
+        for i in 0..6 {
+            let dir = root.join(format!("sequences/s/{i:03}"));
+            std::fs::create_dir_all(&dir).unwrap();
+            for (n, name) in ["white.png", "a0.png", "a1.png"].iter().enumerate() {
+                save(&dir.join(name), 10 * i + n as u32);
+            }
+            match i {
+                1 => std::fs::remove_file(dir.join("white.png")).unwrap(),
+                3 => DynamicImage::from(ImageBuffer::from_pixel(SIZE.0, SIZE.1, Luma([9000u16])))
+                    .save(dir.join("a1.png"))
+                    .unwrap(),
+                4 => save(&dir.join("black.png"), 7),
+                _ => {}
+            }
+        }
+        Rig::open(root).unwrap()
+    }
+
+    /// Frames are what they are when read alone, and so are their errors.
+    #[test]
+    fn a_frame_read_ahead_is_the_frame() {
+        let dir = tempfile::tempdir().unwrap();
+        let rig = rig(dir.path());
+        let set = rig.pattern_set(Some("a")).unwrap();
+        let frames = rig.sequence("s").unwrap();
+        for (motion, todo) in [(MotionMode::Auto, vec![0, 1, 2, 3, 4, 5]), (MotionMode::Off, vec![1, 2, 4])] {
+            let plan = Plan { frames: 6, keyframe: 2 };
+            let ahead =
+                Ahead { rig: &rig, set, frames: &frames, plan, motion, with_truth: false, flashes: BTreeMap::new() };
+            let (to, read) = std::sync::mpsc::sync_channel(0);
+            let numbers = &todo;
+            std::thread::scope(|scope| {
+                scope.spawn(move || ahead.run(numbers, &to, &Progress::none()));
+                for &i in &todo {
+                    let (number, frame) = read.recv().unwrap();
+                    assert_eq!(number, i);
+                    match (frame, rig.read_shot(&frames[i], set, Need::Frame)) {
+                        (Ok(frame), Ok(capture)) => {
+                            assert!(frame.capture == capture && i != 1 && i != 3, "{i}");
+                            assert_eq!((capture.black.is_some(), frame.inputs.len()), (i == 4, 3), "{i}");
+                        }
+                        (Err(ahead), Err(alone)) => {
+                            assert_eq!(ahead.to_string(), alone.to_string());
+                            assert!(i == 1 || i == 3, "{i}: {alone}");
+                        }
+                        (ahead, alone) => panic!("{i}: {:?} ahead, {:?} alone", ahead.err(), alone.err()),
+                    }
+                }
+                assert!(read.recv().is_err(), "that was all");
+            });
+        }
+    }
+
+    /// A reader that nobody listens to anymore ends, and so does one that is stopped.
+    #[test]
+    fn the_reader_ends_with_the_work() {
+        use std::sync::Arc;
+        use std::sync::atomic::AtomicBool;
+        struct Nobody;
+        impl nelu3d::progress::Sink for Nobody {
+            fn stage(&self, _: &str) {}
+            fn tick(&self, _: usize, _: usize) {}
+            fn warn(&self, _: &str) {}
+        }
+        let dir = tempfile::tempdir().unwrap();
+        let rig = rig(dir.path());
+        let (set, frames) = (rig.pattern_set(Some("a")).unwrap(), rig.sequence("s").unwrap());
+        for stopped in [false, true] {
+            let progress = Progress::new(Arc::new(Nobody), Arc::new(AtomicBool::new(stopped)));
+            let (plan, motion) = (Plan { frames: 6, keyframe: 6 }, MotionMode::Auto);
+            let (rig, frames) = (&rig, &frames[..]);
+            let ahead = Ahead { rig, set, frames, plan, motion, with_truth: false, flashes: BTreeMap::new() };
+            let (to, read) = std::sync::mpsc::sync_channel(0);
+            std::thread::scope(|scope| {
+                scope.spawn(|| ahead.run(&[0, 2, 4, 5], &to, &progress));
+                if !stopped {
+                    assert_eq!(read.recv().unwrap().0, 0);
+                }
+                drop(read);
+            });
+        }
+    }
+}
