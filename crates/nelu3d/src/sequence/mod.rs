@@ -8,6 +8,8 @@ mod flow;
 pub mod motion;
 mod plan;
 
+use std::sync::OnceLock;
+
 use nelu3d_scan::rig::Capture;
 use nelu3d_scan::{Camera, Image};
 use serde::{Deserialize, Serialize};
@@ -71,13 +73,25 @@ impl Memory {
     }
 }
 
-/// Flashes of the frames before and after; `None` at the ends of a sequence.
-#[derive(Clone, Debug, Default)]
+/// Flashes of the frames before and after.
+#[derive(Default)]
 pub struct Neighbors {
-    /// Of the frame before.
-    pub before: Option<Image>,
-    /// Of the frame after.
-    pub after: Option<Image>,
+    before: Option<Image>,
+    after: Option<Image>,
+    motion: OnceLock<Option<Motion>>,
+}
+
+impl Neighbors {
+    /// Of the frame before and the frame after; `None` at the ends of a sequence.
+    pub fn new(before: Option<Image>, after: Option<Image>) -> Self {
+        Self { before, after, motion: OnceLock::new() }
+    }
+
+    /// How the points of the flash `taken` between them move; `None` if neither neighbor tells. It takes nothing but flashes, so a caller may
+    /// find it while the frame before is computed: it is found once, at the first call.
+    pub fn motion(&self, taken: &Image) -> Option<&Motion> {
+        self.motion.get_or_init(|| Motion::around(self.before.as_ref(), taken, self.after.as_ref())).as_ref()
+    }
 }
 
 /// Speeds below this do not tell when a pattern was taken, px per frame.
@@ -116,13 +130,13 @@ pub fn frame(
     // The surface of the frame before moves along with what is seen, whatever is done about the flash.
     let seen = (auto || memory.is_some()).then(|| {
         clock.begin("find the motion");
-        Motion::around(neighbors.before.as_ref(), &taken, neighbors.after.as_ref())
+        neighbors.motion(&taken)
     });
     let seen = seen.flatten();
     let lit = |i: usize| capture_light(&taken, i) > 0.02;
-    let speed = seen.as_ref().map_or(0.0, |s| s.median_px(lit));
+    let speed = seen.map_or(0.0, |s| s.median_px(lit));
     let moving = seen.filter(|_| speed >= STILL_PX);
-    if let Some(moving) = moving.as_ref().filter(|_| auto) {
+    if let Some(moving) = moving.filter(|_| auto) {
         let known = motion.pattern_time.map(|frames| PatternTime { frames, explained: 0.0 });
         found = known.or(memory.and_then(|m| m.pattern_time));
         if found.is_none() {
@@ -138,7 +152,7 @@ pub fn frame(
     }
     let time = found.map_or(0.0, |t| t.frames);
     let before = memory.map(|m| {
-        let depth = moving.as_ref().map_or_else(|| m.depth.clone(), |moving| moving.carried(&m.depth, time));
+        let depth = moving.map_or_else(|| m.depth.clone(), |moving| moving.carried(&m.depth, time));
         Before { depth, mixing: m.mixing }
     });
     let run = |capture: &Capture, clock: &mut StageClock<'_>| match opts.recipe {
@@ -146,7 +160,7 @@ pub fn frame(
         Recipe::Paper => paper::reconstruct(capture, camera, field, opts, progress, clock, None),
     };
     let mut out = run(&capture, clock)?;
-    if let (Some(moving), None, true) = (&moving, motion.pattern_time, auto) {
+    if let (Some(moving), None, true) = (moving, motion.pattern_time, auto) {
         // Once more with the better surface: what the next frame begins with.
         clock.begin("find the motion");
         capture.white = taken;

@@ -4,21 +4,27 @@
 //! crash or a power cut the same command goes on where it stopped, and several machines can work on parts of one sequence
 //! in one shared folder without talking to each other.
 
+mod ahead;
 mod folder;
 mod outputs;
 mod slurm;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::mpsc::Receiver;
+use std::thread::ScopedJoinHandle;
 
 use anyhow::{Context as _, Result};
 use nelu3d::color_field::ColorField;
 use nelu3d::evaluate::{Judged, Truth, evaluate};
-use nelu3d::result::{self, About, Input, MeshFiles, StageClock, Summary};
-use nelu3d::sequence::{self, MotionMode, Neighbors, Plan};
-use nelu3d_scan::rig::{Need, PatternSet, Shot};
-use nelu3d_scan::{Image, Rig};
+use nelu3d::result::{self, About, Input, MeshFiles, Reconstruction, StageClock, Summary};
+use nelu3d::sequence::{self, Memory, Plan};
+use nelu3d_scan::Rig;
+use nelu3d_scan::output::OutputDir;
+use nelu3d_scan::rig::{PatternSet, Shot};
 
+use self::ahead::{Ahead, Frame};
 use self::folder::Folder;
 use super::{Context, default_field, default_result, load_field, shown};
 use crate::args;
@@ -96,8 +102,28 @@ pub(crate) fn run(args: &args::Sequence, context: &Context) -> Result<ExitCode> 
     Ok(ExitCode::SUCCESS)
 }
 
+/// A frame that is computed and not yet on disk.
+struct Computed {
+    frame: usize,
+    result: Reconstruction,
+    truth: Option<Truth>,
+    /// The files of its capture, hashed.
+    inputs: Vec<Input>,
+    output: OutputDir,
+}
+
+impl Computed {
+    /// What the next frame is told, as it would find it on disk.
+    fn memory(&self) -> Result<Memory> {
+        let info = serde_json::from_slice(&serde_json::to_vec(&self.result.info)?)?;
+        Ok(Memory::of(self.result.depth.clone(), &info))
+    }
+}
+
 impl Work<'_> {
     /// Computes the frames of this part that are not there yet. Returns those that failed, and why.
+    ///
+    /// While a frame is computed, the next one is read and the one before is written.
     fn all(&self, context: &Context) -> Result<Vec<(String, String)>> {
         let part = self.args.shard.map_or(0..self.plan.frames, |s| self.plan.part(s));
         let quiet = context.silent();
@@ -106,44 +132,85 @@ impl Work<'_> {
         if todo.len() < self.plan.frames {
             context.progress.stage(&format!("{} of {} frames to do", todo.len(), self.plan.frames));
         }
-        for (done, i) in todo.iter().enumerate() {
-            context.stop_if_asked()?;
-            let frame = &self.frames[*i];
-            context.progress.stage(&format!("frame {}", frame.name));
-            context.progress.tick(done, todo.len());
-            match self.one(*i, &quiet) {
-                Ok(()) => self.folder.forget_failure(frame)?,
-                Err(e) => {
-                    // Ctrl-C is not the frame's fault; a full disk is, but also that of every other frame.
-                    context.stop_if_asked()?;
-                    let why = format!("{e:#}");
-                    context.progress.warn(format!("frame {}: {why}", frame.name));
-                    self.folder.note_failure(frame, &why)?;
-                    failed.push((frame.name.clone(), why));
+        let ahead = Ahead {
+            rig: self.rig,
+            set: self.set,
+            frames: &self.frames,
+            plan: self.plan,
+            motion: self.args.motion.motion,
+            with_truth: self.args.truth,
+            flashes: BTreeMap::new(),
+        };
+        std::thread::scope(|scope| {
+            // Nothing is kept on the way: a frame is handed over, or the reader waits with it.
+            let (to, read) = std::sync::mpsc::sync_channel(0);
+            let (numbers, progress) = (&todo, &quiet);
+            scope.spawn(move || ahead.run(numbers, &to, progress));
+            let mut writing: Option<(usize, ScopedJoinHandle<'_, Result<()>>)> = None;
+            let mut before = None;
+            for (done, &i) in todo.iter().enumerate() {
+                context.stop_if_asked()?;
+                context.progress.stage(&format!("frame {}", self.frames[i].name));
+                context.progress.tick(done, todo.len());
+                let memory = before.take().filter(|(frame, _)| frame + 1 == i).map(|(_, memory)| memory);
+                let computed = self.compute(i, memory, &read, &quiet);
+                // Frames appear in their order: a kill leaves none that the one before it is missing for.
+                if let Some((frame, written)) = writing.take() {
+                    self.settle(frame, joined(written), &mut failed, context)?;
+                }
+                match computed {
+                    Ok(computed) => {
+                        before = Some((i, computed.memory()?));
+                        writing = Some((i, scope.spawn(move || self.write(computed))));
+                    }
+                    Err(e) => self.settle(i, Err(e), &mut failed, context)?,
                 }
             }
-        }
-        Ok(failed)
+            if let Some((frame, written)) = writing {
+                self.settle(frame, joined(written), &mut failed, context)?;
+            }
+            Ok(failed)
+        })
     }
 
-    /// One frame, from its images and what is on disk of the frame before: whether that was just computed or lay there.
-    fn one(&self, i: usize, quiet: &nelu3d::Progress) -> Result<()> {
-        let shot = &self.frames[i];
-        let output = self.folder.start(shot)?;
-        let truth = self.args.truth.then(|| Truth::read(&shot.dir.join("truth"), &self.rig.camera)).transpose()?;
-        let memory = match i.checked_sub(1) {
-            Some(before) if !self.plan.is_key(i) => self.folder.memory(&self.frames[before])?,
-            _ => None,
-        };
+    /// Notes how a frame ended.
+    fn settle(
+        &self,
+        frame: usize,
+        outcome: Result<()>,
+        failed: &mut Vec<(String, String)>,
+        context: &Context,
+    ) -> Result<()> {
+        let Err(e) = outcome else { return Ok(()) };
+        // Ctrl-C is not the frame's fault; a full disk is, but also that of every other frame.
+        context.stop_if_asked()?;
+        let (frame, why) = (&self.frames[frame], format!("{e:#}"));
+        context.progress.warn(format!("frame {}: {why}", frame.name));
+        self.folder.note_failure(frame, &why)?;
+        failed.push((frame.name.clone(), why));
+        Ok(())
+    }
+
+    /// One frame, from its images and what the frame before left: just now (`memory`), or on disk.
+    fn compute(
+        &self,
+        i: usize,
+        memory: Option<Memory>,
+        read: &Receiver<(usize, Result<Frame>)>,
+        quiet: &nelu3d::Progress,
+    ) -> Result<Computed> {
         let mut clock = StageClock::new(quiet);
         clock.begin("read the frame");
-        let capture = self.rig.read_shot(shot, self.set, Need::Frame)?;
-        let neighbors = match self.args.motion.motion {
-            MotionMode::Off => Neighbors::default(),
-            _ => Neighbors {
-                before: i.checked_sub(1).and_then(|j| self.flash(j)),
-                after: (i + 1 < self.frames.len()).then(|| self.flash(i + 1)).flatten(),
-            },
+        // Without an answer the reader was stopped.
+        let (number, frame) = read.recv().context("stopped")?;
+        clock.end();
+        assert_eq!(number, i, "frames are read in their order");
+        let output = self.folder.start(&self.frames[i])?;
+        let Frame { capture, neighbors, inputs, truth } = frame?;
+        let memory = match i.checked_sub(1) {
+            Some(_) if memory.is_some() && !self.plan.is_key(i) => memory,
+            Some(before) if !self.plan.is_key(i) => self.folder.memory(&self.frames[before])?,
+            _ => None,
         };
         let (camera, args) = (&self.rig.camera, self.args);
         let mut result = sequence::frame(
@@ -159,31 +226,34 @@ impl Work<'_> {
         )
         .map_err(|e| anyhow::anyhow!("{e}"))?;
         result.stages = clock.finish();
+        Ok(Computed { frame: i, result, truth, inputs, output })
+    }
+
+    /// Judges a frame and puts its result into place.
+    fn write(&self, computed: Computed) -> Result<()> {
+        let Computed { frame, result, truth, inputs, output } = computed;
+        let (camera, shot) = (&self.rig.camera, &self.frames[frame]);
         let metrics = truth.as_ref().map(|truth| {
             let judged = Judged { depth: &result.depth, normals: Some(&result.normals), sigma: Some(&result.sigma) };
             evaluate(&judged, truth, &truth.regions(camera), camera, self.rig.projector.as_ref())
         });
-        let mut inputs = self.inputs.clone();
-        for name in std::iter::once(&self.rig.white).chain(&self.set.images) {
-            let path = shot.dir.join(name);
-            inputs.push(Input::of(&path).with_context(|| format!("{}: cannot be read", shown(&path)))?);
-        }
         let about = About {
             rig: self.rig.root.clone(),
             rig_name: self.rig.name.clone(),
             scene: shot.name.clone(),
             set: self.set.name.clone(),
-            inputs,
+            inputs: self.inputs.iter().cloned().chain(inputs).collect(),
             metrics,
             trace: None,
         };
         let summary = Summary::new(&result, camera, &about);
         result::write_into(output.path(), &result, &summary, MeshFiles::default())?;
-        Ok(output.commit()?)
+        output.commit()?;
+        self.folder.forget_failure(shot)
     }
+}
 
-    /// The flash of a neighboring frame; a neighbor that cannot be read is none, and fails by itself when its turn comes.
-    fn flash(&self, i: usize) -> Option<Image> {
-        self.rig.read_image(&self.frames[i].dir.join(&self.rig.white)).ok()
-    }
+/// What a thread returned; it panics as the thread did.
+fn joined<T>(thread: ScopedJoinHandle<'_, T>) -> T {
+    thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
