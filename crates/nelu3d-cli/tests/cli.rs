@@ -45,6 +45,7 @@ fn help_lists_the_commands() {
         "table",
         "evaluate",
         "bench",
+        "devices",
     ];
     for command in COMMANDS {
         assert!(stdout(&out).contains(&format!("\n  {command} ")), "{command}");
@@ -54,6 +55,22 @@ fn help_lists_the_commands() {
     }
     let version = nelu3d(&["--version"]);
     assert_eq!(stdout(&version).trim(), format!("nelu3d {}", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn devices_are_listed_and_one_that_is_not_there_is_named() {
+    let out = nelu3d(&["devices", "--json"]);
+    assert_eq!(code(&out), 0);
+    let answer: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert!(answer["gpus"].is_array() && answer["auto"].is_string(), "{answer}");
+    let text = stdout(&nelu3d(&["devices"]));
+    assert!(text.contains("threads") && text.contains("--device auto takes"), "{text}");
+    let out = nelu3d(&["bench", "--device", "gpu:999"]);
+    // A driver may have put in a word of its own.
+    let said = stderr(&out);
+    assert!(code(&out) == 1 && said.contains("gpu:999") && said.contains("--device cpu"), "{said}");
+    let out = nelu3d(&["demo", "--device", "cuda"]);
+    assert!(code(&out) == 2 && stderr(&out).contains("nelu3d devices"), "{}", stderr(&out));
 }
 
 #[test]
