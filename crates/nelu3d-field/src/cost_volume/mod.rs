@@ -156,7 +156,7 @@ impl Winner {
     pub const NONE: Self = Self { label: f32::NAN, margin: 0.0 };
 }
 
-/// The winner of every pixel that takes part. On the CPU this is the plain [`reference`].
+/// The winner of every pixel that takes part. On the CPU this is the plain [`mod@reference`].
 ///
 /// # Errors
 ///

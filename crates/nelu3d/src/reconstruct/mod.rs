@@ -487,6 +487,7 @@ pub fn reconstruct_after(
     let mut info = serde_json::Map::new();
     info.insert("settings".into(), serde_json::to_value(opts).expect("plain data serializes"));
     info.insert("effort".into(), serde_json::to_value(effort).expect("plain data serializes"));
+    info.insert("device".into(), json!(Device::or_cpu(opts.device).name()));
     info.insert(
         "field".into(),
         json!({ "rig": field.about.rig, "set": field.about.set, "form": field.form_name(), "source": field.about.source }),

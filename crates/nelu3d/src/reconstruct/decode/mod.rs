@@ -5,7 +5,7 @@
 //! prior probability of a step or a jump in depth. The minimum over all labels and neighbors is approached by
 //! semi-global matching along eight directions (Hirschmüller 2008).
 //!
-//! The form here is the CPU's; [`problem`] hands the same to other devices.
+//! The form here is the CPU's; `problem.rs` hands the same to other devices.
 
 mod problem;
 
