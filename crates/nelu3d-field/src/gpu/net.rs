@@ -196,8 +196,9 @@ impl Net {
     ) -> Result<Call, DeviceError> {
         let tiled = include_str!("shaders/layer.wgsl");
         let plain = include_str!("shaders/layer_plain.wgsl");
-        let (source, per_group) = if kernels.gpu().tiles { (tiled, 64) } else { (plain, 4) };
-        kernels.run(label, source, constants, [self.capacity / 64, n_out.div_ceil(per_group), 1], bindings)
+        let (form, per_group) = if kernels.gpu().tiles { (tiled, 64) } else { (plain, 4) };
+        let source = [include_str!("shaders/layer_ends.wgsl"), form].concat();
+        kernels.run(label, &source, constants, [self.capacity / 64, n_out.div_ceil(per_group), 1], bindings)
     }
 
     /// Points to outputs.
@@ -315,14 +316,13 @@ impl Net {
             bindings.extend(scale.map(|s| s as &dyn Binding));
             let constants = self.layer_constants(shared, layer);
             let constants = constants.flag("ONES", ones).flag("SCALED", scale.is_some() && !ones);
-            let groups = [N_CHUNKS, n_out.div_ceil(64), n_in.div_ceil(64)];
-            calls.push(kernels.run(
-                "gradient",
-                include_str!("shaders/gradient.wgsl"),
-                &constants,
-                groups,
-                &bindings,
-            )?);
+            let (form, groups) = if kernels.gpu().tiles {
+                (include_str!("shaders/gradient.wgsl"), [N_CHUNKS, n_out.div_ceil(64), n_in.div_ceil(64)])
+            } else {
+                (include_str!("shaders/gradient_plain.wgsl"), [N_CHUNKS, n_in.div_ceil(32), n_out.div_ceil(4)])
+            };
+            let source = [include_str!("shaders/gradient_ends.wgsl"), form].concat();
+            calls.push(kernels.run("gradient", &source, &constants, groups, &bindings)?);
         }
 
         let source = [LEVEL, include_str!("shaders/scatter.wgsl")].concat();

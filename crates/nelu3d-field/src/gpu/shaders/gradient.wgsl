@@ -2,18 +2,6 @@
 // sum_s d[j][s] scale[s]; 64 x 64 weights per workgroup, 4 x 4 per thread. SCALED: scale is not 1. ONES: d is 1,
 // and scale is not.
 
-@group(0) @binding(0) var<storage, read> control: array<u32>;
-@group(0) @binding(1) var<storage, read> x: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read_write> partial: array<f32>;
-#if ONES
-@group(0) @binding(3) var<storage, read> scale: array<vec4<f32>>;
-#else
-@group(0) @binding(3) var<storage, read> d: array<vec4<f32>>;
-#endif
-#if SCALED
-@group(0) @binding(4) var<storage, read> scale: array<vec4<f32>>;
-#endif
-
 const STEP = 16u;
 // [point][unit], a column wider than needed: threads that write a row then meet different banks.
 var<workgroup> tile_d: array<f32, 1088>;

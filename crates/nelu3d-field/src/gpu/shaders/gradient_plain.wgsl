@@ -1,17 +1,5 @@
 // As gradient.wgsl, without a workgroup's memory: 4 x 4 weights of one chunk per thread. For software drivers.
 
-@group(0) @binding(0) var<storage, read> control: array<u32>;
-@group(0) @binding(1) var<storage, read> x: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read_write> partial: array<f32>;
-#if ONES
-@group(0) @binding(3) var<storage, read> scale: array<vec4<f32>>;
-#else
-@group(0) @binding(3) var<storage, read> d: array<vec4<f32>>;
-#endif
-#if SCALED
-@group(0) @binding(4) var<storage, read> scale: array<vec4<f32>>;
-#endif
-
 @compute @workgroup_size(1, 8, 1)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let n = control[N_AT];

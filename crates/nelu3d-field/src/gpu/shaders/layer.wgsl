@@ -1,17 +1,6 @@
 // A layer for all points: out[j][s] = activation(sum_i w[j][i] a[i][s] + b[j] scale[s]), 64 outputs of 64 points per workgroup, 4 x 4
 // of them per thread. TRANSPOSED takes w[i][j]: the way back. What comes out can be masked by where a hidden layer was positive.
 
-@group(0) @binding(0) var<storage, read> control: array<u32>;
-@group(0) @binding(1) var<storage, read> weights: array<f32>;
-@group(0) @binding(2) var<storage, read> a: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read_write> result: array<vec4<f32>>;
-#if MASKED
-@group(0) @binding(4) var<storage, read> mask: array<vec4<f32>>;
-#endif
-#if SCALED
-@group(0) @binding(4) var<storage, read> scale: array<vec4<f32>>;
-#endif
-
 const STEP = 16u;
 var<workgroup> tile_a: array<vec4<f32>, 256>;
 var<workgroup> tile_w: array<f32, 1024>;
@@ -71,18 +60,6 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid
 #if SCALED
         v += weights[WEIGHTS_AT + N_IN * N_OUT + j] * scale[s4];
 #endif
-#if RELU
-        v = max(v, vec4(0.0));
-#endif
-#if SIGMOID
-        v = 1.0 / (1.0 + exp(-v));
-#endif
-#if MASKED
-        v = select(vec4(0.0), v, mask[at] > vec4(0.0));
-#endif
-#if MASKED_BY_ITSELF
-        v = select(vec4(0.0), v, result[at] > vec4(0.0));
-#endif
-        result[at] = v;
+        result[at] = activated(v, at);
     }
 }

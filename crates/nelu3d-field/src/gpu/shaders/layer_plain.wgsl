@@ -1,17 +1,6 @@
 // As layer.wgsl, without a workgroup's memory: four outputs of four points per thread. For software drivers, to which a barrier costs
 // more than a load.
 
-@group(0) @binding(0) var<storage, read> control: array<u32>;
-@group(0) @binding(1) var<storage, read> weights: array<f32>;
-@group(0) @binding(2) var<storage, read> a: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read_write> result: array<vec4<f32>>;
-#if MASKED
-@group(0) @binding(4) var<storage, read> mask: array<vec4<f32>>;
-#endif
-#if SCALED
-@group(0) @binding(4) var<storage, read> scale: array<vec4<f32>>;
-#endif
-
 @compute @workgroup_size(16)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let s4 = id.x;
@@ -48,19 +37,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var c = 0u; c < 4u; c++) {
         if (first + c >= N_OUT) { continue; }
         let at = (first + c) * (CAPACITY / 4u) + s4;
-        var v = sums[c];
-#if RELU
-        v = max(v, vec4(0.0));
-#endif
-#if SIGMOID
-        v = 1.0 / (1.0 + exp(-v));
-#endif
-#if MASKED
-        v = select(vec4(0.0), v, mask[at] > vec4(0.0));
-#endif
-#if MASKED_BY_ITSELF
-        v = select(vec4(0.0), v, result[at] > vec4(0.0));
-#endif
-        result[at] = v;
+        result[at] = activated(sums[c], at);
     }
 }
