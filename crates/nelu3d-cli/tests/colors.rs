@@ -74,3 +74,61 @@ fn one_channel_has_no_cross_talk() {
     assert!(!out.status.success());
     assert!(stderr(&out).contains("--colors is for color cameras"), "{}", stderr(&out));
 }
+
+/// A color camera before a projector: one image of three patterns, and two gray ones that it takes in its mono mode.
+fn mixed() -> Spec {
+    let mut spec = small("dlp");
+    spec.camera.channels = "rgb".into();
+    spec.camera.electrons_per_sec = nelu3d_sim::spec::PerColor::Each([600_000.0, 700_000.0, 500_000.0]);
+    spec.camera.mono_images = vec!["random_00.png".into(), "random_01.png".into()];
+    let random =
+        |seed: u32| format!("{{ family = \"random\", min_period_px = 40, max_period_px = 640, seed = {seed} }}");
+    let rgb = format!("{{ family = \"rgb\", parts = [{}, {}, {}] }}", random(3), random(4), random(5));
+    let set = format!("name = \"mixed\"\npatterns = [{rgb}, {}, {}]", random(1), random(2));
+    spec.pattern_sets = vec![toml::from_str(&set).expect("a pattern set")];
+    let ball = "[[objects]]\nposition_mm = [0.0, 0.0, 705.0]\nshape = { kind = \"sphere\", radius_mm = 40.0 }\nalbedo = { kind = \
+                \"constant\", rgb = [0.8, 0.2, 0.1] }\n";
+    spec.scenes.push(toml::from_str(&format!("name = \"ball\"\n{ball}")).expect("a scene"));
+    spec
+}
+
+/// Mono images among those of a color camera: used where they always were mono, refused where they were not.
+#[test]
+fn sets_may_mix_mono_and_color_images() {
+    let (dir, rig) = simulated(&mixed());
+    let at = |name: &str| rig.join(name).to_str().unwrap().to_owned();
+    let root = rig.to_str().unwrap();
+    let channels = |name: &str| nelu3d_scan::image::decode(&rig.join(name), None).unwrap().channels;
+    assert_eq!(["white.png", "rgb_00.png", "random_01.png"].map(|n| channels(&format!("scenes/ball/{n}"))), [3, 3, 1]);
+    ok(&["check", root]);
+    ok(&["calibrate", root]);
+    let out = dir.path().join("result");
+    let truth = at("scenes/ball/truth");
+    let answer = ok(&["reconstruct", root, "ball", "-o", out.to_str().unwrap(), "--truth", &truth]);
+    let depth = &answer["summary"]["metrics"]["body"]["depth_mm"];
+    assert!(depth["median"].as_f64().unwrap() < 0.2, "{depth}");
+
+    // The red ball's white is red, and yet a gray pattern returns its share in every channel.
+    let read = nelu3d_scan::Rig::open(&rig).unwrap();
+    let capture =
+        read.read_shot(&read.scene("ball").unwrap(), &read.pattern_sets[0], nelu3d_scan::rig::Need::Scene).unwrap();
+    assert_eq!(capture.mono, [false, true, true]);
+
+    let refused = |args: &[&str], file: &str| {
+        let out = nelu3d(args);
+        let said = stderr(&out) + &String::from_utf8_lossy(&out.stdout);
+        assert!(!out.status.success() && said.contains(file), "{args:?}: {said}");
+        assert!(said.contains("the same way"), "{args:?}: {said}");
+    };
+    // A scene that was taken in another mode than the sweep.
+    std::fs::copy(at("scenes/ball/random_01.png"), at("scenes/ball/rgb_00.png")).unwrap();
+    refused(&["reconstruct", root, "ball", "-o", out.to_str().unwrap()], "ball/rgb_00.png");
+    refused(&["check", root], "ball/rgb_00.png");
+    // A sweep of two modes.
+    std::fs::copy(at("calibration/003/rgb_00.png"), at("calibration/003/random_00.png")).unwrap();
+    refused(&["calibrate", root], "random_00.png");
+    // The flash must have all channels.
+    std::fs::copy(at("scenes/ball/random_01.png"), at("scenes/ball/white.png")).unwrap();
+    let said = stderr(&nelu3d(&["reconstruct", root, "ball"]));
+    assert!(said.contains("ball/white.png") && said.contains("one channel"), "{said}");
+}

@@ -6,7 +6,7 @@ use std::path::Path;
 use nelu3d_scan::Image;
 use nelu3d_scan::image::{write_png8, write_png16};
 use nelu3d_scan::output::create_dir;
-use nelu3d_scan::rig::Channels;
+use nelu3d_scan::rig::{Channels, LUMA};
 use rayon::prelude::*;
 
 use crate::light::{Frame, Light};
@@ -14,7 +14,7 @@ use crate::random::{Use, generator};
 use crate::render::Renderer;
 use crate::scene::Scene;
 use crate::sensor::Sensor;
-use crate::spec::Spec;
+use crate::spec::{CameraSpec, Spec};
 
 /// The camera before the light.
 pub(crate) struct Capture<'a> {
@@ -39,12 +39,18 @@ impl Capture<'_> {
         let camera = &self.spec.camera;
         let channels = camera.channels().expect("checked with the spec");
         images.par_iter_mut().zip(files).enumerate().try_for_each(|(f, (image, file))| {
+            let is_mono = camera.mono_images.iter().any(|name| name == file);
+            if is_mono {
+                *image = mono_light(image, camera);
+            }
             let row_len = image.width * image.channels;
             image.data.par_chunks_mut(row_len).enumerate().for_each(|(y, row)| {
                 let mut random = generator(self.spec.seed, Use::Sensor, [shot, f as u64, y as u64]);
                 for (i, v) in row.iter_mut().enumerate() {
                     let channel = match channels {
                         Channels::Mono => 0,
+                        // The sensor's green, which is most of luma.
+                        Channels::Rgb if is_mono => 1,
                         Channels::Rgb => i % 3,
                         Channels::Bayer(cell) => usize::from(cell[(y % 2) * 2 + i % 2]),
                     };
@@ -55,4 +61,12 @@ impl Capture<'_> {
             write(&dir.join(file), image, camera.black_level, camera.saturation())
         })
     }
+}
+
+/// What a camera in its mono mode sees, for its green: its codes are the luma of those of its channels, however bright.
+fn mono_light(image: &Image, camera: &CameraSpec) -> Image {
+    let rates = camera.electrons_per_sec.rgb();
+    let weights = [0, 1, 2].map(|c| LUMA[c] * (rates[c] / rates[1]) as f32);
+    let luma = |p: &[f32]| p.iter().zip(weights).map(|(v, w)| v * w).sum();
+    Image { channels: 1, data: image.data.chunks_exact(3).map(luma).collect(), ..*image }
 }

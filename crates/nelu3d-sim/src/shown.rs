@@ -70,6 +70,12 @@ impl Shown {
             .zip(&spec.pattern_sets)
             .map(|((images, inverse), set)| PatternSet { name: set.name.clone(), images, inverse })
             .collect();
+        let known = |name: &&String| images.iter().any(|i| Some(i.name.as_str()) == name.strip_suffix(".png"));
+        if let Some(name) = spec.camera.mono_images.iter().find(|name| !known(name)) {
+            let names: Vec<&str> = images.iter().map(|i| i.name.as_str()).collect();
+            let remedy = format!("give names of images that are shown: {}.png", names.join(".png, "));
+            return Err(SpecError::Value { key: "camera.mono_images".into(), value: name.clone(), remedy });
+        }
         Ok(Self { images, n_patterns, sets })
     }
 

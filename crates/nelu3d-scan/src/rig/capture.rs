@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{PatternSet, Rig, RigError, Shot, mosaic};
+use super::{PatternSet, Rig, RigError, Shot, mono, mosaic};
 use crate::image::{Channels, Depth, Image, decode, demosaic};
 
 /// Which of a shot's images must be there.
@@ -25,6 +25,8 @@ pub struct Capture {
     pub black: Option<Image>,
     /// One image per pattern of the set, in its order.
     pub patterns: Vec<Image>,
+    /// Which of them are mono images of a color camera: one value a pixel, whose ratio to the flash stands in all three channels.
+    pub mono: Vec<bool>,
 }
 
 /// Reads the images of one shot one at a time, for callers that do not want all of them in memory.
@@ -42,6 +44,23 @@ impl ShotReader<'_> {
     /// As [`Rig::read_image`], or it has another bit depth than the image read first.
     pub fn read(&mut self, name: &str) -> Result<Image, RigError> {
         self.rig.read_agreeing(&self.shot.dir.join(name), self.rig.channels, &mut self.depth)
+    }
+
+    /// Reads a pattern of this file name, and says whether it is a mono image of a color camera (see [`Capture::mono`]): such a one needs the shot's
+    /// flash.
+    ///
+    /// # Errors
+    ///
+    /// As [`ShotReader::read`].
+    pub fn read_pattern(
+        &mut self,
+        name: &str,
+        white: &Image,
+        black: Option<&Image>,
+    ) -> Result<(Image, bool), RigError> {
+        let path = self.shot.dir.join(name);
+        let image = self.rig.read_agreeing_pattern(&path, self.rig.channels, &mut self.depth)?;
+        Ok(colored(image, white, black))
     }
 }
 
@@ -62,8 +81,15 @@ impl Rig {
 
     /// Reads an image; a mosaic stays one if `channels` says that there is one channel.
     fn read_as(&self, path: &Path, channels: Channels) -> Result<(Image, Depth), RigError> {
+        self.read_pattern_as(path, channels, false)
+    }
+
+    /// The same; with `may_be_mono`, an image of one channel is taken from a camera with three.
+    fn read_pattern_as(&self, path: &Path, channels: Channels, may_be_mono: bool) -> Result<(Image, Depth), RigError> {
         let raw = decode(path, Some((self.camera.width, self.camera.height)))?;
-        raw.check_kind(path, self.channels, self.saturation)?;
+        let is_mono = may_be_mono && self.channels == Channels::Rgb && raw.channels == 1;
+        let (stored, channels) = if is_mono { (Channels::Mono, Channels::Mono) } else { (self.channels, channels) };
+        raw.check_kind(path, stored, self.saturation)?;
         let image = raw.linearize(path, channels, self.black_level, self.saturation)?;
         Ok((image, raw.depth()))
     }
@@ -84,7 +110,9 @@ impl Rig {
         let mut white = read(&self.white)?;
         let wanted = need == Need::Calibration || shot.dir.join(&self.black).exists();
         let mut black = wanted.then(|| read(&self.black)).transpose()?;
+        let mut read = |name: &str| self.read_agreeing_pattern(&shot.dir.join(name), channels, &mut depth);
         let mut patterns = set.images.iter().map(|name| read(name)).collect::<Result<Vec<_>, _>>()?;
+        let mut mono = vec![false; patterns.len()];
         if let Some(cell) = cell {
             let (white_rgb, black_rgb) = (demosaic(&white, cell), black.as_ref().map(|b| demosaic(b, cell)));
             for pattern in &mut patterns {
@@ -92,7 +120,10 @@ impl Rig {
             }
             (white, black) = (white_rgb, black_rgb);
         }
-        Ok(Capture { white, black, patterns })
+        for (pattern, mono) in patterns.iter_mut().zip(&mut mono) {
+            (*pattern, *mono) = colored(std::mem::replace(pattern, Image::new(0, 0, 1)), &white, black.as_ref());
+        }
+        Ok(Capture { white, black, patterns, mono })
     }
 
     /// Reads a shot's images one at a time.
@@ -107,7 +138,15 @@ impl Rig {
     /// As [`Rig::read_shot`].
     pub fn read_inverse(&self, shot: &Shot, set: &PatternSet) -> Result<Vec<Image>, RigError> {
         let mut depth = None;
-        set.inverse.iter().map(|name| self.read_agreeing(&shot.dir.join(name), self.channels, &mut depth)).collect()
+        let mut read = |name: &String| self.read_agreeing_pattern(&shot.dir.join(name), self.channels, &mut depth);
+        let mut inverse = set.inverse.iter().map(&mut read).collect::<Result<Vec<_>, _>>()?;
+        if inverse.iter().any(|image| image.channels < self.channels.count()) {
+            let mut reader = self.reader(shot);
+            let white = reader.read(&self.white)?;
+            let black = shot.dir.join(&self.black).exists().then(|| reader.read(&self.black)).transpose()?;
+            inverse = inverse.into_iter().map(|image| colored(image, &white, black.as_ref()).0).collect();
+        }
+        Ok(inverse)
     }
 
     /// Reads an image and compares its depth with the first one's.
@@ -117,7 +156,25 @@ impl Rig {
         channels: Channels,
         first: &mut Option<(Depth, PathBuf)>,
     ) -> Result<Image, RigError> {
-        let (image, depth) = self.read_as(path, channels)?;
+        self.agreeing(path, self.read_as(path, channels)?, first)
+    }
+
+    /// The same of a pattern, which may be mono.
+    fn read_agreeing_pattern(
+        &self,
+        path: &Path,
+        channels: Channels,
+        first: &mut Option<(Depth, PathBuf)>,
+    ) -> Result<Image, RigError> {
+        self.agreeing(path, self.read_pattern_as(path, channels, true)?, first)
+    }
+
+    fn agreeing(
+        &self,
+        path: &Path,
+        (image, depth): (Image, Depth),
+        first: &mut Option<(Depth, PathBuf)>,
+    ) -> Result<Image, RigError> {
         match first {
             Some((other_depth, other)) if *other_depth != depth => {
                 let (other, other_depth) = (other.clone(), *other_depth);
@@ -130,4 +187,9 @@ impl Rig {
             }
         }
     }
+}
+
+/// A pattern with as many channels as its flash, and whether it had fewer.
+fn colored(image: Image, white: &Image, black: Option<&Image>) -> (Image, bool) {
+    if image.channels == white.channels { (image, false) } else { (mono::spread(&image, white, black), true) }
 }

@@ -1,5 +1,7 @@
 //! Everything that is wrong with a rig folder, in one go.
 
+use std::collections::HashMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -92,7 +94,9 @@ pub fn check(path: &Path) -> Vec<Finding> {
     let shots = list_shots(&rig, has_target, &mut findings);
     let sensor_known = sensor_known && rig.saturation > rig.black_level;
     let checker = Checker { rig: &rig, size: camera.map(|c| (c.width, c.height)), sensor_known };
-    let per_shot: Vec<Vec<Finding>> = shots.par_iter().map(|(role, shot)| checker.shot(*role, shot)).collect();
+    let (mut per_shot, counts): (Vec<Vec<Finding>>, Vec<Vec<Count>>) =
+        shots.par_iter().map(|(role, shot)| checker.shot(*role, shot)).unzip();
+    compare_counts(&mut per_shot, &counts);
     let broken_positions = shots
         .iter()
         .zip(&per_shot)
@@ -187,15 +191,35 @@ struct Agreed {
     channels: usize,
 }
 
+/// A pattern of a shot, and the number of its channels.
+type Count = (PathBuf, usize);
+
+/// Complains about patterns that have another number of channels than in the shot where they are first.
+fn compare_counts(findings: &mut [Vec<Finding>], counts: &[Vec<Count>]) {
+    let mut first: HashMap<&OsStr, &Count> = HashMap::new();
+    for (findings, counts) in findings.iter_mut().zip(counts) {
+        for count in counts {
+            let name = count.0.file_name().expect("a pattern's file");
+            let (other, expected) = *first.entry(name).or_insert(count);
+            if count.1 != *expected {
+                let problem = format!("has {} channels, but {} has {expected}", count.1, other.display());
+                findings.push(error(count.0.clone(), &problem, "take this pattern the same way everywhere"));
+            }
+        }
+    }
+}
+
 impl Checker<'_> {
-    fn shot(&self, role: Role, shot: &Shot) -> Vec<Finding> {
+    /// What is wrong with a shot, and how many channels its patterns have.
+    fn shot(&self, role: Role, shot: &Shot) -> (Vec<Finding>, Vec<Count>) {
         let mut findings = Vec::new();
+        let mut counts = Vec::new();
         let mut agreed = None;
         let rig = self.rig;
-        let white = self.image(&shot.dir.join(&rig.white), &mut agreed, &mut findings);
+        let white = self.image(&shot.dir.join(&rig.white), false, &mut agreed, &mut findings);
         let black_file = shot.dir.join(&rig.black);
         let black = if role == Role::Position || black_file.exists() {
-            self.image(&black_file, &mut agreed, &mut findings)
+            self.image(&black_file, false, &mut agreed, &mut findings)
         } else {
             None
         };
@@ -216,18 +240,25 @@ impl Checker<'_> {
                 continue;
             }
             let file = shot.dir.join(name);
-            if let Some(image) = self.image(&file, &mut agreed, &mut findings)
-                && share(&image, |v| v >= 1.0) > NEARLY_ALL
-            {
-                findings.push(error(file, "is clipped nearly everywhere", CLIPPED_REMEDY));
+            if let Some(image) = self.image(&file, true, &mut agreed, &mut findings) {
+                counts.push((file.clone(), image.channels));
+                if share(&image, |v| v >= 1.0) > NEARLY_ALL {
+                    findings.push(error(file, "is clipped nearly everywhere", CLIPPED_REMEDY));
+                }
             }
         }
         self.truth(shot, &mut findings);
-        findings
+        (findings, counts)
     }
 
-    /// Reads an image and says all that is wrong with it. `None` if it cannot be used.
-    fn image(&self, file: &Path, agreed: &mut Option<Agreed>, findings: &mut Vec<Finding>) -> Option<Image> {
+    /// Reads an image and says all that is wrong with it. `None` if it cannot be used. A pattern of a color camera may be mono.
+    fn image(
+        &self,
+        file: &Path,
+        is_pattern: bool,
+        agreed: &mut Option<Agreed>,
+        findings: &mut Vec<Finding>,
+    ) -> Option<Image> {
         let raw = match decode(file, self.size) {
             Ok(raw) => raw,
             Err(e) => {
@@ -236,6 +267,7 @@ impl Checker<'_> {
             }
         };
         let (depth, size, channels) = (raw.depth(), (raw.width, raw.height), raw.channels);
+        let is_mono = is_pattern && self.rig.channels == Channels::Rgb && channels == 1;
         match agreed {
             None => *agreed = Some(Agreed { file: file.to_path_buf(), depth, size, channels }),
             Some(first) => {
@@ -250,7 +282,7 @@ impl Checker<'_> {
                     let ((a, b), (c, d)) = (size, first.size);
                     differ(format!("is {a}x{b} pixels, but {first_name} is {c}x{d}"));
                 }
-                if channels != first.channels {
+                if channels != first.channels && !is_mono {
                     differ(format!("has {channels} channels, but {first_name} has {}", first.channels));
                 }
             }
@@ -259,7 +291,8 @@ impl Checker<'_> {
             return None;
         }
         let rig = self.rig;
-        match raw.linearize(file, rig.channels, rig.black_level, rig.saturation) {
+        let channels = if is_mono { Channels::Mono } else { rig.channels };
+        match raw.linearize(file, channels, rig.black_level, rig.saturation) {
             Ok(image) => Some(image),
             Err(e) => {
                 findings.push(image_finding(&e));

@@ -77,6 +77,19 @@ pub enum RigError {
         /// The depth of that one.
         other_depth: Depth,
     },
+    /// Images of one name are mono in one folder and colored in another.
+    #[error(
+        "{}: has {} where {} has {}; take this pattern the same way everywhere",
+        path.display(), if *mono { "one channel" } else { "three channels" }, other.display(), if *mono { "three" } else { "one" }
+    )]
+    MixedChannels {
+        /// A file.
+        path: PathBuf,
+        /// Whether it has one channel.
+        mono: bool,
+        /// What was taken first under its name, or what remembers it.
+        other: PathBuf,
+    },
     /// No such pattern set.
     #[error(
         "{}: has no pattern set{}; {}", path.display(),
@@ -132,6 +145,7 @@ impl RigError {
             | RigError::NewerFormat { path, .. }
             | RigError::Invalid { path, .. }
             | RigError::MixedDepth { path, .. }
+            | RigError::MixedChannels { path, .. }
             | RigError::NoPatternSet { path, .. }
             | RigError::NoShot { path, .. }
             | RigError::Empty { path, .. } => Some(path),

@@ -4,6 +4,7 @@ mod capture;
 mod check;
 mod error;
 mod file;
+mod mono;
 mod mosaic;
 mod shots;
 
@@ -12,13 +13,14 @@ use std::path::PathBuf;
 pub use capture::{Capture, Need, ShotReader};
 pub use check::{Finding, Severity, check};
 pub use error::RigError;
+pub use mono::{LUMA, luma};
 pub(crate) use shots::natural_order;
 
 use crate::board::Board;
 use crate::camera::{Camera, Projector};
 pub use crate::image::Channels;
 
-/// What one reconstruction uses: k images (mono) or fewer images of three channels.
+/// What one reconstruction uses: k images (mono) or fewer images of three channels. Among the images of an `rgb` camera some may be mono: see [`luma`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PatternSet {
     /// Its name.

@@ -83,6 +83,9 @@ pub struct CameraSpec {
     /// How much of each band of light (columns: red, green, blue) each channel of a color camera collects (rows).
     #[serde(default = "identity")]
     pub color_mixing: [[f64; 3]; 3],
+    /// Patterns that an `rgb` camera takes in its mono mode: files of one channel, the luma of its three. Names as in `rig.toml`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub mono_images: Vec<String>,
 }
 
 fn one() -> f64 {

@@ -198,6 +198,12 @@ impl Spec {
         within("camera.dark_electrons_per_sec", c.dark_electrons_per_sec, 0.0, 1e9)?;
         within("camera.shutter_samples", c.shutter_samples as f64, 1.0, 64.0)?;
         within("camera.vignetting", c.vignetting, 0.0, 100.0)?;
+        check(
+            c.mono_images.is_empty() || c.channels() == Some(Channels::Rgb),
+            "camera.mono_images",
+            c.mono_images.join(", "),
+            "only a camera with channels = \"rgb\" has another mode for them",
+        )?;
         finite("camera.color_mixing", c.color_mixing.as_flattened())
     }
 

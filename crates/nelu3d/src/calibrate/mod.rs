@@ -216,6 +216,7 @@ pub fn run(rig: &Rig, set: &PatternSet, opts: &Options, progress: &Progress) -> 
     field.about.rig = rig.name.clone();
     field.about.set = set.name.clone();
     field.about.images = set.images.clone();
+    field.about.mono = placed.sweep.mono();
     report.trajectory = Some(trajectory);
     report.stages = clock.finish();
     Ok((field, report))
@@ -368,6 +369,7 @@ fn from_sweep(
         rig: String::new(),
         set: String::new(),
         images: Vec::new(),
+        mono: Vec::new(),
         channels: placed.sweep.channels,
         center: kind,
         source: "sweep".into(),

@@ -87,6 +87,7 @@ pub(super) fn run(
         rig: rig.name.clone(),
         set: set.name.clone(),
         images: set.images.clone(),
+        mono: Vec::new(),
         channels,
         center: Center::Light,
         source: "projector".into(),

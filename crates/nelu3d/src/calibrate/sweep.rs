@@ -4,7 +4,10 @@
 //! in sums whose size depends on the volume and the image but not on how many positions there are; so some images are
 //! read more than once, which costs less than keeping them.
 
-use nelu3d_scan::rig::{PatternSet, Shot};
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+use nelu3d_scan::rig::{PatternSet, RigError, Shot};
 use nelu3d_scan::{Image, Rig};
 use rayon::prelude::*;
 
@@ -27,6 +30,8 @@ pub struct Sweep<'a> {
     pub channels: usize,
     min_contrast: f32,
     pool: rayon::ThreadPool,
+    /// Which patterns are mono images of a color camera, as the position that was read first has them, and its folder.
+    mono: OnceLock<(Vec<bool>, PathBuf)>,
 }
 
 impl<'a> Sweep<'a> {
@@ -34,11 +39,11 @@ impl<'a> Sweep<'a> {
     pub fn new(rig: &'a Rig, set: &'a PatternSet, shots: Vec<Shot>, min_contrast: f32) -> Self {
         let channels = rig.channels.count();
         let k = set.images.len() * channels;
-        // Three images, the normalized values and what a stage makes of them.
-        let bytes = rig.camera.n_pixels() * 4 * (3 * channels + k + (3 + 2 * k));
+        // Four images, the normalized values and what a stage makes of them.
+        let bytes = rig.camera.n_pixels() * 4 * (4 * channels + k + (3 + 2 * k));
         let at_once = (READ_BUDGET / bytes.max(1)).clamp(1, rayon::current_num_threads());
         let pool = rayon::ThreadPoolBuilder::new().num_threads(at_once).build().expect("a thread pool starts");
-        Self { rig, set, shots, k, channels, min_contrast, pool }
+        Self { rig, set, shots, k, channels, min_contrast, pool, mono: OnceLock::new() }
     }
 
     /// The sweep's folder.
@@ -108,13 +113,38 @@ impl<'a> Sweep<'a> {
         let mut reader = self.rig.reader(&self.shots[p]);
         let (white, black) = (reader.read(&self.rig.white)?, reader.read(&self.rig.black)?);
         see(&white);
-        let mut builder = PositionBuilder::new(white, black, self.k, self.min_contrast);
+        let mut builder = PositionBuilder::new(&white, black, self.k, self.min_contrast);
+        let mut all = Vec::with_capacity(self.set.images.len());
         for name in &self.set.images {
-            let pattern = reader.read(name)?;
-            see(&pattern);
+            let (pattern, mono) = reader.read_pattern(name, &white, Some(&builder.black))?;
+            all.push(mono);
+            // What was made of a mono image has not the sensor's noise.
+            if !mono {
+                see(&pattern);
+            }
             builder.add(&pattern);
         }
+        self.agree_on_mono(all, &self.shots[p])?;
         Ok(builder.finish())
+    }
+
+    /// Complains if a pattern is mono in one position and colored in another.
+    fn agree_on_mono(&self, mono: Vec<bool>, shot: &Shot) -> Result<(), Error> {
+        let (first, dir) = self.mono.get_or_init(|| (mono.clone(), shot.dir.clone()));
+        match mono.iter().zip(first).position(|(a, b)| a != b) {
+            None => Ok(()),
+            Some(i) => {
+                let name = &self.set.images[i];
+                let (path, other) = (shot.dir.join(name), dir.join(name));
+                Err(RigError::MixedChannels { path, mono: mono[i], other }.into())
+            }
+        }
+    }
+
+    /// The patterns that are mono images of a color camera; of a sweep that was read.
+    pub fn mono(&self) -> Vec<String> {
+        let flags = self.mono.get().map_or(&[][..], |(flags, _)| flags);
+        self.set.images.iter().zip(flags).filter(|(_, mono)| **mono).map(|(name, _)| name.clone()).collect()
     }
 }
 
@@ -193,9 +223,9 @@ pub struct PositionBuilder {
 
 impl PositionBuilder {
     /// Starts a position from its white and black images; `threshold` is the least usable white − black.
-    pub fn new(white: Image, black: Image, k: usize, threshold: f32) -> Self {
+    pub fn new(white: &Image, black: Image, k: usize, threshold: f32) -> Self {
         let (width, height, channels) = (white.width, white.height, white.channels);
-        let mut contrast = white.data;
+        let mut contrast = white.data.clone();
         for (w, b) in contrast.iter_mut().zip(&black.data) {
             let d = *w - b;
             *w = if *w < 1.0 && d >= threshold { d } else { 0.0 };
@@ -241,7 +271,7 @@ mod tests {
 
     #[test]
     fn normalizes_and_marks_unusable_pixels() {
-        let mut b = PositionBuilder::new(image([0.5, 0.5, 0.015, 1.0]), image([0.1, 0.0, 0.0, 0.0]), 2, 0.02);
+        let mut b = PositionBuilder::new(&image([0.5, 0.5, 0.015, 1.0]), image([0.1, 0.0, 0.0, 0.0]), 2, 0.02);
         b.add(&image([0.3, 0.25, 0.01, 0.2]));
         b.add(&image([0.1, 1.0, 0.01, 0.2]));
         let p = b.finish();
@@ -335,12 +365,12 @@ mod tests {
 
     #[test]
     fn a_block_is_what_a_larger_pixel_would_have_seen() {
-        let mut b = PositionBuilder::new(image([0.5, 0.3, 0.1, 0.9]), image([0.0; 4]), 1, 0.02);
+        let mut b = PositionBuilder::new(&image([0.5, 0.3, 0.1, 0.9]), image([0.0; 4]), 1, 0.02);
         b.add(&image([0.5, 0.0, 0.1, 0.0]));
         let p = b.finish().reduced(2);
         assert_eq!((p.width, p.height), (1, 1));
         assert!((p.values[0] - 0.6 / 1.8).abs() < 1e-6 && (p.contrast[0] - 0.45).abs() < 1e-6);
-        let mut b = PositionBuilder::new(image([0.5, 0.3, 0.1, 0.9]), image([0.0; 4]), 1, 0.02);
+        let mut b = PositionBuilder::new(&image([0.5, 0.3, 0.1, 0.9]), image([0.0; 4]), 1, 0.02);
         b.add(&image([0.5, 1.0, 0.1, 0.0]));
         assert_eq!(b.finish().reduced(2).contrast, [0.0]);
     }

@@ -272,6 +272,7 @@ mod tests {
             rig: "r".into(),
             set: "s".into(),
             images: vec!["a.png".into(), "b.png".into()],
+            mono: Vec::new(),
             channels: 1,
             center: Center::Light,
             source: "sweep".into(),

@@ -61,6 +61,9 @@ pub struct About {
     pub set: String,
     /// File names of the set's images, in order.
     pub images: Vec<String>,
+    /// Those of them that are mono images of a color camera.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub mono: Vec<String>,
     /// Channels of an image: 1 or 3.
     pub channels: usize,
     /// Where the frame is centered.

@@ -125,7 +125,11 @@ impl Measurements {
                     if noise.normalized_variance(0.5, contrast, b) > MAX_SIGMA * MAX_SIGMA {
                         continue;
                     }
-                    let var = noise.normalized_variance(l.clamp(0.0, 1.0), contrast, b) + model_sigma * model_sigma;
+                    let mut var = noise.normalized_variance(l.clamp(0.0, 1.0), contrast, b) + model_sigma * model_sigma;
+                    // One value stands in all channels: together they weigh as much as one.
+                    if capture.mono[m] {
+                        var *= c as f32;
+                    }
                     out.p[i * k + m * c + ch] = l;
                     out.inv_var[i * k + m * c + ch] = 1.0 / var;
                     usable += 1;

@@ -184,6 +184,7 @@ pub fn run_observed(
     let mut clock = StageClock::new(progress);
     clock.begin("read the scene");
     let capture = rig.read_shot(shot, set, nelu3d_scan::rig::Need::Scene)?;
+    check_mono(&capture, set, shot, field)?;
     let recipe = match opts.recipe {
         Recipe::Fast => reconstruct,
         Recipe::Paper => paper::reconstruct,
@@ -210,6 +211,25 @@ pub fn check_field(rig: &Rig, set: &PatternSet, field: &ColorField) -> Result<()
         let show = |name: &str, images: &[String]| format!("`{name}` ({})", images.join(", "));
         let (theirs, ours) = (show(&field.about.set, &field.about.images), show(&set.name, &set.images));
         return Err(Error::Mismatch { what: "the pattern set", theirs, ours, remedy: AGAIN });
+    }
+    Ok(())
+}
+
+/// Whether the mono images among a scene's patterns are those that were mono in the sweep: their codewords are others.
+///
+/// # Errors
+///
+/// [`Error::Mismatch`]: a pattern has another number of channels than it had.
+pub fn check_mono(capture: &Capture, set: &PatternSet, shot: &Shot, field: &ColorField) -> Result<(), Error> {
+    // A field computed from projected images has seen none.
+    let made_of_images = field.about.source == "sweep";
+    for (name, mono) in set.images.iter().zip(&capture.mono) {
+        if made_of_images && field.about.mono.contains(name) != *mono {
+            let (now, then) = if *mono { ("one channel", "three") } else { ("three channels", "one") };
+            let ours = format!("{} with {now}", shot.dir.join(name).display());
+            let remedy = "take this pattern the same way in the sweep and in scenes";
+            return Err(Error::Mismatch { what: "the image", theirs: format!("`{name}` with {then}"), ours, remedy });
+        }
     }
     Ok(())
 }

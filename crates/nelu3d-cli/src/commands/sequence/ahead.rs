@@ -69,12 +69,15 @@ impl<'a> Ahead<'a> {
             Some(flash) => flash,
             None => self.flash(i)?,
         };
-        let mut read = |name: &str| {
+        anyhow::ensure!(!progress.cancelled(), "stopped");
+        let black = shot.dir.join(&self.rig.black).exists().then(|| rest.read(&self.rig.black)).transpose()?;
+        let (mut patterns, mut mono) = (Vec::new(), Vec::new());
+        for name in &self.set.images {
             anyhow::ensure!(!progress.cancelled(), "stopped");
-            Ok(rest.read(name)?)
-        };
-        let black = shot.dir.join(&self.rig.black).exists().then(|| read(&self.rig.black)).transpose()?;
-        let patterns = self.set.images.iter().map(|name| read(name)).collect::<Result<Vec<_>>>()?;
+            let (pattern, is_mono) = rest.read_pattern(name, &white, black.as_ref())?;
+            patterns.push(pattern);
+            mono.push(is_mono);
+        }
         let mut neighbors = Neighbors::default();
         if self.motion != MotionMode::Off {
             let before = i.checked_sub(1).and_then(|j| self.neighbor(j));
@@ -95,7 +98,7 @@ impl<'a> Ahead<'a> {
             // For the frame after this one.
             self.flashes.insert(i, Flash { image: white.clone(), rest });
         }
-        Ok(Frame { capture: Capture { white, black, patterns }, neighbors, inputs, truth })
+        Ok(Frame { capture: Capture { white, black, patterns, mono }, neighbors, inputs, truth })
     }
 
     /// The flash of a neighboring frame; a neighbor that cannot be read is none, and fails by itself when its turn comes.

@@ -18,6 +18,7 @@ use std::thread::ScopedJoinHandle;
 use anyhow::{Context as _, Result};
 use nelu3d::color_field::ColorField;
 use nelu3d::evaluate::{Judged, Truth, evaluate};
+use nelu3d::reconstruct::check_mono;
 use nelu3d::result::{self, About, Input, MeshFiles, Reconstruction, StageClock, Summary};
 use nelu3d::sequence::{self, Memory, Plan};
 use nelu3d_scan::Rig;
@@ -207,6 +208,7 @@ impl Work<'_> {
         assert_eq!(number, i, "frames are read in their order");
         let output = self.folder.start(&self.frames[i])?;
         let Frame { capture, neighbors, inputs, truth } = frame?;
+        check_mono(&capture, self.set, &self.frames[i], &self.field)?;
         let memory = match i.checked_sub(1) {
             Some(_) if memory.is_some() && !self.plan.is_key(i) => memory,
             Some(before) if !self.plan.is_key(i) => self.folder.memory(&self.frames[before])?,

@@ -36,6 +36,7 @@ pub(super) fn triton() -> Spec {
             shutter_samples: 4,
             vignetting: 4.0,
             color_mixing: [[0.86, 0.12, 0.02], [0.10, 0.80, 0.10], [0.03, 0.15, 0.82]],
+            mono_images: Vec::new(),
         },
         light: LightSpec::Film(film()),
         pattern_sets: Vec::new(),

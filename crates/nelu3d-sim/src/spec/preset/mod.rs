@@ -74,6 +74,7 @@ fn demo() -> Spec {
             shutter_samples: 1,
             vignetting: 0.0,
             color_mixing: IDENTITY,
+            mono_images: Vec::new(),
         },
         light: LightSpec::Projector(ProjectorSpec {
             width: 640,

@@ -32,6 +32,7 @@ fn camera() -> CameraSpec {
         shutter_samples: 1,
         vignetting: 4.0,
         color_mixing: IDENTITY,
+        mono_images: Vec::new(),
     }
 }
 

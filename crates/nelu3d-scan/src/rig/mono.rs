@@ -1,0 +1,73 @@
+//! Mono images among a color camera's: gray patterns that were taken, or saved, with one value a pixel.
+//!
+//! Such an image has no white of its own. Its value is compared with the gray of the flash, and what comes out, one share of light a pixel,
+//! stands in all three channels.
+
+use crate::image::Image;
+
+/// How much of a mono value is red, green and blue: the luma of Rec. ITU-R BT.601, section 2.5.1, by which OpenCV (`cvtColor`), Pillow (`convert("L")`)
+/// and most cameras make gray. For gray objects any weights would do.
+pub const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
+
+/// The mono image that a camera's color image `image` would have been. ≥ 1 where any channel is.
+pub fn luma(image: &Image) -> Image {
+    let value = |p: &[f32]| {
+        let clipped = p.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        if clipped >= 1.0 { clipped } else { p.iter().zip(LUMA).map(|(v, w)| v * w).sum() }
+    };
+    Image { channels: 1, data: image.data.chunks_exact(3).map(value).collect(), ..*image }
+}
+
+/// The color image whose channels all have the same ratio to the flash: that of `mono` to the flash's gray. `white` and `black` have three
+/// channels. A pixel that is clipped in `mono` or `white` is clipped in all channels.
+pub(super) fn spread(mono: &Image, white: &Image, black: Option<&Image>) -> Image {
+    let mut out = Image::new(mono.width, mono.height, 3);
+    let bright = luma(white);
+    let dark = black.map(luma);
+    for (i, px) in out.data.chunks_exact_mut(3).enumerate() {
+        let (taken, w, b) = (mono.data[i], bright.data[i], dark.as_ref().map_or(0.0, |d| d.data[i]));
+        if taken >= 1.0 || w >= 1.0 {
+            px.fill(taken.max(w));
+            continue;
+        }
+        // Where there is no light there is no ratio either; whoever normalizes leaves the pixel out.
+        let ratio = if w - b > 1e-6 { (taken - b) / (w - b) } else { 0.0 };
+        for (c, v) in px.iter_mut().enumerate() {
+            let b = black.map_or(0.0, |image| image.data[3 * i + c]);
+            *v = (b + (white.data[3 * i + c] - b) * ratio).min(1.0 - f32::EPSILON);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(channels: usize, data: &[f32]) -> Image {
+        Image { width: data.len() / channels, height: 1, channels, data: data.to_vec() }
+    }
+
+    /// Pixels of any color return the share of light that fell on them, over ambient light of any color.
+    #[test]
+    fn every_channel_has_the_ratio_to_the_flash() {
+        let black = image(3, &[0.02, 0.05, 0.01, 0.0, 0.0, 0.03]);
+        let white = image(3, &[0.9, 0.3, 0.1, 0.2, 0.4, 0.8]);
+        for share in [0.0, 0.3, 1.0] {
+            let lit = |i: usize| black.data[i] + share * (white.data[i] - black.data[i]);
+            let color = image(3, &(0..6).map(lit).collect::<Vec<_>>());
+            let found = spread(&luma(&color), &white, Some(&black));
+            assert!(found.data.iter().zip(&color.data).all(|(a, b)| (a - b).abs() < 1e-6), "{share}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn clipped_pixels_are_clipped_in_all_channels() {
+        let white = image(3, &[0.5, 0.5, 0.5, 0.9, 1.0, 0.2, 0.5, 0.5, 0.5, 0.0, 0.0, 0.0]);
+        let found = spread(&image(1, &[1.0, 0.3, 0.6, 0.1]), &white, None);
+        let clipped: Vec<bool> = found.data.iter().map(|v| *v >= 1.0).collect();
+        let expected: Vec<bool> = [true, true, false, false].iter().flat_map(|c| [*c; 3]).collect();
+        // More than the flash is not clipped, and neither is what has no light.
+        assert_eq!(clipped, expected, "{found:?}");
+    }
+}
