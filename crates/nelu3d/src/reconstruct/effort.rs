@@ -27,8 +27,6 @@ pub struct EffortSettings {
     pub gathers: usize,
     /// Most patches that the surface throws indirect light as.
     pub patches: usize,
-    /// Draws for the 1σ of the depth.
-    pub draws: usize,
 }
 
 impl Effort {
@@ -36,19 +34,15 @@ impl Effort {
     pub fn warm(self) -> EffortSettings {
         let cold = self.settings();
         let steps = cold.steps.min(8);
-        EffortSettings { steps, gathers: cold.gathers.min(2), draws: cold.draws.min(4), ..cold }
+        EffortSettings { steps, gathers: cold.gathers.min(2), ..cold }
     }
 
     /// What it stands for.
     pub fn settings(self) -> EffortSettings {
         match self {
-            Effort::Quick => EffortSettings { decoded_pixels: 30_000, steps: 5, gathers: 2, patches: 1000, draws: 4 },
-            Effort::Normal => {
-                EffortSettings { decoded_pixels: 400_000, steps: 24, gathers: 6, patches: 4000, draws: 12 }
-            }
-            Effort::Best => {
-                EffortSettings { decoded_pixels: 400_000, steps: 48, gathers: 16, patches: 4000, draws: 24 }
-            }
+            Effort::Quick => EffortSettings { decoded_pixels: 30_000, steps: 5, gathers: 2, patches: 1000 },
+            Effort::Normal => EffortSettings { decoded_pixels: 400_000, steps: 24, gathers: 6, patches: 4000 },
+            Effort::Best => EffortSettings { decoded_pixels: 400_000, steps: 48, gathers: 16, patches: 4000 },
         }
     }
 }

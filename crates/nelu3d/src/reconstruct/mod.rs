@@ -425,9 +425,6 @@ pub fn reconstruct_after(
         ambient_radius: (m.width / 80).max(2),
         // A label is 0.7 px of disparity.
         roughness: opts.roughness / 0.7,
-        draws: effort.draws,
-        draw_iterations: if is_warm { 250 } else { 400 },
-        seed: opts.seed,
     };
     let refined = refine(&m, &rays, &lookup, &start, unit, channels, &settings, progress, &mut |step, depth| {
         if let Some(o) = observer.as_deref_mut() {

@@ -44,12 +44,6 @@ pub struct RefineSettings {
     /// Least roughness of the surface: standard deviation of second differences between neighboring pixels, in labels (a
     /// label is about 0.7 px of disparity). Smaller is smoother.
     pub roughness: f32,
-    /// Draws for the uncertainty.
-    pub draws: usize,
-    /// Most iterations of their solution.
-    pub draw_iterations: usize,
-    /// Seed of everything random.
-    pub seed: u64,
 }
 
 /// A refined surface over the window of the image that holds kept pixels. All maps have the whole image's size.
@@ -143,8 +137,7 @@ pub fn refine(
         let v: Vec<f32> = (0..nw).filter(|i| active[*i]).map(|i| start[win.at(i)]).collect();
         v.iter().map(|v| f64::from(*v)).sum::<f64>() / v.len() as f64
     } as f32;
-    let mut x: Vec<[f32; 1]> =
-        (0..nw).map(|i| [if active[i] { (start[win.at(i)] - mid) / unit } else { 0.0 }]).collect();
+    let mut x: Vec<f32> = (0..nw).map(|i| if active[i] { (start[win.at(i)] - mid) / unit } else { 0.0 }).collect();
     let mut plate = Plate::new(win.w, win.h, active.clone());
     let mut shares = Shares::new(m, &win, &active, channels, &s.shares, s.ambient_radius);
     let quadrature = band();
@@ -162,7 +155,7 @@ pub fn refine(
         let slopes = slopes(&plate, &x, super::MAX_SLOPE * mid / (rays.focal_px * unit));
         if s.patches > 0 && gathers_at(step, s) {
             let slopes: Vec<[f32; 2]> = slopes.iter().map(|s| s.map(|s| s * unit)).collect();
-            let surface = Surface::new(&win, &active, rays, |i| mid + unit * x[i][0], &slopes);
+            let surface = Surface::new(&win, &active, rays, |i| mid + unit * x[i], &slopes);
             shares.indirect = Some(gather(&surface, m, channels, rays.focal_px, s.patches));
         }
 
@@ -176,7 +169,7 @@ pub fn refine(
                         continue;
                     }
                     let px = win.at(i);
-                    let inv_z = mid + unit * x[i][0];
+                    let inv_z = mid + unit * x[i];
                     let t = 1.0 / (inv_z * rays.dir_z(px));
                     let stretch = width / cosine(slopes[i], unit, inv_z, rays.focal_px);
                     let ray = rays.in_frame(px);
@@ -228,19 +221,19 @@ pub fn refine(
         // One Gauss-Newton step. It need not be solved better than the next one will change it.
         plate.reweight(&x, s.roughness, CREASE, ROUGHNESS_RADIUS);
         let h: Vec<f32> = data.iter().map(|d| d.h).collect();
-        let b: Vec<[f32; 1]> = data.iter().zip(&x).map(|(d, x)| [d.h * x[0] - d.g]).collect();
+        let b: Vec<f32> = data.iter().zip(&x).map(|(d, x)| d.h * x - d.g).collect();
         let mut next = x.clone();
         plate.solve(&h, &b, &mut next, Until { reduction: STEP_REDUCTION, iterations: 120 });
         let mut way = 0.0f64;
         for i in 0..nw {
-            let by = (next[i][0] - x[i][0]).clamp(-2.0, 2.0);
-            x[i][0] += by;
+            let by = (next[i] - x[i]).clamp(-2.0, 2.0);
+            x[i] += by;
             way += f64::from(by.abs());
         }
         watch(step, &|| {
             let mut depth = vec![f32::NAN; n];
             for i in (0..nw).filter(|i| active[*i]) {
-                depth[win.at(i)] = 1.0 / (mid + unit * x[i][0]);
+                depth[win.at(i)] = 1.0 / (mid + unit * x[i]);
             }
             depth
         });
@@ -262,12 +255,12 @@ pub fn refine(
         }
     }
     let shared = systematic(&whitened, &slopes, k, &active, win.w, win.h);
-    let sigma = uncertainty::sigma(&plate, &x, &information, &shared, [s.draws, s.draw_iterations], s.seed);
+    let sigma = uncertainty::sigma(&plate, &x, &information, &shared);
     let mut out = Refined { losses, albedo: shares.albedo.clone(), ..Refined::empty(n) };
     let mut residuals = vec![0.0f32; k];
     for i in (0..nw).filter(|i| active[*i]) {
         let px = win.at(i);
-        out.inv_z[px] = mid + unit * x[i][0];
+        out.inv_z[px] = mid + unit * x[i];
         out.sigma[px] = sigma[i] * unit;
         let all = &shares.shares[i * channels..(i + 1) * channels];
         out.ambient[px] = all.iter().map(|s| s.sum()).sum::<f32>() / channels as f32;
@@ -297,7 +290,7 @@ fn gathers_at(step: usize, s: &RefineSettings) -> bool {
 
 /// Slopes of the unknown along x and y, per pixel: central differences, one-sided where the other side lies across a jump
 /// (a step of more than `most`).
-fn slopes(plate: &Plate, x: &[[f32; 1]], most: f32) -> Vec<[f32; 2]> {
+fn slopes(plate: &Plate, x: &[f32], most: f32) -> Vec<[f32; 2]> {
     (0..x.len())
         .into_par_iter()
         .with_min_len(plate.width)
@@ -306,7 +299,7 @@ fn slopes(plate: &Plate, x: &[[f32; 1]], most: f32) -> Vec<[f32; 2]> {
                 return [0.0; 2];
             }
             [1, plate.width].map(|stride| {
-                let step = |a: usize, b: usize| (plate.active[a] && plate.active[b]).then(|| x[b][0] - x[a][0]);
+                let step = |a: usize, b: usize| (plate.active[a] && plate.active[b]).then(|| x[b] - x[a]);
                 match (step(i - stride, i), step(i, i + stride)) {
                     (Some(l), Some(r)) if l.abs().max(r.abs()) <= most => 0.5 * (l + r),
                     (Some(l), Some(r)) => {

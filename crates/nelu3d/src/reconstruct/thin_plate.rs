@@ -58,9 +58,9 @@ impl Plate {
 
     /// A second difference of `x` at pixel `i`, where it exists: along x, along y, mixed.
     #[inline]
-    fn difference(&self, x: &[[f32; 1]], i: usize, direction: usize) -> f32 {
+    fn difference(&self, x: &[f32], i: usize, direction: usize) -> f32 {
         let w = self.width;
-        let x = |i: usize| x[i][0];
+        let x = |i: usize| x[i];
         match direction {
             0 => x(i - 1) - 2.0 * x(i) + x(i + 1),
             1 => x(i - w) - 2.0 * x(i) + x(i + w),
@@ -72,7 +72,7 @@ impl Plate {
     /// to place: the weight is one over `floor²` plus the local mean of squared differences (over a square of the given
     /// radius, each direction for itself). Differences beyond `crease` are creases or jumps: they do not count as
     /// roughness of their surroundings, and the plate breaks there.
-    pub(super) fn reweight(&mut self, x: &[[f32; 1]], floor: f32, crease: f32, radius: usize) {
+    pub(super) fn reweight(&mut self, x: &[f32], floor: f32, crease: f32, radius: usize) {
         let (w, h) = (self.width, self.height);
         let this = &*self;
         let weights: Vec<Vec<f32>> = (0..3)
@@ -107,68 +107,56 @@ impl Plate {
         [self.wxx, self.wyy, self.wxy] = weights.try_into().expect("three directions");
     }
 
-    /// y = (diag(h) + DᵀWD) x for the rows of one block, for L right-hand sides at once; returns Σ x y. `scratch` holds the
-    /// weighed differences of the block's rows and of the row above and below.
-    fn apply_block<const L: usize>(
-        &self,
-        block: usize,
-        h: &[f32],
-        x: &[[f32; L]],
-        scratch: &mut [[[f32; L]; 3]],
-        y: &mut [[f32; L]],
-    ) -> [f64; L] {
+    /// y = (diag(h) + DᵀWD) x for the rows of one block; returns Σ x y.
+    fn apply_block(&self, block: usize, h: &[f32], x: &[f32], scratch: &mut Scratch, y: &mut [f32]) -> f64 {
         let w = self.width;
         let first = block * BLOCK;
         let rows = y.len() / w;
+        // Inner pixels of a row: all slices below have this length, so that loops over them need no checks.
+        let n = w - 2;
         // Scratch row r is image row first + r − 1.
         for r in 0..rows + 2 {
+            let [xx, yy, xy] = scratch.each_mut().map(|s| &mut s[r * w..(r + 1) * w]);
             let Some(row) = (first + r).checked_sub(1).filter(|row| *row > 0 && row + 1 < self.height) else {
-                scratch[r * w..(r + 1) * w].fill([[0.0; L]; 3]);
+                [xx, yy, xy].into_iter().for_each(|s| s.fill(0.0));
                 continue;
             };
             let at = row * w;
-            let (above, here, below) = (&x[at - w..at], &x[at..at + w], &x[at + w..at + 2 * w]);
-            let (wxx, wyy, wxy) = (&self.wxx[at..at + w], &self.wyy[at..at + w], &self.wxy[at..at + w]);
-            let out = &mut scratch[r * w..(r + 1) * w];
-            for i in 1..w - 1 {
-                for l in 0..L {
-                    let (c, e, s) = (here[i][l], here[i + 1][l], below[i][l]);
-                    out[i][0][l] = wxx[i] * (here[i - 1][l] - 2.0 * c + e);
-                    out[i][1][l] = wyy[i] * (above[i][l] - 2.0 * c + s);
-                    out[i][2][l] = wxy[i] * (c - e - s + below[i + 1][l]);
-                }
+            let (west, here, east) = (&x[at..][..n], &x[at + 1..][..n], &x[at + 2..][..n]);
+            let (north, south, south_east) = (&x[at + 1 - w..][..n], &x[at + 1 + w..][..n], &x[at + 2 + w..][..n]);
+            let (wxx, wyy, wxy) = (&self.wxx[at + 1..][..n], &self.wyy[at + 1..][..n], &self.wxy[at + 1..][..n]);
+            let (xx, yy, xy) = (&mut xx[1..][..n], &mut yy[1..][..n], &mut xy[1..][..n]);
+            for i in 0..n {
+                let c = here[i];
+                xx[i] = wxx[i] * (west[i] - 2.0 * c + east[i]);
+                yy[i] = wyy[i] * (north[i] - 2.0 * c + south[i]);
+                xy[i] = wxy[i] * (c - east[i] - south[i] + south_east[i]);
             }
         }
-        let mut dot = [0.0f64; L];
+        let [xx, yy, xy] = &*scratch;
+        let mut dot = 0.0;
         for (r, y) in y.chunks_exact_mut(w).enumerate() {
-            let at = (first + r) * w;
-            let (h, x) = (&h[at..at + w], &x[at..at + w]);
-            let (above, here, below) =
-                (&scratch[r * w..(r + 1) * w], &scratch[(r + 1) * w..(r + 2) * w], &scratch[(r + 2) * w..(r + 3) * w]);
-            for i in 1..w - 1 {
-                for l in 0..L {
-                    let straight = here[i - 1][0][l] - 2.0 * here[i][0][l] + here[i + 1][0][l] + above[i][1][l]
-                        - 2.0 * here[i][1][l]
-                        + below[i][1][l];
-                    let mixed = here[i][2][l] - here[i - 1][2][l] - above[i][2][l] + above[i - 1][2][l];
-                    y[i][l] = h[i] * x[i][l] + straight + mixed;
-                }
+            let at = (first + r) * w + 1;
+            let (h, x) = (&h[at..][..n], &x[at..][..n]);
+            // Of the row above, of this and of the one below in scratch.
+            let [above, here, below] = [r, r + 1, r + 2].map(|r| r * w + 1);
+            let (west, middle, east) = (&xx[here - 1..][..n], &xx[here..][..n], &xx[here + 1..][..n]);
+            let (north, center, south) = (&yy[above..][..n], &yy[here..][..n], &yy[below..][..n]);
+            let (own, left) = (&xy[here..][..n], &xy[here - 1..][..n]);
+            let (up, up_left) = (&xy[above..][..n], &xy[above - 1..][..n]);
+            let y = &mut y[1..][..n];
+            for i in 0..n {
+                let straight = west[i] - 2.0 * middle[i] + east[i] + north[i] - 2.0 * center[i] + south[i];
+                let mixed = own[i] - left[i] - up[i] + up_left[i];
+                y[i] = h[i] * x[i] + straight + mixed;
             }
-            let mut sum = [0.0f32; L];
-            for i in 1..w - 1 {
-                for l in 0..L {
-                    sum[l] += x[i][l] * y[i][l];
-                }
-            }
-            for l in 0..L {
-                dot[l] += f64::from(sum[l]);
-            }
+            dot += dot_row(x, y);
         }
         dot
     }
 
     /// Σ w (D x)² of the differences at each pixel.
-    pub(super) fn energy(&self, x: &[[f32; 1]]) -> Vec<f32> {
+    pub(super) fn energy(&self, x: &[f32]) -> Vec<f32> {
         let one = |i: usize| {
             let weights = [self.wxx[i], self.wyy[i], self.wxy[i]];
             if weights == [0.0; 3] {
@@ -181,7 +169,16 @@ impl Plate {
         (0..x.len()).into_par_iter().with_min_len(self.width).map(one).collect()
     }
 
+    /// The mean weight of a pixel's own second differences along x and y, logarithmic: what a uniform plate would have around it. 0 where there is none.
+    pub(super) fn weight(&self, i: usize) -> f32 {
+        match (self.wxx[i], self.wyy[i]) {
+            (a, b) if a > 0.0 && b > 0.0 => (a * b).sqrt(),
+            (a, b) => a.max(b),
+        }
+    }
+
     /// Dᵀ√W ε for random ε: with √h ε it makes a right-hand side whose solution is a draw from the posterior.
+    #[cfg(test)]
     pub(super) fn noise(&self, mut normal: impl FnMut() -> f32) -> Vec<f32> {
         let w = self.width;
         let mut out = vec![0.0; self.active.len()];
@@ -235,72 +232,54 @@ impl Plate {
         diag.iter().zip(&self.active).map(|(d, on)| if *on && *d > 0.0 { 1.0 / d } else { 0.0 }).collect()
     }
 
-    /// Solves (diag(h) + DᵀWD) x = b for L right-hand sides at once by conjugate gradients from the given start, with a
-    /// diagonal preconditioner. Returns how many iterations it took. The start must be 0 where there is no surface.
-    pub(super) fn solve<const L: usize>(&self, h: &[f32], b: &[[f32; L]], x: &mut [[f32; L]], until: Until) -> usize {
+    /// Solves (diag(h) + DᵀWD) x = b by conjugate gradients from the given start, with a diagonal preconditioner. Returns how many
+    /// iterations it took. The start must be 0 where there is no surface.
+    pub(super) fn solve(&self, h: &[f32], b: &[f32], x: &mut [f32], until: Until) -> usize {
         let (w, n) = (self.width, x.len());
         let rows = BLOCK * w;
         let inverse = self.inverse_diagonal(h);
-        let mut scratch = vec![vec![[[0.0f32; L]; 3]; (BLOCK + 2) * w]; self.height.div_ceil(BLOCK)];
-        let mut ap = vec![[0.0f32; L]; n];
-        let apply = |x: &[[f32; L]], y: &mut [[f32; L]], scratch: &mut [Vec<[[f32; L]; 3]>]| -> [f64; L] {
-            let sums: Vec<[f64; L]> = y
+        let mut scratch: Vec<Scratch> =
+            (0..self.height.div_ceil(BLOCK)).map(|_| [(); 3].map(|()| vec![0.0; (BLOCK + 2) * w])).collect();
+        let mut ap = vec![0.0f32; n];
+        let apply = |x: &[f32], y: &mut [f32], scratch: &mut [Scratch]| -> f64 {
+            let sums: Vec<f64> = y
                 .par_chunks_mut(rows)
                 .zip(scratch)
                 .enumerate()
                 .map(|(block, (y, scratch))| self.apply_block(block, h, x, scratch, y))
                 .collect();
-            total(&sums)
+            sums.iter().sum()
         };
         apply(x, &mut ap, &mut scratch);
-        let mut r = vec![[0.0f32; L]; n];
-        for i in (0..n).filter(|i| self.active[*i]) {
-            for l in 0..L {
-                r[i][l] = b[i][l] - ap[i][l];
-            }
-        }
-        let mut p: Vec<[f32; L]> = r.iter().zip(&inverse).map(|(r, d)| r.map(|r| r * d)).collect();
-        let first: [f64; L] = {
-            let sums: Vec<[f64; L]> =
-                r.chunks(rows).zip(p.chunks(rows)).map(|(r, p)| std::array::from_fn(|l| dot_lane(r, p, l))).collect();
-            total(&sums)
-        };
+        let mut r: Vec<f32> = (0..n).map(|i| if self.active[i] { b[i] - ap[i] } else { 0.0 }).collect();
+        let mut p: Vec<f32> = r.iter().zip(&inverse).map(|(r, d)| r * d).collect();
+        let first: f64 = r.chunks(w).zip(p.chunks(w)).map(|(r, p)| dot_row(r, p)).sum();
         let mut rz = first;
         for iteration in 0..until.iterations {
-            if (0..L).all(|l| rz[l] <= until.reduction * until.reduction * first[l]) {
+            if rz <= until.reduction * until.reduction * first {
                 return iteration;
             }
             let pap = apply(&p, &mut ap, &mut scratch);
-            let step: [f32; L] = std::array::from_fn(|l| if pap[l] > 0.0 { (rz[l] / pap[l]) as f32 } else { 0.0 });
-            let sums: Vec<[f64; L]> = x
+            let step = if pap > 0.0 { (rz / pap) as f32 } else { 0.0 };
+            let sums: Vec<f64> = x
                 .par_chunks_mut(rows)
                 .zip(r.par_chunks_mut(rows))
                 .zip(p.par_chunks(rows).zip(ap.par_chunks(rows)))
                 .zip(inverse.par_chunks(rows))
                 .map(|(((x, r), (p, ap)), inverse)| {
-                    let mut sums = [0.0f64; L];
-                    for at in (0..x.len()).step_by(w) {
-                        let mut sum = [0.0f32; L];
-                        for i in at..at + w {
-                            for l in 0..L {
-                                x[i][l] += step[l] * p[i][l];
-                                r[i][l] -= step[l] * ap[i][l];
-                                sum[l] += r[i][l] * r[i][l] * inverse[i];
-                            }
-                        }
-                        (0..L).for_each(|l| sums[l] += f64::from(sum[l]));
+                    for (((x, r), p), ap) in x.iter_mut().zip(&mut *r).zip(p).zip(ap) {
+                        *x += step * p;
+                        *r -= step * ap;
                     }
-                    sums
+                    r.chunks(w).zip(inverse.chunks(w)).map(|(r, inverse)| weighted_square(r, inverse)).sum()
                 })
                 .collect();
-            let next = total(&sums);
-            let beta: [f32; L] = std::array::from_fn(|l| if rz[l] > 0.0 { (next[l] / rz[l]) as f32 } else { 0.0 });
+            let next: f64 = sums.iter().sum();
+            let beta = if rz > 0.0 { (next / rz) as f32 } else { 0.0 };
             p.par_chunks_mut(rows).zip(r.par_chunks(rows)).zip(inverse.par_chunks(rows)).for_each(
                 |((p, r), inverse)| {
-                    for i in 0..p.len() {
-                        for l in 0..L {
-                            p[i][l] = r[i][l] * inverse[i] + beta[l] * p[i][l];
-                        }
+                    for ((p, r), inverse) in p.iter_mut().zip(r).zip(inverse) {
+                        *p = r * inverse + beta * *p;
                     }
                 },
             );
@@ -310,37 +289,61 @@ impl Plate {
     }
 }
 
-fn dot_lane<const L: usize>(a: &[[f32; L]], b: &[[f32; L]], l: usize) -> f64 {
-    a.iter().zip(b).map(|(a, b)| f64::from(a[l]) * f64::from(b[l])).sum()
+/// Weighed differences of a block's rows and of the row above and below: along x, along y, mixed.
+type Scratch = [Vec<f32>; 3];
+
+/// Partial sums that are taken side by side, which is what vector units do.
+const SUMS: usize = 16;
+
+/// Σ a b of a row.
+fn dot_row(a: &[f32], b: &[f32]) -> f64 {
+    let mut sums = [0.0f32; SUMS];
+    let (a, b) = (a.chunks_exact(SUMS), b.chunks_exact(SUMS));
+    let rest: f32 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a.zip(b) {
+        for l in 0..SUMS {
+            sums[l] += a[l] * b[l];
+        }
+    }
+    f64::from(rest + sums.iter().sum::<f32>())
 }
 
-fn total<const L: usize>(sums: &[[f64; L]]) -> [f64; L] {
-    std::array::from_fn(|l| sums.iter().map(|s| s[l]).sum())
+/// Σ w a² of a row.
+fn weighted_square(a: &[f32], weight: &[f32]) -> f64 {
+    let mut sums = [0.0f32; SUMS];
+    let (a, weight) = (a.chunks_exact(SUMS), weight.chunks_exact(SUMS));
+    let rest: f32 = a.remainder().iter().zip(weight.remainder()).map(|(a, w)| w * a * a).sum();
+    for (a, w) in a.zip(weight) {
+        for l in 0..SUMS {
+            sums[l] += w[l] * a[l] * a[l];
+        }
+    }
+    f64::from(rest + sums.iter().sum::<f32>())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn plate() -> (Plate, Vec<[f32; 1]>) {
+    fn plate() -> (Plate, Vec<f32>) {
         let (w, h) = (40, 30);
         let ring = |x: usize, y: usize| x == 0 || x == w - 1 || y == 0 || y == h - 1;
         let hole = |x: usize, y: usize| x > 15 && x < 18 && y > 10;
         let active: Vec<bool> = (0..w * h).map(|i| !ring(i % w, i / w) && !hole(i % w, i / w)).collect();
         let plane = |i: usize| 3.0 + 0.2 * (i % w) as f32 - 0.1 * (i / w) as f32;
-        let x = (0..w * h).map(|i| [if active[i] { plane(i) } else { 0.0 }]).collect();
+        let x = (0..w * h).map(|i| if active[i] { plane(i) } else { 0.0 }).collect();
         (Plate::new(w, h, active), x)
     }
 
     /// DᵀWD x.
-    fn roughness(p: &Plate, x: &[[f32; 1]]) -> Vec<f32> {
-        let mut y = vec![[0.0]; x.len()];
+    fn roughness(p: &Plate, x: &[f32]) -> Vec<f32> {
+        let mut y = vec![0.0; x.len()];
         let h = vec![0.0; x.len()];
-        let mut scratch = vec![[[0.0; 1]; 3]; (BLOCK + 2) * p.width];
+        let mut scratch = [(); 3].map(|()| vec![0.0; (BLOCK + 2) * p.width]);
         for (block, y) in y.chunks_mut(BLOCK * p.width).enumerate() {
             p.apply_block(block, &h, x, &mut scratch, y);
         }
-        y.iter().map(|y| y[0]).collect()
+        y
     }
 
     #[test]
@@ -356,17 +359,15 @@ mod tests {
         let (mut p, x) = plate();
         p.reweight(&x, 1.0, 10.0, 2);
         let h: Vec<f32> = (0..x.len()).map(|i| if i % 7 == 0 && p.active[i] { 1.0 } else { 0.0 }).collect();
-        // Two planes at once: the second is three times as steep.
-        let b: Vec<[f32; 2]> = h.iter().zip(&x).map(|(h, x)| [h * x[0], 3.0 * h * x[0]]).collect();
-        let mut y = vec![[0.0; 2]; x.len()];
+        let b: Vec<f32> = h.iter().zip(&x).map(|(h, x)| h * x).collect();
+        let mut y = vec![0.0; x.len()];
         let n = p.solve(&h, &b, &mut y, Until { reduction: 1e-4, iterations: 3000 });
         assert!(n < 3000, "{n} iterations");
         for i in 0..x.len() {
-            let (y, [x]) = (y[i], x[i]);
             if p.active[i] {
-                assert!((y[0] - x).abs() < 0.02 && (y[1] - 3.0 * x).abs() < 0.06, "{i}: {y:?} {x}");
+                assert!((y[i] - x[i]).abs() < 0.02, "{i}: {} {}", y[i], x[i]);
             } else {
-                assert_eq!(y, [0.0; 2]);
+                assert_eq!(y[i], 0.0);
             }
         }
     }
@@ -375,12 +376,12 @@ mod tests {
     #[test]
     fn the_operator_is_symmetric() {
         let (mut p, x) = plate();
-        p.reweight(&x.iter().map(|v| [(v[0] * 7.3).sin()]).collect::<Vec<_>>(), 0.3, 1.0, 2);
-        let on = |f: &dyn Fn(usize) -> f32| -> Vec<[f32; 1]> {
-            (0..x.len()).map(|i| [if p.active[i] { f(i) } else { 0.0 }]).collect()
+        p.reweight(&x.iter().map(|v| (v * 7.3).sin()).collect::<Vec<_>>(), 0.3, 1.0, 2);
+        let on = |f: &dyn Fn(usize) -> f32| -> Vec<f32> {
+            (0..x.len()).map(|i| if p.active[i] { f(i) } else { 0.0 }).collect()
         };
         let (u, v) = (on(&|i| (i as f32 * 0.7).sin()), on(&|i| (i as f32 * 1.3).cos()));
-        let dot = |b: &[[f32; 1]], a: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b[0])).sum::<f64>();
+        let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
         let (a, b) = (dot(&v, &roughness(&p, &u)), dot(&u, &roughness(&p, &v)));
         assert!((a - b).abs() < 1e-3 * a.abs().max(1.0), "{a} {b}");
     }
