@@ -416,8 +416,9 @@ pub fn reconstruct_after(
     let settings = RefineSettings {
         steps: effort.steps,
         settled: if is_warm { SETTLED } else { 0.0 },
-        first_width_mm: if is_warm { 0.2 } else { 0.7 },
+        first_width_mm: 0.7,
         last_width_mm: 0.1,
+        loosened: if is_warm { 4.0 } else { 1.0 },
         patches: effort.patches,
         gathers: effort.gathers,
         first_gather: if is_warm { 0 } else { 2 },

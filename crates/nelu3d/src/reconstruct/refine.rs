@@ -31,6 +31,9 @@ pub struct RefineSettings {
     pub first_width_mm: f32,
     /// And at the last, mm.
     pub last_width_mm: f32,
+    /// How much rougher than [`Self::roughness`] the plate is at the first step at least; it is as smooth as that after [`LOOSE_STEPS`]. A
+    /// surface that was smoothed before would else decide how smooth the new one is, whatever the data say.
+    pub loosened: f32,
     /// Most patches that the surface throws indirect light as; 0 for none.
     pub patches: usize,
     /// How often the indirect light is gathered anew.
@@ -219,7 +222,8 @@ pub fn refine(
         losses.push((sum / (count * k) as f64) as f32);
 
         // One Gauss-Newton step. It need not be solved better than the next one will change it.
-        plate.reweight(&x, s.roughness, CREASE, ROUGHNESS_RADIUS);
+        let loose = 1.0 + (s.loosened - 1.0) * (1.0 - step as f32 / LOOSE_STEPS).max(0.0);
+        plate.reweight(&x, s.roughness * loose, CREASE, ROUGHNESS_RADIUS);
         let h: Vec<f32> = data.iter().map(|d| d.h).collect();
         let b: Vec<f32> = data.iter().zip(&x).map(|(d, x)| d.h * x - d.g).collect();
         let mut next = x.clone();
@@ -278,6 +282,8 @@ pub fn refine(
 const CREASE: f32 = 0.5;
 /// Half side of the square over which a surface's local roughness is pooled, px.
 const ROUGHNESS_RADIUS: usize = 3;
+/// Steps after which a plate is no longer loosened.
+pub const LOOSE_STEPS: f32 = 2.0;
 /// How far the residual of one step's linear system is brought down.
 const STEP_REDUCTION: f64 = 1e-2;
 

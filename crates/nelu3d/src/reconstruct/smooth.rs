@@ -3,18 +3,30 @@
 /// In-place mean over a square of the given radius (zero outside), by running sums.
 pub(crate) fn box_mean(v: &mut [f32], w: usize, h: usize, radius: usize) {
     let norm = 1.0 / (2 * radius + 1) as f32;
-    let mut line = vec![0.0f32; w];
-    for row in v.chunks_exact_mut(w) {
-        line.copy_from_slice(row);
-        let mut sum: f64 = line.iter().take(radius).map(|v| f64::from(*v)).sum();
+    // Along the rows, some of them side by side: the sum of one row is a chain in which every addition waits for the one before it.
+    const ROWS: usize = 8;
+    let mut line = vec![[0.0f32; ROWS]; w];
+    for rows in v.chunks_mut(ROWS * w) {
+        let n = rows.len() / w;
+        for (j, row) in rows.chunks_exact(w).enumerate() {
+            line.iter_mut().zip(row).for_each(|(l, v)| l[j] = *v);
+        }
+        let mut sums = [0.0f64; ROWS];
+        for l in line.iter().take(radius) {
+            (0..ROWS).for_each(|j| sums[j] += f64::from(l[j]));
+        }
         for i in 0..w {
             if i + radius < w {
-                sum += f64::from(line[i + radius]);
+                let l = &line[i + radius];
+                (0..ROWS).for_each(|j| sums[j] += f64::from(l[j]));
             }
             if i > radius {
-                sum -= f64::from(line[i - radius - 1]);
+                let l = &line[i - radius - 1];
+                (0..ROWS).for_each(|j| sums[j] -= f64::from(l[j]));
             }
-            row[i] = sum as f32 * norm;
+            for j in 0..n {
+                rows[j * w + i] = sums[j] as f32 * norm;
+            }
         }
     }
     // Down the columns, all of them at once: rows that have been overwritten are still needed for a while.
