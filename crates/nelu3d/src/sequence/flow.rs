@@ -94,16 +94,24 @@ impl Level {
                 .with_min_len(w)
                 .map(|i| bilinear(b, [w, h], (i % w) as f32 + u[i][0], (i / w) as f32 + u[i][1]))
                 .collect();
+            let n = w - 2;
             for y in 1..h - 1 {
-                for x in 1..w - 1 {
-                    let i = y * w + x;
-                    let g = |s: usize| 0.25 * (a[i + s] - a[i - s] + moved[i + s] - moved[i - s]);
-                    let (gx, gy, r) = (g(1), g(w), a[i] - moved[i]);
+                // A row's inner pixels and their neighbors, in slices of one length: the loop below needs no checks.
+                let at = y * w + 1;
+                let [xx, xy, yy, xr, yr] = sums.each_mut().map(|s| &mut s[at..at + n]);
+                let [a0, a1, a2, a3, a4] = [at, at - 1, at + 1, at - w, at + w].map(|i| &a[i..i + n]);
+                let [b0, b1, b2, b3, b4] = [at, at - 1, at + 1, at - w, at + w].map(|i| &moved[i..i + n]);
+                for i in 0..n {
+                    let gx = 0.25 * (a2[i] - a1[i] + b2[i] - b1[i]);
+                    let gy = 0.25 * (a4[i] - a3[i] + b4[i] - b3[i]);
+                    let r = a0[i] - b0[i];
                     // What is there in one image only (covered, or in a highlight) does not tell motion.
                     let trust = 1.0 / (variance * (1.0 + r * r / (25.0 * variance)));
-                    for (sum, v) in sums.iter_mut().zip([gx * gx, gx * gy, gy * gy, gx * r, gy * r]) {
-                        sum[i] += trust * v;
-                    }
+                    xx[i] += trust * (gx * gx);
+                    xy[i] += trust * (gx * gy);
+                    yy[i] += trust * (gy * gy);
+                    xr[i] += trust * (gx * r);
+                    yr[i] += trust * (gy * r);
                 }
             }
         }
