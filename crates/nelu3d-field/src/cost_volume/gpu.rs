@@ -4,7 +4,7 @@
 use super::{DIRECTIONS, NEAR, OUTSIDE, Problem, Winner};
 use crate::device::DeviceError;
 use crate::gpu::Gpu;
-use crate::gpu::program::{Buffer, Constants, FOLD, Kernels, folded};
+use crate::gpu::program::{Buffer, Constants, FOLD, Kernels, PLACE, folded};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -159,7 +159,7 @@ impl Solver<'_> {
         let capacity = labels.next_multiple_of(256).min(MOST_LABELS);
         let constants =
             Constants::default().count("CAPACITY", capacity).count("THREADS", PATH_THREADS).count("FOLD", FOLD);
-        let kernel = self.kernels.get("paths", include_str!("paths.wgsl"), &constants)?;
+        let kernel = self.kernels.get("paths", &[PLACE, include_str!("paths.wgsl")].concat(), &constants)?;
         let direction = DIRECTIONS[d];
         let ordered: Vec<&Loaded> =
             if direction[1] < 0 { slabs.iter().rev().collect() } else { slabs.iter().collect() };
@@ -188,7 +188,7 @@ impl Solver<'_> {
     fn choose(&mut self, loaded: &Loaded, out: &mut Vec<Winner>) -> Result<(), DeviceError> {
         let (gpu, n) = (self.gpu, loaded.slab.pixels.len());
         let constants = Constants::default().count("THREADS", WINNER_THREADS).count("NEAR", NEAR).count("FOLD", FOLD);
-        let kernel = self.kernels.get("winners", include_str!("winners.wgsl"), &constants)?;
+        let kernel = self.kernels.get("winners", &[PLACE, include_str!("winners.wgsl")].concat(), &constants)?;
         let about = gpu.upload("sizes", &[n as u32, self.problem.labels as u32, OUTSIDE.to_bits()])?;
         let found = gpu.zeros::<[f32; 2]>("the winners", n)?;
         let call =

@@ -1,5 +1,6 @@
 // Path costs in one direction over some rows of the image, added to the sums. One workgroup walks along one line; its threads
 // share the labels. Constants: CAPACITY (most labels), THREADS (a multiple of 16), FOLD.
+// Preceded by place.wgsl.
 
 struct About {
     direction: vec2<i32>,
@@ -32,8 +33,13 @@ const LARGE = 1e30;
 
 // Path costs of the pixel before and of this one, by turns, with a wall at either end.
 var<workgroup> paths: array<f32, 2u * WIDE>;
+#if SUBGROUPS
+// Least path cost of every subgroup, of the pixel before and of this one, by turns.
+var<workgroup> least_of_waves: array<f32, 2u * (THREADS / 4u)>;
+#else
 var<workgroup> least_of: array<f32, THREADS>;
 var<workgroup> least_of_those: array<f32, 16>;
+#endif
 
 // Where a pixel's costs are; NONE where a path breaks.
 fn place(x: i32, y: i32) -> u32 {
@@ -46,8 +52,26 @@ fn place(x: i32, y: i32) -> u32 {
     return slot;
 }
 
-// The least of all threads' values, once all threads have come here.
-fn gather(thread: u32, least: f32) {
+#if SUBGROUPS
+// Notes the least of all threads' values, once all threads have come here; `turn` is 0 or 1, and not the one of the call before.
+fn gather(at: Place, turn: u32, least: f32) {
+    let m = subgroupMin(least);
+    if (at.lane == 0u) {
+        least_of_waves[turn * (THREADS / 4u) + at.wave] = m;
+    }
+    workgroupBarrier();
+}
+
+fn gathered(at: Place, turn: u32) -> f32 {
+    var least = LARGE;
+    for (var j = 0u; j < at.waves; j++) {
+        least = min(least, least_of_waves[turn * (THREADS / 4u) + j]);
+    }
+    return least;
+}
+#else
+fn gather(at: Place, turn: u32, least: f32) {
+    let thread = at.thread;
     least_of[thread] = least;
     workgroupBarrier();
     if (thread < 16u) {
@@ -60,10 +84,19 @@ fn gather(thread: u32, least: f32) {
     workgroupBarrier();
 }
 
+fn gathered(at: Place, turn: u32) -> f32 {
+    var least = LARGE;
+    for (var j = 0u; j < 16u; j++) {
+        least = min(least, least_of_those[j]);
+    }
+    return least;
+}
+#endif
+
 @compute @workgroup_size(THREADS)
-fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid: vec3<u32>) {
+fn main(@builtin(workgroup_id) wid: vec3<u32>, at: Place) {
     let line = i32(wid.y * FOLD + wid.x);
-    let thread = lid.x;
+    let thread = at.thread;
     let labels = about.labels;
     if (line >= about.lines) {
         return;
@@ -116,7 +149,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid
             paths[l + 1u] = path;
             least = min(least, path);
         }
-        gather(thread, least);
+        gather(at, 0u, least);
     } else {
         workgroupBarrier();
     }
@@ -133,15 +166,12 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid
         if (slot != NONE) {
             let before = now;
             now = WIDE - now;
-            var least_before = LARGE;
-            for (var j = 0u; j < 16u; j++) {
-                least_before = min(least_before, least_of_those[j]);
-            }
+            let least_before = gathered(at, before / WIDE);
             let far = least_before + about.jump;
             var least = LARGE;
             for (var l = thread; l < labels; l += THREADS) {
-                let at = slot * labels + l;
-                var path = costs[at];
+                let cost = slot * labels + l;
+                var path = costs[cost];
                 if (has) {
                     let near = min(paths[before + l], paths[before + l + 2u]) + about.step;
                     path = path + min(min(paths[before + l + 1u], far), near) - least_before;
@@ -149,12 +179,12 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid
                 paths[now + l + 1u] = path;
                 least = min(least, path);
                 if (about.first == 1u) {
-                    sums[at] = path;
+                    sums[cost] = path;
                 } else {
-                    sums[at] += path;
+                    sums[cost] += path;
                 }
             }
-            gather(thread, least);
+            gather(at, now / WIDE, least);
         }
         has = slot != NONE;
     }

@@ -1,5 +1,5 @@
 // The best label of every pixel, and its margin. One workgroup per pixel; its threads share the labels. Constants: THREADS (a
-// multiple of 8), NEAR, FOLD.
+// multiple of 8), NEAR, FOLD. Preceded by place.wgsl.
 
 struct About {
     pixels: u32,
@@ -16,15 +16,21 @@ const LARGE = 1e30;
 // Label, −1 where there is none, and margin, −1 where there is no rival.
 @group(0) @binding(4) var<storage, read_write> found: array<vec2<f32>>;
 
+#if SUBGROUPS
+// One of every subgroup: least sum and its label, and the rival's.
+var<workgroup> of_waves: array<vec2<f32>, THREADS / 4u>;
+var<workgroup> rivals: array<f32, THREADS / 4u>;
+#else
 var<workgroup> values: array<f32, THREADS>;
 var<workgroup> labels_of: array<u32, THREADS>;
 var<workgroup> few: array<f32, 8>;
 var<workgroup> labels_of_few: array<u32, 8>;
+#endif
 
 @compute @workgroup_size(THREADS)
-fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid: vec3<u32>) {
+fn main(@builtin(workgroup_id) wid: vec3<u32>, at: Place) {
     let pixel = wid.y * FOLD + wid.x;
-    let thread = lid.x;
+    let thread = at.thread;
     if (pixel >= about.pixels) {
         return;
     }
@@ -47,6 +53,24 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid
             best = l;
         }
     }
+#if SUBGROUPS
+    // Labels fit into a float's mantissa.
+    let least_here = subgroupMin(least);
+    let best_here = subgroupMin(select(0xffffffffu, best, least == least_here));
+    if (at.lane == 0u) {
+        of_waves[at.wave] = vec2(least_here, f32(best_here));
+    }
+    workgroupBarrier();
+    var winner = of_waves[0];
+    for (var j = 1u; j < at.waves; j++) {
+        let other = of_waves[j];
+        if (other.x < winner.x || (other.x == winner.x && other.y < winner.y)) {
+            winner = other;
+        }
+    }
+    least = winner.x;
+    best = u32(winner.y);
+#else
     values[thread] = least;
     labels_of[thread] = best;
     workgroupBarrier();
@@ -71,6 +95,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid
             best = labels_of_few[j];
         }
     }
+#endif
 
     var rival = LARGE;
     for (var l = thread; l < labels; l += THREADS) {
@@ -78,6 +103,19 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid
             rival = min(rival, sums[row + l]);
         }
     }
+#if SUBGROUPS
+    rival = subgroupMin(rival);
+    if (at.lane == 0u) {
+        rivals[at.wave] = rival;
+    }
+    workgroupBarrier();
+    if (thread > 0u) {
+        return;
+    }
+    for (var j = 0u; j < at.waves; j++) {
+        rival = min(rival, rivals[j]);
+    }
+#else
     // Read by all threads before the first barrier, and by eight of them before the second.
     values[thread] = rival;
     workgroupBarrier();
@@ -94,6 +132,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid
     for (var j = 1u; j < 8u; j++) {
         rival = min(rival, few[j]);
     }
+#endif
     if (costs[row + best] >= about.outside) {
         found[pixel] = vec2(-1.0, 0.0);
         return;

@@ -20,6 +20,8 @@ pub struct Gpu {
     pub(super) queue: wgpu::Queue,
     /// Whether it adds f32 atomically.
     pub(super) f32_atomics: bool,
+    /// Whether threads of a subgroup see each other's values.
+    pub(super) subgroups: bool,
     /// Whether a workgroup's memory is faster than the rest.
     pub(super) tiles: bool,
     pub(super) most_buffer_bytes: u64,
@@ -151,7 +153,7 @@ impl Gpu {
         let atomics = Features::SHADER_FLOAT32_ATOMIC;
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("nelu3d"),
-            required_features: adapter.features() & atomics,
+            required_features: adapter.features() & (atomics | Features::SUBGROUP),
             required_limits: adapter.limits(),
             ..Default::default()
         }))
@@ -181,6 +183,7 @@ impl Gpu {
             });
         }));
         let f32_atomics = device.features().contains(atomics);
+        let subgroups = device.features().contains(Features::SUBGROUP);
         let most_buffer_bytes = most_buffer_bytes(&device.limits());
         let tiles = adapter.get_info().device_type != DeviceType::Cpu;
         Ok(Self {
@@ -188,6 +191,7 @@ impl Gpu {
             device,
             queue,
             f32_atomics,
+            subgroups,
             tiles,
             most_buffer_bytes,
             memory: Arc::default(),
@@ -234,6 +238,7 @@ impl Gpu {
         let found = found(n, &adapters[n]);
         let mut gpu = Self::new(&adapters[n], &found).map_err(|reason| DeviceError::None { choice, reason })?;
         gpu.f32_atomics = false;
+        gpu.subgroups = false;
         gpu.tiles = !gpu.tiles;
         Ok(Arc::new(gpu))
     }

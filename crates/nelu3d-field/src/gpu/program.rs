@@ -242,8 +242,8 @@ impl Kernels {
         source: &str,
         constants: &Constants,
     ) -> Result<Kernel, DeviceError> {
-        let text = constants.complete(source);
         let gpu = &self.gpu;
+        let text = constants.clone().flag(SUBGROUPS, gpu.subgroups).complete(source);
         let mut compiled = gpu.compiled.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(kernel) = compiled.get(&text) {
             return Ok(kernel.clone());
@@ -381,6 +381,12 @@ impl Constants {
         out
     }
 }
+
+/// The flag of devices whose subgroups' threads see each other's values: every kernel has it there.
+const SUBGROUPS: &str = "SUBGROUPS";
+
+/// What a kernel begins with whose form depends on subgroups.
+pub(crate) const PLACE: &str = include_str!("shaders/place.wgsl");
 
 /// Workgroups for `n` threads of a grid of `size` each, folded into two dimensions: thread
 /// `(wid.y * FOLD + wid.x) * size + lid.x`.

@@ -17,6 +17,8 @@ use std::sync::Arc;
 const LEVEL: &str = include_str!("shaders/level.wgsl");
 const RANDOM: &str = include_str!("shaders/random.wgsl");
 const ADAM: &str = include_str!("shaders/adam.wgsl");
+/// Of one workgroup.
+const TOTAL: &str = concat!(include_str!("shaders/place.wgsl"), include_str!("shaders/total.wgsl"));
 
 /// Steps after which the device is waited for.
 const STEPS_AHEAD: usize = 8;
@@ -280,8 +282,8 @@ impl SurfaceTraining {
                 look.push(write.clone());
             }
             look.push(kernels.run("cells_done", next, &base.clone().flag("DONE", true), [1; 3], &[&control])?);
-            let source = include_str!("shaders/cells_mean.wgsl");
-            look.push(kernels.run("cells_mean", source, &constants, [1; 3], &[&cells, &values, &threshold])?);
+            let source = [TOTAL, include_str!("shaders/cells_mean.wgsl")].concat();
+            look.push(kernels.run("cells_mean", &source, &constants, [1; 3], &[&cells, &values, &threshold])?);
             let source = include_str!("shaders/cells_mark.wgsl");
             let groups = [cells_per_axis.pow(3).div_ceil(32 * 64), 1, 1];
             look.push(kernels.run("cells_mark", source, &constants, groups, &[&values, &threshold, &occupied])?);
@@ -370,12 +372,12 @@ impl SurfaceTraining {
             .value("BETA2", adam.beta2)
             .value("EPSILON", adam.epsilon)
             .value("LEARNING_RATE", config.sharpness_learning_rate);
-        let source = [ADAM, include_str!("shaders/sharpness.wgsl")].concat();
+        let source = [ADAM, TOTAL, include_str!("shaders/sharpness.wgsl")].concat();
         step.push(kernels.run("sharpness", &source, &constants, [1; 3], &[&control, &rates, &of_ray, &sharpness])?);
 
-        let source = include_str!("shaders/losses.wgsl");
+        let source = [TOTAL, include_str!("shaders/losses.wgsl")].concat();
         let bindings: &[&dyn Binding] = &[&control, &of_ray, &u, &net.out, &losses];
-        let record = vec![kernels.run("losses", source, &base, [1; 3], bindings)?];
+        let record = vec![kernels.run("losses", &source, &base, [1; 3], bindings)?];
         Ok(Self {
             gpu: gpu.clone(),
             net,

@@ -6,20 +6,15 @@
 @group(0) @binding(3) var<storage, read> sdf: array<f32>;
 @group(0) @binding(4) var<storage, read_write> losses: array<vec4<f32>>;
 
-var<workgroup> sums: array<vec4<f32>, 256>;
+alias TOTAL = vec4<f32>;
 
 @compute @workgroup_size(256)
-fn main(@builtin(local_invocation_id) lid: vec3<u32>) {
-    let t = lid.x;
+fn main(at: Place) {
+    let t = at.thread;
     var sum = vec4(0.0);
     for (var r = t; r < control[RAYS_AT]; r += 256u) { sum += vec4(of_ray[r].xy, 0.0, 0.0); }
     let n = control[N_AT];
     for (var s = t; s < n; s += 256u) { sum += vec4(0.0, 0.0, u_of[s].w, exp(-abs(sdf[s])) / f32(n)); }
-    sums[t] = sum;
-    workgroupBarrier();
-    for (var reach = 128u; reach > 0u; reach /= 2u) {
-        if (t < reach) { sums[t] += sums[t + reach]; }
-        workgroupBarrier();
-    }
-    if (t == 0u) { losses[0] = sums[0]; }
+    let all = total(sum, at);
+    if (t == 0u) { losses[0] = all; }
 }

@@ -5,23 +5,18 @@
 @group(0) @binding(2) var<storage, read> of_ray: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> sharpness: array<f32>;
 
-var<workgroup> sums: array<f32, 256>;
+alias TOTAL = f32;
 
 @compute @workgroup_size(256)
-fn main(@builtin(local_invocation_id) lid: vec3<u32>) {
-    let t = lid.x;
+fn main(at: Place) {
+    let t = at.thread;
     var sum = 0.0;
     for (var r = t; r < control[RAYS_AT]; r += 256u) { sum += of_ray[r].z; }
-    sums[t] = sum;
-    workgroupBarrier();
-    for (var reach = 128u; reach > 0u; reach /= 2u) {
-        if (t < reach) { sums[t] += sums[t + reach]; }
-        workgroupBarrier();
-    }
+    let all = total(sum, at);
     if (t == 0u) {
         var m = sharpness[1];
         var v = sharpness[2];
-        let gradient = 10.0 * sharpness[3] * sums[0];
+        let gradient = 10.0 * sharpness[3] * all;
         let next = adam(sharpness[0], &m, &v, gradient, LEARNING_RATE * rates[RATES_AT + 3u], rates[RATES_AT + 2u]);
         sharpness[0] = next;
         sharpness[1] = m;
