@@ -90,6 +90,11 @@ pub struct Found {
     pub automatic: bool,
 }
 
+/// Bytes for people.
+fn amount(bytes: u64) -> String {
+    if bytes < 1_000_000 { format!("{bytes} bytes") } else { format!("{} MB", bytes.div_ceil(1_000_000)) }
+}
+
 /// Why there is no device, or no longer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DeviceError {
@@ -108,9 +113,9 @@ pub enum DeviceError {
     },
     /// A buffer does not fit.
     #[error(
-        "{device}: {what} needs {} MB, {}; use a smaller problem (--samples, --max-labels), another --device, or --device cpu",
-        needed.div_ceil(1_000_000),
-        if *most > 0 { format!("more than the {} MB of a buffer there", most / 1_000_000) } else { "which is not free there".into() }
+        "{device}: {what} needs {}, {}; use a smaller problem (--samples, --max-labels), another --device, or --device cpu",
+        amount(*needed),
+        if *most > 0 { format!("more than the {} that there are", amount(*most)) } else { "which is not free there".into() }
     )]
     Memory {
         /// The device.
@@ -121,6 +126,20 @@ pub enum DeviceError {
         needed: u64,
         /// Bytes of the largest buffer; 0 if its memory as a whole was too small.
         most: u64,
+    },
+    /// A kernel would need more workgroups than can be started at once.
+    #[error(
+        "{device}: `{what}` would take {asked} workgroups, and {most} is the most there; use fewer --samples, another --device, or --device cpu"
+    )]
+    Size {
+        /// The device.
+        device: String,
+        /// The kernel.
+        what: String,
+        /// Workgroups along an axis.
+        asked: usize,
+        /// The most there are.
+        most: usize,
     },
     /// It stopped answering.
     #[error("{device}: the device was lost ({reason}); run again, or use --device cpu")]

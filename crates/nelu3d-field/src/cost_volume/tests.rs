@@ -167,10 +167,10 @@ mod on_gpu {
 
     #[test]
     fn agrees_with_the_reference() {
-        let Some(gpu) = test_gpu() else { return };
-        for (k, labels, size) in
-            [(1, 16, [30, 17]), (3, 300, [40, 21]), (6, 128, [29, 24]), (8, 140, [21, 32]), (13, 1, [9, 9])]
-        {
+        // With subgroups, where the device has them, and without.
+        let gpus: Vec<_> = [test_gpu(), test_gpu_alone()].into_iter().flatten().collect();
+        let sizes = [(1, 16, [30, 17]), (3, 300, [40, 21]), (6, 128, [29, 24]), (8, 140, [21, 32]), (13, 1, [9, 9])];
+        for (gpu, (k, labels, size)) in gpus.iter().flat_map(|gpu| sizes.map(|s| (gpu, s))) {
             let scene = Scene::new(size[0], size[1], k, labels, k as u64);
             let problem = scene.problem();
             let expected = reference::winners::<f32>(&problem);

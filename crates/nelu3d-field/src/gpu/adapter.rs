@@ -25,6 +25,8 @@ pub struct Gpu {
     /// Whether a workgroup's memory is faster than the rest.
     pub(super) tiles: bool,
     pub(super) most_buffer_bytes: u64,
+    /// Most workgroups along one axis of a call.
+    pub(super) most_groups: u32,
     pub(super) memory: Arc<super::program::Memory>,
     pub(super) compiled: super::program::Compiled,
     failure: Arc<Mutex<Option<DeviceError>>>,
@@ -184,7 +186,8 @@ impl Gpu {
         }));
         let f32_atomics = device.features().contains(atomics);
         let subgroups = device.features().contains(Features::SUBGROUP);
-        let most_buffer_bytes = most_buffer_bytes(&device.limits());
+        let device_limits = device.limits();
+        let most_buffer_bytes = most_buffer_bytes(&device_limits);
         let tiles = adapter.get_info().device_type != DeviceType::Cpu;
         Ok(Self {
             name,
@@ -194,6 +197,7 @@ impl Gpu {
             subgroups,
             tiles,
             most_buffer_bytes,
+            most_groups: device_limits.max_compute_workgroups_per_dimension,
             memory: Arc::default(),
             compiled: Default::default(),
             failure,

@@ -298,6 +298,11 @@ impl Kernels {
         groups: [usize; 3],
         bindings: &[&dyn Binding],
     ) -> Result<Call, DeviceError> {
+        let (asked, most) = (groups.into_iter().max().unwrap_or(0), self.gpu.most_groups as usize);
+        if asked > most {
+            let (device, what) = (self.gpu.name().to_owned(), kernel.label.to_owned());
+            return Err(DeviceError::Size { device, what, asked, most });
+        }
         let entries: Vec<wgpu::BindGroupEntry> = bindings
             .iter()
             .enumerate()
@@ -433,6 +438,17 @@ mod tests {
         let n = gpu.most_buffer_bytes as usize / 4 + 1;
         let e = gpu.zeros::<f32>("the cost volume", n).unwrap_err().to_string();
         assert!(e.contains("the cost volume") && e.contains("MB") && e.contains("--device cpu"), "{e}");
+        gpu.check().unwrap();
+    }
+
+    #[test]
+    fn too_many_workgroups_are_refused_before_they_are_tried() {
+        let Some(gpu) = test_gpu() else { return };
+        let (x, y) = (gpu.upload("x", &[1.0f32; 8]).unwrap(), gpu.zeros::<f32>("y", 8).unwrap());
+        let constants = Constants::default().count("N", 8).count("FOLD", FOLD);
+        let groups = [gpu.most_groups as usize + 1, 1, 1];
+        let e = Kernels::new(&gpu).run("double", DOUBLE, &constants, groups, &[&x, &y]).unwrap_err().to_string();
+        assert!(e.contains("double") && e.contains("--samples") && e.contains("--device cpu"), "{e}");
         gpu.check().unwrap();
     }
 

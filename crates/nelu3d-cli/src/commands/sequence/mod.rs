@@ -21,6 +21,7 @@ use nelu3d::evaluate::{Judged, Truth, evaluate};
 use nelu3d::reconstruct::check_mono;
 use nelu3d::result::{self, About, Input, MeshFiles, Reconstruction, StageClock, Summary};
 use nelu3d::sequence::{self, Memory, Plan};
+use nelu3d_field::device::Device;
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::OutputDir;
 use nelu3d_scan::rig::{PatternSet, Shot};
@@ -128,6 +129,7 @@ impl Work<'_> {
     fn all(&self, context: &Context) -> Result<Vec<(String, String)>> {
         let part = self.args.shard.map_or(0..self.plan.frames, |s| self.plan.part(s));
         let quiet = context.silent();
+        let on_device = !Device::or_cpu(self.args.options.device).is_cpu();
         let mut failed = Vec::new();
         let todo: Vec<usize> = part.filter(|i| !self.folder.is_done(&self.frames[*i])).collect();
         if todo.len() < self.plan.frames {
@@ -149,12 +151,24 @@ impl Work<'_> {
             scope.spawn(move || ahead.run(numbers, &to, progress));
             let mut writing: Option<(usize, ScopedJoinHandle<'_, Result<()>>)> = None;
             let mut before = None;
+            let mut early: Option<ScopedJoinHandle<'_, Result<Computed>>> = None;
             for (done, &i) in todo.iter().enumerate() {
                 context.stop_if_asked()?;
                 context.progress.stage(&format!("frame {}", self.frames[i].name));
                 context.progress.tick(done, todo.len());
                 let memory = before.take().filter(|(frame, _)| frame + 1 == i).map(|(_, memory)| memory);
-                let computed = self.compute(i, memory, &read, &quiet);
+                let begun = early.take();
+                let own = if begun.is_none() { Some(receive(i, &read)?) } else { None };
+                // A keyframe needs nothing of the frame before it: its cost volume is on the device while that one is refined here.
+                if let Some(&next) = todo.get(done + 1).filter(|next| on_device && self.plan.is_key(**next)) {
+                    let frame = receive(next, &read)?;
+                    early = Some(scope.spawn(move || self.compute(next, None, frame, progress)));
+                }
+                let computed = match (begun, own) {
+                    (Some(begun), _) => joined(begun),
+                    (None, Some(frame)) => self.compute(i, memory, frame, progress),
+                    (None, None) => unreachable!("a frame is received before it is computed"),
+                };
                 // Frames appear in their order: a kill leaves none that the one before it is missing for.
                 if let Some((frame, written)) = writing.take() {
                     self.settle(frame, joined(written), &mut failed, context)?;
@@ -197,15 +211,10 @@ impl Work<'_> {
         &self,
         i: usize,
         memory: Option<Memory>,
-        read: &Receiver<(usize, Result<Frame>)>,
+        frame: Result<Frame>,
         quiet: &nelu3d::Progress,
     ) -> Result<Computed> {
         let mut clock = StageClock::new(quiet);
-        clock.begin("read the frame");
-        // Without an answer the reader was stopped.
-        let (number, frame) = read.recv().context("stopped")?;
-        clock.end();
-        assert_eq!(number, i, "frames are read in their order");
         let output = self.folder.start(&self.frames[i])?;
         let Frame { capture, neighbors, inputs, truth } = frame?;
         check_mono(&capture, self.set, &self.frames[i], &self.field)?;
@@ -253,6 +262,14 @@ impl Work<'_> {
         output.commit()?;
         self.folder.forget_failure(shot)
     }
+}
+
+/// The next frame that was read, which is number `i`.
+fn receive(i: usize, read: &Receiver<(usize, Result<Frame>)>) -> Result<Result<Frame>> {
+    // Without an answer the reader was stopped.
+    let (number, frame) = read.recv().context("stopped")?;
+    assert_eq!(number, i, "frames are read in their order");
+    Ok(frame)
 }
 
 /// What a thread returned; it panics as the thread did.
