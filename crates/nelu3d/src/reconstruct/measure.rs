@@ -15,6 +15,8 @@ pub struct Measurements {
     pub height: usize,
     /// Pattern channels.
     pub k: usize,
+    /// How many of them are measured independently of each other: mono images of a color camera stand in three, and are one.
+    pub independent: f32,
     /// Normalized intensity, `n × k`: (pattern − black) / (white − black).
     pub p: Vec<f32>,
     /// One over its variance, `n × k`; 0 where a channel is unusable.
@@ -91,6 +93,7 @@ impl Measurements {
             width: white.width,
             height: white.height,
             k,
+            independent: (k - (c - 1) * capture.mono.iter().filter(|mono| **mono).count()) as f32,
             p: vec![0.0; n * k],
             inv_var: vec![0.0; n * k],
             surround: Vec::new(),
@@ -153,6 +156,7 @@ impl Measurements {
             width,
             height,
             k,
+            independent: k as f32,
             p: vec![0.5; n * k],
             inv_var: vec![1e4; n * k],
             surround: vec![0.5; n * k],
@@ -206,6 +210,7 @@ impl Measurements {
             width: w,
             height: h,
             k,
+            independent: self.independent,
             p: vec![0.0; w * h * k],
             inv_var: vec![0.0; w * h * k],
             surround: Vec::new(),

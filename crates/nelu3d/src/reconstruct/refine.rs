@@ -192,7 +192,7 @@ pub fn refine(
             },
         );
         shares.update(&rendered);
-        let cut = 6.0 * k as f32;
+        let cut = 6.0 * m.independent;
         data.par_iter_mut().enumerate().with_min_len(win.w).for_each(|(i, out)| {
             *out = Data::default();
             if !active[i] {
@@ -219,7 +219,7 @@ pub fn refine(
             .zip(&active)
             .filter(|(_, a)| **a)
             .fold((0.0f64, 0usize), |(s, c), (d, _)| (s + f64::from(d.loss), c + 1));
-        losses.push((sum / (count * k) as f64) as f32);
+        losses.push((sum / count as f64) as f32 / m.independent);
 
         // One Gauss-Newton step. It need not be solved better than the next one will change it.
         let loose = 1.0 + (s.loosened - 1.0) * (1.0 - step as f32 / LOOSE_STEPS).max(0.0);
@@ -248,7 +248,8 @@ pub fn refine(
         }
     }
 
-    let information: Vec<Information> = data.iter().map(|d| Information { h: d.h, chi2: d.chi2 / k as f32 }).collect();
+    let information: Vec<Information> =
+        data.iter().map(|d| Information { h: d.h, chi2: d.chi2 / m.independent }).collect();
     let (mut whitened, mut slopes) = (vec![0.0f32; nw * k], vec![0.0f32; nw * k]);
     for i in (0..nw).filter(|i| active[*i]) {
         let px = win.at(i);
@@ -268,7 +269,7 @@ pub fn refine(
         out.sigma[px] = sigma[i] * unit;
         let all = &shares.shares[i * channels..(i + 1) * channels];
         out.ambient[px] = all.iter().map(|s| s.sum()).sum::<f32>() / channels as f32;
-        out.chi2[px] = data[i].chi2 / k as f32;
+        out.chi2[px] = data[i].chi2 / m.independent;
         for j in 0..k {
             residuals[j] = (shares.explain(i, px, j, rendered[i * 2 * k + j]) - m.p[px * k + j]).abs();
         }

@@ -108,7 +108,7 @@ impl<'a> Shares<'a> {
 
     /// The pixel's weight as a witness: a codeword that nothing explains is none.
     fn trust(&self, chi2: f32) -> f32 {
-        let robust = 1.0 / (1.0 + chi2 / (30.0 * self.m.k as f32));
+        let robust = 1.0 / (1.0 + chi2 / (30.0 * self.m.independent));
         robust * robust
     }
 

@@ -50,7 +50,7 @@ pub(super) fn moved(
     let on = |i: usize| m.left[i] == Left::Kept && near[i].is_finite();
     let prior = m.shares_prior(shares);
     let radius = RADIUS.max(noisy);
-    let most = saturation(k);
+    let most = saturation(m);
     let mut count: Vec<f32> = (0..n).map(|i| if on(i) { 1.0 } else { 0.0 }).collect();
     box_mean(&mut count, w, h, radius);
     // Mean misfit over a square, of every offset from the old surface: what moves together has one offset.
@@ -91,7 +91,7 @@ pub(super) fn moved(
         }
         offsets[i] = offset;
         // At either end the minimum may lie beyond.
-        misfit[i] = if best == 0 || best == last { f32::INFINITY } else { at(best) / count[i] / k as f32 };
+        misfit[i] = if best == 0 || best == last { f32::INFINITY } else { at(best) / count[i] / m.independent };
     }
     let typical = {
         let mut v: Vec<f32> = (0..n).filter(|i| on(*i)).map(|i| misfit[i]).collect();
@@ -99,7 +99,7 @@ pub(super) fn moved(
         if v.is_empty() { 1.0 } else { v.select_nth_unstable_by(mid, f32::total_cmp).1.max(1.0) }
     };
     // Beyond half of the saturation a codeword is simply wrong, whatever the others are.
-    let limit = (WRONG * typical).min(0.5 * most / k as f32);
+    let limit = (WRONG * typical).min(0.5 * most / m.independent);
     // What is right moves like what is right around it.
     let right = |i: usize| on(i) && misfit[i] <= limit;
     let mut weight: Vec<f32> = (0..n).map(|i| if right(i) { 1.0 } else { 0.0 }).collect();

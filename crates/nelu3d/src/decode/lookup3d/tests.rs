@@ -54,6 +54,7 @@ fn seen(p: Vec<f32>) -> Measurements {
         width: WIDTH,
         height: HEIGHT,
         k: K,
+        independent: K as f32,
         p,
         inv_var: vec![1e6; n * K],
         surround: vec![0.5; n * K],

@@ -42,8 +42,8 @@ pub struct Decoded {
 }
 
 /// χ² is cut off here per pixel: beyond it a codeword is simply wrong (an outlier), however wrong.
-pub(super) fn saturation(k: usize) -> f32 {
-    9.0 * k as f32
+pub(super) fn saturation(m: &Measurements) -> f32 {
+    9.0 * m.independent
 }
 
 /// Misfit (χ²) of pixel `i` at a point with codeword `c`, after the best shares of ambient light and interreflection,
@@ -58,7 +58,7 @@ pub(super) fn misfit(m: &Measurements, i: usize, c: &[f32], prior: [f32; 2]) -> 
         e += iv * (p - c[j]) * (p - c[j]);
     }
     let e = (e - shares.solve(prior).1).max(0.0);
-    e / (1.0 + e / saturation(k))
+    e / (1.0 + e / saturation(m))
 }
 
 /// One set of labels for all pixels, even in 1/z, spaced so that no codeword changes by more than a fraction of a grid cell from

@@ -66,7 +66,7 @@ pub(super) fn solve(
             lattice: grid.lattice(),
             lit: Lit { cells: valid.shape.cells, lit: &valid.lit },
             prior: m.shares_prior(&s.shares),
-            saturation: saturation(m.k),
+            saturation: saturation(m),
             step: penalties.step,
             jump: penalties.jump,
         },
