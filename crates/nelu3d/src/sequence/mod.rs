@@ -97,6 +97,9 @@ impl Neighbors {
 /// Speeds below this do not tell when a pattern was taken, px per frame.
 const STILL_PX: f32 = 0.2;
 
+/// Below that speed, a time that explains less than this of the misfit is none.
+const TELLING: f32 = 0.02;
+
 /// A flash drawn at the pattern's time that explains this much less than the one that was taken is wrong.
 const HARMFUL: f32 = -0.02;
 
@@ -135,7 +138,7 @@ pub fn frame(
     let seen = seen.flatten();
     let lit = |i: usize| capture_light(&taken, i) > 0.02;
     let speed = seen.map_or(0.0, |s| s.median_px(lit));
-    let moving = seen.filter(|_| speed >= STILL_PX);
+    let moving = seen.filter(|seen| speed >= STILL_PX || seen.tells_light());
     if let Some(moving) = moving.filter(|_| auto) {
         let known = motion.pattern_time.map(|frames| PatternTime { frames, explained: 0.0 });
         found = known.or(memory.and_then(|m| m.pattern_time));
@@ -145,6 +148,7 @@ pub fn frame(
             let surface = reconstruct(&capture, camera, field, &first, progress, clock, None)?;
             clock.begin("find the motion");
             found = pattern_time(moving, None, &capture, &surface.depth, &Rays::new(camera, field, 1), field);
+            found = found.filter(|t| speed >= STILL_PX || t.explained >= TELLING);
         }
         if let Some(time) = found {
             capture.white = moving.flash_at(&taken, time.frames);
@@ -171,7 +175,9 @@ pub fn frame(
             out = run(&capture, clock)?;
             found = None;
         } else {
-            found = better.or(found);
+            // What hardly moves says little about when.
+            let tells = |t: &PatternTime| speed >= STILL_PX || t.explained >= TELLING;
+            found = better.filter(tells).or(found);
         }
     }
     // A frame that stands still hands on what it was told.

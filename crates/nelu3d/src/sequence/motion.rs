@@ -3,7 +3,7 @@
 //! The flash of a frame is taken a part of the frame's duration before or after its pattern. On what moved in between, white belongs
 //! to other points of the surface than pattern does, and their ratio is no codeword. Where every point of a flash image was a frame
 //! earlier and will be a frame later is seen in the neighboring frames' flashes; between them it moves with constant
-//! acceleration. So the flash can be drawn as it was at any time near its own, and that of the pattern is the one at which pattern
+//! acceleration, and its brightness (shading, falloff) changes evenly. So the flash can be drawn as it was at any time near its own, and that of the pattern is the one at which pattern
 //! and flash agree best with the surface. (The paper leaves this to future work, and names the displacement fields of Urakawa and Watanabe.)
 
 use nelu3d_scan::Image;
@@ -15,6 +15,7 @@ use crate::calibrate::dark::DarkLevel;
 use crate::color_field::ColorField;
 use crate::reconstruct::between as between_pixels;
 use crate::reconstruct::lookup::{Lookup, Rays};
+use crate::reconstruct::smooth::box_mean;
 
 /// How the points of a flash image move.
 pub struct Motion {
@@ -24,6 +25,16 @@ pub struct Motion {
     velocity: [Vec<f32>; 2],
     /// The same, px per frame².
     acceleration: [Vec<f32>; 2],
+    /// Of each point of the flash, with its light in three flashes; `None` without two neighbors.
+    light: Option<Light>,
+}
+
+/// How the light of a flash image's points changes.
+struct Light {
+    /// At the flash's own time, with less noise.
+    now: Image,
+    /// Change per frame.
+    trend: Image,
 }
 
 impl Motion {
@@ -46,6 +57,7 @@ impl Motion {
         let (back, forth) = rayon::join(|| to(before), || to(after));
         // A missing neighbor shows what constant velocity would: the other one's motion, turned round.
         let opposite = |u: &[[f32; 2]]| u.iter().map(|u| u.map(|v| -v)).collect();
+        let both = back.is_some() && forth.is_some();
         let (back, forth) = match (back, forth) {
             (Some(b), Some(f)) => (b, f),
             (Some(b), None) => (b.clone(), opposite(&b)),
@@ -56,7 +68,16 @@ impl Motion {
             [0, 1].map(|c| back.iter().zip(&forth).map(|(b, f)| of(b[c], f[c])).collect::<Vec<f32>>())
         };
         let (velocity, acceleration) = (each(|b, f| 0.5 * (f - b)), each(|b, f| f + b));
-        Some(Self { width, height, velocity, acceleration })
+        let light = match (before, after) {
+            (Some(before), Some(after)) if both => Some(Light::along(white, [before, after], [&back, &forth])),
+            _ => None,
+        };
+        Some(Self { width, height, velocity, acceleration, light })
+    }
+
+    /// Whether it knows how the light of points changes, however little they move.
+    pub fn tells_light(&self) -> bool {
+        self.light.is_some()
     }
 
     /// Median speed of the pixels where `lit`, px per frame.
@@ -120,13 +141,102 @@ impl Motion {
         let mut out = Image::new(self.width, self.height, white.channels);
         out.data.par_chunks_mut(self.width * white.channels).enumerate().for_each(|(y, row)| {
             for (x, px) in row.chunks_exact_mut(white.channels).enumerate() {
-                let p = self.source(x as f32, y as f32, t);
-                cubic(white, p, px);
+                self.light_at(white, x as f32, y as f32, t, px);
             }
         });
         out
     }
+
+    /// A pixel of it.
+    fn light_at(&self, white: &Image, x: f32, y: f32, t: f32, out: &mut [f32]) {
+        let p = self.source(x, y, t);
+        let Some(light) = &self.light else { return cubic(white, p, out) };
+        cubic(&light.now, p, out);
+        let at = p[0].round().clamp(0.0, self.width as f32 - 1.0) as usize
+            + self.width * p[1].round().clamp(0.0, self.height as f32 - 1.0) as usize;
+        let trend = &light.trend.data[at * out.len()..][..out.len()];
+        for (out, trend) in out.iter_mut().zip(trend) {
+            // What is clipped stays so, and nothing else becomes it.
+            if *out < 1.0 {
+                *out = (*out + t * trend).min(1.0 - f32::EPSILON);
+            }
+        }
+    }
 }
+
+impl Light {
+    /// From a flash, its neighbors before and after, and where its points are in them. Where the three do not show the same, a point's light is that of
+    /// its own flash, and does not change.
+    fn along(white: &Image, neighbors: [&Image; 2], motion: [&[[f32; 2]]; 2]) -> Self {
+        let (w, h, channels) = (white.width, white.height, white.channels);
+        let [early, late] = [0, 1].map(|n| {
+            let mut out = Image::new(w, h, channels);
+            out.data.par_chunks_mut(w * channels).enumerate().for_each(|(y, row)| {
+                for (x, px) in row.chunks_exact_mut(channels).enumerate() {
+                    let u = motion[n][y * w + x];
+                    cubic(neighbors[n], [x as f32 + u[0], y as f32 + u[1]], px);
+                }
+            });
+            out
+        });
+        // How far a pixel's flash is from the mean of the other two, in any channel: an even change cancels. Relative to the light's own
+        // noise, whose variance grows with it.
+        let far = |i: usize| -> f32 {
+            (i * channels..(i + 1) * channels)
+                .map(|j| {
+                    let (own, early, late) = (white.data[j], early.data[j], late.data[j]);
+                    let clipped = own.max(early).max(late) >= 1.0;
+                    if clipped { f32::INFINITY } else { (0.5 * (early + late) - own).powi(2) / own.max(LEAST_LIGHT) }
+                })
+                .fold(0.0, f32::max)
+        };
+        let asked = (0..w * h).step_by(ASKED_EVERY).filter(|i| white.data[i * channels] > LEAST_LIGHT);
+        let mut seen: Vec<f32> = asked.map(far).filter(|far| far.is_finite()).collect();
+        let typical = if seen.is_empty() {
+            0.0
+        } else {
+            let mid = seen.len() / 2;
+            *seen.select_nth_unstable_by(mid, f32::total_cmp).1
+        };
+        let (mut now, mut trend) = (white.clone(), Image::new(w, h, channels));
+        now.data
+            .par_chunks_mut(channels)
+            .zip(trend.data.par_chunks_mut(channels))
+            .enumerate()
+            .with_min_len(w)
+            .for_each(|(i, (now, trend))| {
+                // All channels or none: a color is not to be mixed of two surfaces.
+                let share = 1.0 / (1.0 + (far(i) / (AGREE * typical.max(1e-9))).powi(2));
+                for c in 0..channels {
+                    let (early, late) = (early.data[i * channels + c], late.data[i * channels + c]);
+                    now[c] += share * 2.0 / 3.0 * (0.5 * (early + late) - now[c]);
+                    trend[c] = share * 0.5 * (late - early);
+                }
+            });
+        Self { now, trend: smoothed(trend) }
+    }
+}
+
+/// Light changes evenly over the image, but for noise: means over small squares.
+fn smoothed(mut image: Image) -> Image {
+    let channels = image.channels;
+    let mut planes: Vec<Vec<f32>> =
+        (0..channels).map(|c| image.data.iter().skip(c).step_by(channels).copied().collect()).collect();
+    planes.par_iter_mut().for_each(|plane| box_mean(plane, image.width, image.height, TREND_RADIUS));
+    for (i, px) in image.data.chunks_exact_mut(channels).enumerate() {
+        px.iter_mut().zip(&planes).for_each(|(v, plane)| *v = plane[i]);
+    }
+    image
+}
+
+/// Flashes whose squared difference is this many times the typical one count half.
+const AGREE: f32 = 8.0;
+/// Every so many pixels are asked what is typical.
+const ASKED_EVERY: usize = 37;
+/// Less light than this tells nothing, linear.
+const LEAST_LIGHT: f32 = 0.02;
+/// Radius of the squares over which the change of light is averaged, px.
+const TREND_RADIUS: usize = 1;
 
 /// Pixels whose depths differ by more than this part belong to different surfaces.
 const JUMP: f32 = 0.01;
@@ -213,7 +323,7 @@ pub fn pattern_time(
             let mut c = vec![0.0; k];
             lookup.eval(rays.in_frame(*i).at(f64::from(depth[*i] / rays.dir_z(*i))).q, &mut c);
             let mut flash = vec![0.0; channels];
-            cubic(white, motion.source((*i % white.width) as f32, (*i / white.width) as f32, t), &mut flash);
+            motion.light_at(white, (*i % white.width) as f32, (*i / white.width) as f32, t, &mut flash);
             let mut chi2 = 0.0;
             for (m, pattern) in capture.patterns.iter().enumerate() {
                 for ch in 0..channels {
@@ -302,6 +412,49 @@ mod tests {
             assert!(worst < 0.006, "{t}: {worst}");
         }
         assert!((motion.median_px(|_| true) - 3.0).abs() < 0.2);
+    }
+
+    /// Light that changes evenly along the way is drawn as it was; what only one flash shows is neither mixed in nor followed. Three flashes
+    /// have less noise than one.
+    #[test]
+    fn light_changes_along_the_way() {
+        use rand::SeedableRng;
+        use rand_distr::{Distribution, Normal};
+        let mut random = rand::rngs::StdRng::seed_from_u64(4);
+        let noise = Normal::new(0.0, 0.003f32).unwrap();
+        let truth = |t: f32| {
+            let mut image = picture(2.0 * t);
+            image.data.iter_mut().for_each(|v| *v *= 1.0 + 0.06 * t);
+            image
+        };
+        let mut taken = |t: f32| {
+            let mut image = truth(t);
+            image.data.iter_mut().for_each(|v| *v += noise.sample(&mut random));
+            image
+        };
+        let (before, white, mut after) = (taken(-1.0), taken(0.0), taken(1.0));
+        // Something passes before the camera.
+        let covered = |i: usize| (60..90).contains(&(i % 160)) && (40..70).contains(&(i / 160));
+        (0..after.data.len()).filter(|i| covered(*i)).for_each(|i| after.data[i] = 0.9);
+        let motion = Motion::around(Some(&before), &white, Some(&after)).unwrap();
+        let alone = Motion { light: None, ..Motion::around(Some(&before), &white, Some(&after)).unwrap() };
+        for t in [-0.5, 0.0, 0.3] {
+            let rms = |drawn: &Image, of: &dyn Fn(usize) -> bool| {
+                let inner = |i: &usize| (15..145).contains(&(i % 160)) && (15..105).contains(&(i / 160));
+                let all: Vec<f32> = (0..drawn.data.len())
+                    .filter(|i| inner(i) && of(*i))
+                    .map(|i| (drawn.data[i] - truth(t).data[i]).powi(2))
+                    .collect();
+                (all.iter().sum::<f32>() / all.len() as f32).sqrt()
+            };
+            let far = |i: usize| !((45..105).contains(&(i % 160)) && (25..85).contains(&(i / 160)));
+            let (with, without) = (motion.flash_at(&white, t), alone.flash_at(&white, t));
+            let (a, b) = (rms(&with, &far), rms(&without, &far));
+            assert!(a < 0.8 * b && a < 0.003, "{t}: {a}, of one flash {b}");
+            let hidden = |i: usize| (66..84).contains(&(i % 160)) && (46..64).contains(&(i / 160));
+            let (a, b) = (rms(&with, &hidden), rms(&without, &hidden));
+            assert!(a < 1.3 * b + 0.002, "{t}: {a} where one flash shows something else, of one flash {b}");
+        }
     }
 
     /// A surface seen with a picture on it comes along with the picture.
