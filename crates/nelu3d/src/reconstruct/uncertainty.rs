@@ -10,8 +10,7 @@
 //!    is seen in the directions of code space that depth cannot explain, channel by channel, and taken to be as large where it is not.
 //!
 //! The first two are diagonals of matrices of the size of the image. A pixel's are taken from a uniform plate of infinite extent with the
-//! pixel's own weight and information, for which they are integrals over spatial frequencies; free edges make them larger. On real
-//! systems that is as close to the truth as the mean of a dozen random draws, whose solution took as long as all steps before it.
+//! pixel's own weight and information, for which they are integrals over spatial frequencies; free edges make them larger.
 
 use std::f64::consts::PI;
 use std::sync::LazyLock;
