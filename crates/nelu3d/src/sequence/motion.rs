@@ -169,11 +169,17 @@ impl Light {
     /// its own flash, and does not change.
     fn along(white: &Image, neighbors: [&Image; 2], motion: [&[[f32; 2]]; 2]) -> Self {
         let (w, h, channels) = (white.width, white.height, white.channels);
+        // Most of an image is often dark, and nobody asks for its light.
+        let lit = |px: &[f32]| px.iter().any(|v| *v > LEAST_LIGHT);
         let [early, late] = [0, 1].map(|n| {
             let mut out = Image::new(w, h, channels);
             out.data.par_chunks_mut(w * channels).enumerate().for_each(|(y, row)| {
                 for (x, px) in row.chunks_exact_mut(channels).enumerate() {
-                    let u = motion[n][y * w + x];
+                    let at = y * w + x;
+                    if !lit(&white.data[at * channels..(at + 1) * channels]) {
+                        continue;
+                    }
+                    let u = motion[n][at];
                     cubic(neighbors[n], [x as f32 + u[0], y as f32 + u[1]], px);
                 }
             });
@@ -205,6 +211,9 @@ impl Light {
             .enumerate()
             .with_min_len(w)
             .for_each(|(i, (now, trend))| {
+                if !lit(now) {
+                    return;
+                }
                 // All channels or none: a color is not to be mixed of two surfaces.
                 let share = 1.0 / (1.0 + (far(i) / (AGREE * typical.max(1e-9))).powi(2));
                 for c in 0..channels {
