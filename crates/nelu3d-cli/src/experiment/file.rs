@@ -8,7 +8,7 @@ use serde::Deserialize;
 use toml::{Table, Value};
 
 /// The experiments that come with the program: name and file.
-pub(super) const BUILT_IN: [(&str, &str); 15] = [
+pub(super) const BUILT_IN: [(&str, &str); 16] = [
     ("table1", include_str!("../../../../experiments/table1.toml")),
     ("table2", include_str!("../../../../experiments/table2.toml")),
     ("fig3", include_str!("../../../../experiments/fig3.toml")),
@@ -22,6 +22,7 @@ pub(super) const BUILT_IN: [(&str, &str); 15] = [
     ("stage", include_str!("../../../../experiments/stage.toml")),
     ("motion", include_str!("../../../../experiments/motion.toml")),
     ("colors", include_str!("../../../../experiments/colors.toml")),
+    ("mixed", include_str!("../../../../experiments/mixed.toml")),
     ("limits", include_str!("../../../../experiments/limits.toml")),
     ("sigma", include_str!("../../../../experiments/sigma.toml")),
 ];
