@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{PatternSet, Rig, RigError, Shot, mono, mosaic};
-use crate::image::{Channels, Depth, Image, decode, demosaic};
+use crate::image::{Channels, Depth, Image, Raw, decode, demosaic};
 
 /// Which of a shot's images must be there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,6 +14,15 @@ pub enum Need {
     Scene,
     /// A frame of a sequence, whose pattern and white need not show the same: as a scene, but mosaics are demosaiced one by one.
     Frame,
+}
+
+/// What an image of a shot is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum What {
+    /// White or black: as the camera takes images.
+    Flash,
+    /// A pattern or its inverse, which may be a mono image of a color camera.
+    Pattern,
 }
 
 /// The images of one shot, linear (see [`Image`]). All have the camera's size and the same number of channels.
@@ -43,7 +52,7 @@ impl ShotReader<'_> {
     ///
     /// As [`Rig::read_image`], or it has another bit depth than the image read first.
     pub fn read(&mut self, name: &str) -> Result<Image, RigError> {
-        self.rig.read_agreeing(&self.shot.dir.join(name), self.rig.channels, &mut self.depth)
+        self.rig.read_agreeing(&self.shot.dir.join(name), self.rig.channels, What::Flash, &mut self.depth)
     }
 
     /// Reads a pattern of this file name, and says whether it is a mono image of a color camera (see [`Capture::mono`]): such a one needs the shot's
@@ -59,7 +68,7 @@ impl ShotReader<'_> {
         black: Option<&Image>,
     ) -> Result<(Image, bool), RigError> {
         let path = self.shot.dir.join(name);
-        let image = self.rig.read_agreeing_pattern(&path, self.rig.channels, &mut self.depth)?;
+        let image = self.rig.read_agreeing(&path, self.rig.channels, What::Pattern, &mut self.depth)?;
         Ok(colored(image, white, black))
     }
 }
@@ -76,19 +85,20 @@ impl Rig {
     }
 
     pub(super) fn read_with_depth(&self, path: &Path) -> Result<(Image, Depth), RigError> {
-        self.read_as(path, self.channels)
+        self.read_as(path, self.channels, What::Flash)
+    }
+
+    /// The channels that a file has to have: the camera's, or one for a mono image among a color camera's.
+    pub(super) fn stored_as(&self, raw: &Raw, what: What) -> Channels {
+        let is_mono = what == What::Pattern && self.channels == Channels::Rgb && raw.channels == 1;
+        if is_mono { Channels::Mono } else { self.channels }
     }
 
     /// Reads an image; a mosaic stays one if `channels` says that there is one channel.
-    fn read_as(&self, path: &Path, channels: Channels) -> Result<(Image, Depth), RigError> {
-        self.read_pattern_as(path, channels, false)
-    }
-
-    /// The same; with `may_be_mono`, an image of one channel is taken from a camera with three.
-    fn read_pattern_as(&self, path: &Path, channels: Channels, may_be_mono: bool) -> Result<(Image, Depth), RigError> {
+    fn read_as(&self, path: &Path, channels: Channels, what: What) -> Result<(Image, Depth), RigError> {
         let raw = decode(path, Some((self.camera.width, self.camera.height)))?;
-        let is_mono = may_be_mono && self.channels == Channels::Rgb && raw.channels == 1;
-        let (stored, channels) = if is_mono { (Channels::Mono, Channels::Mono) } else { (self.channels, channels) };
+        let stored = self.stored_as(&raw, what);
+        let channels = if stored == self.channels { channels } else { stored };
         raw.check_kind(path, stored, self.saturation)?;
         let image = raw.linearize(path, channels, self.black_level, self.saturation)?;
         Ok((image, raw.depth()))
@@ -106,12 +116,11 @@ impl Rig {
             Channels::Bayer(cell) if need != Need::Frame => (Some(cell), Channels::Mono),
             other => (None, other),
         };
-        let mut read = |name: &str| self.read_agreeing(&shot.dir.join(name), channels, &mut depth);
-        let mut white = read(&self.white)?;
+        let mut read = |name: &str, what| self.read_agreeing(&shot.dir.join(name), channels, what, &mut depth);
+        let mut white = read(&self.white, What::Flash)?;
         let wanted = need == Need::Calibration || shot.dir.join(&self.black).exists();
-        let mut black = wanted.then(|| read(&self.black)).transpose()?;
-        let mut read = |name: &str| self.read_agreeing_pattern(&shot.dir.join(name), channels, &mut depth);
-        let mut patterns = set.images.iter().map(|name| read(name)).collect::<Result<Vec<_>, _>>()?;
+        let mut black = wanted.then(|| read(&self.black, What::Flash)).transpose()?;
+        let mut patterns = set.images.iter().map(|name| read(name, What::Pattern)).collect::<Result<Vec<_>, _>>()?;
         let mut mono = vec![false; patterns.len()];
         if let Some(cell) = cell {
             let (white_rgb, black_rgb) = (demosaic(&white, cell), black.as_ref().map(|b| demosaic(b, cell)));
@@ -138,7 +147,8 @@ impl Rig {
     /// As [`Rig::read_shot`].
     pub fn read_inverse(&self, shot: &Shot, set: &PatternSet) -> Result<Vec<Image>, RigError> {
         let mut depth = None;
-        let mut read = |name: &String| self.read_agreeing_pattern(&shot.dir.join(name), self.channels, &mut depth);
+        let mut read =
+            |name: &String| self.read_agreeing(&shot.dir.join(name), self.channels, What::Pattern, &mut depth);
         let mut inverse = set.inverse.iter().map(&mut read).collect::<Result<Vec<_>, _>>()?;
         if inverse.iter().any(|image| image.channels < self.channels.count()) {
             let mut reader = self.reader(shot);
@@ -154,27 +164,10 @@ impl Rig {
         &self,
         path: &Path,
         channels: Channels,
+        what: What,
         first: &mut Option<(Depth, PathBuf)>,
     ) -> Result<Image, RigError> {
-        self.agreeing(path, self.read_as(path, channels)?, first)
-    }
-
-    /// The same of a pattern, which may be mono.
-    fn read_agreeing_pattern(
-        &self,
-        path: &Path,
-        channels: Channels,
-        first: &mut Option<(Depth, PathBuf)>,
-    ) -> Result<Image, RigError> {
-        self.agreeing(path, self.read_pattern_as(path, channels, true)?, first)
-    }
-
-    fn agreeing(
-        &self,
-        path: &Path,
-        (image, depth): (Image, Depth),
-        first: &mut Option<(Depth, PathBuf)>,
-    ) -> Result<Image, RigError> {
+        let (image, depth) = self.read_as(path, channels, what)?;
         match first {
             Some((other_depth, other)) if *other_depth != depth => {
                 let (other, other_depth) = (other.clone(), *other_depth);

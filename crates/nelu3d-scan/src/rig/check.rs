@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use super::capture::What;
 use super::file::{RigToml, from_toml, read_toml};
 use super::{PROJECTOR_FILE, RIG_FILE, Rig, RigError, Shot};
 use crate::camera::{Camera, CameraFileError, read_camera, read_projector};
@@ -216,10 +217,10 @@ impl Checker<'_> {
         let mut counts = Vec::new();
         let mut agreed = None;
         let rig = self.rig;
-        let white = self.image(&shot.dir.join(&rig.white), false, &mut agreed, &mut findings);
+        let white = self.image(&shot.dir.join(&rig.white), What::Flash, &mut agreed, &mut findings);
         let black_file = shot.dir.join(&rig.black);
         let black = if role == Role::Position || black_file.exists() {
-            self.image(&black_file, false, &mut agreed, &mut findings)
+            self.image(&black_file, What::Flash, &mut agreed, &mut findings)
         } else {
             None
         };
@@ -240,7 +241,7 @@ impl Checker<'_> {
                 continue;
             }
             let file = shot.dir.join(name);
-            if let Some(image) = self.image(&file, true, &mut agreed, &mut findings) {
+            if let Some(image) = self.image(&file, What::Pattern, &mut agreed, &mut findings) {
                 counts.push((file.clone(), image.channels));
                 if share(&image, |v| v >= 1.0) > NEARLY_ALL {
                     findings.push(error(file, "is clipped nearly everywhere", CLIPPED_REMEDY));
@@ -251,11 +252,11 @@ impl Checker<'_> {
         (findings, counts)
     }
 
-    /// Reads an image and says all that is wrong with it. `None` if it cannot be used. A pattern of a color camera may be mono.
+    /// Reads an image and says all that is wrong with it. `None` if it cannot be used.
     fn image(
         &self,
         file: &Path,
-        is_pattern: bool,
+        what: What,
         agreed: &mut Option<Agreed>,
         findings: &mut Vec<Finding>,
     ) -> Option<Image> {
@@ -267,7 +268,7 @@ impl Checker<'_> {
             }
         };
         let (depth, size, channels) = (raw.depth(), (raw.width, raw.height), raw.channels);
-        let is_mono = is_pattern && self.rig.channels == Channels::Rgb && channels == 1;
+        let stored = self.rig.stored_as(&raw, what);
         match agreed {
             None => *agreed = Some(Agreed { file: file.to_path_buf(), depth, size, channels }),
             Some(first) => {
@@ -282,7 +283,7 @@ impl Checker<'_> {
                     let ((a, b), (c, d)) = (size, first.size);
                     differ(format!("is {a}x{b} pixels, but {first_name} is {c}x{d}"));
                 }
-                if channels != first.channels && !is_mono {
+                if channels != first.channels && stored == self.rig.channels {
                     differ(format!("has {channels} channels, but {first_name} has {}", first.channels));
                 }
             }
@@ -291,8 +292,7 @@ impl Checker<'_> {
             return None;
         }
         let rig = self.rig;
-        let channels = if is_mono { Channels::Mono } else { rig.channels };
-        match raw.linearize(file, channels, rig.black_level, rig.saturation) {
+        match raw.linearize(file, stored, rig.black_level, rig.saturation) {
             Ok(image) => Some(image),
             Err(e) => {
                 findings.push(image_finding(&e));

@@ -87,7 +87,7 @@ pub enum RigError {
         path: PathBuf,
         /// Whether it has one channel.
         mono: bool,
-        /// What was taken first under its name, or what remembers it.
+        /// What was read first under its name.
         other: PathBuf,
     },
     /// No such pattern set.

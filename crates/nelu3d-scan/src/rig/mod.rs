@@ -13,14 +13,14 @@ use std::path::PathBuf;
 pub use capture::{Capture, Need, ShotReader};
 pub use check::{Finding, Severity, check};
 pub use error::RigError;
-pub use mono::{LUMA, luma};
+pub use mono::LUMA;
 pub(crate) use shots::natural_order;
 
 use crate::board::Board;
 use crate::camera::{Camera, Projector};
 pub use crate::image::Channels;
 
-/// What one reconstruction uses: k images (mono) or fewer images of three channels. Among the images of an `rgb` camera some may be mono: see [`luma`].
+/// What one reconstruction uses: k images (mono) or fewer images of three channels. Among the images of an `rgb` camera some may be mono: see [`Capture::mono`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PatternSet {
     /// Its name.

@@ -10,7 +10,7 @@ use crate::image::Image;
 pub const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
 
 /// The mono image that a camera's color image `image` would have been. ≥ 1 where any channel is.
-pub fn luma(image: &Image) -> Image {
+fn luma(image: &Image) -> Image {
     let value = |p: &[f32]| {
         let clipped = p.iter().copied().fold(f32::NEG_INFINITY, f32::max);
         if clipped >= 1.0 { clipped } else { p.iter().zip(LUMA).map(|(v, w)| v * w).sum() }

@@ -94,7 +94,7 @@ impl Level {
                 .with_min_len(w)
                 .map(|i| bilinear(b, [w, h], (i % w) as f32 + u[i][0], (i / w) as f32 + u[i][1]))
                 .collect();
-            let n = w - 2;
+            let n = w.saturating_sub(2);
             for y in 1..h - 1 {
                 // A row's inner pixels and their neighbors, in slices of one length: the loop below needs no checks.
                 let at = y * w + 1;
