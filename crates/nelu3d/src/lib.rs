@@ -1,16 +1,14 @@
-//! Structured light without a projector model: calibration, color field, reconstruction, evaluation.
+//! 3D scanning with a camera and any light source that throws a pattern, without a projector model.
 //!
 //! ```text
 //! rig folder ─► calibrate ─► color field ─► reconstruct ─► surface ─► result folder
-//!                                                             └► evaluate (against a truth)
 //! ```
 //!
 //! The whole path:
 //!
 //! ```no_run
-//! use nelu3d::result::{About, MeshFiles};
-//! use nelu3d::{Progress, calibrate, reconstruct, result};
-//! use nelu3d_scan::Rig;
+//! use nelu3d::result::{MeshFiles, ResultMetadata, Summary, write};
+//! use nelu3d::{CalibrationOptions, Progress, ReconstructionOptions, Rig, calibrate, reconstruct};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let rig = Rig::open("my-rig".as_ref())?;
@@ -18,42 +16,44 @@
 //! let progress = Progress::none();
 //!
 //! // Once per rig and pattern set: the board sweep becomes a color field.
-//! let (field, report) = calibrate::run(&rig, set, &Default::default(), &progress)?;
+//! let (field, report) = calibrate(&rig, set, &CalibrationOptions::default(), &progress)?;
 //! field.save("field.safetensors".as_ref())?;
 //! println!("{}", report.frame);
 //!
 //! // For every scene: the captures become a surface.
 //! let scene = rig.scene("cup")?;
-//! let surface = reconstruct::run(&rig, set, &scene, &field, &Default::default(), &progress)?;
-//! println!("{} pixels have a depth", surface.n_kept());
-//! let about = About { scene: scene.name, set: set.name.clone(), ..About::default() };
-//! result::write(&surface, &rig.camera, &about, MeshFiles::default(), "cup".as_ref())?;
+//! let cup = reconstruct(&rig, set, &scene, &field, &ReconstructionOptions::default(), &progress)?;
+//! println!("{} pixels have a depth", cup.surface.n_valid());
+//! let about = ResultMetadata { scene: scene.name, set: set.name.clone(), ..Default::default() };
+//! let summary = Summary::new(&cup.surface, &cup.diagnostics, &cup.stages, &rig.camera, &about);
+//! write(&cup.surface, &summary, MeshFiles::default(), "cup".as_ref())?;
 //! # Ok(())
 //! # }
 //! ```
 //!
-//! - [`calibrate`] finds the boards, their poses and the light, and fits the field; or computes it from a calibrated
-//!   projector.
-//! - [`color_field`] is c(x), the intensities that the patterns have at every point of the calibrated volume: its
-//!   coordinates, how it is stored, where it holds.
-//! - [`reconstruct`] decodes a cost volume over the field and refines the surface by volume rendering in a narrow band.
-//! - [`decode`] has the methods that all of this is compared with; all but LookUp3D need a calibrated projector.
-//! - [`sequence`] reconstructs scenes that move, each frame from the one before.
-//! - [`evaluate`] judges depth, normals and 1σ by region. No reconstruction sees a truth.
-//! - [`mod@result`] is the folder that all of it is written to.
-//!
 //! Nothing here prints: work reports to a [`Progress`], which can also cancel it. Conventions (units, frames, pixels) are
-//! those of [`nelu3d_scan`].
+//! those of [`nelu3d_scan`]. No part of this crate reads a ground truth or (but for [`from_projector`]) a projector: the
+//! crates `nelu3d-evaluate` and `nelu3d-baselines` do.
 
+#[doc(hidden)]
 pub mod calibrate;
+#[doc(hidden)]
 pub mod color_field;
-pub mod decode;
-pub mod evaluate;
+pub mod from_projector;
+#[doc(hidden)]
 pub mod progress;
+#[doc(hidden)]
 pub mod reconstruct;
 pub mod result;
-pub mod sdf;
+#[doc(hidden)]
+pub mod sensor;
 pub mod sequence;
+#[doc(hidden)]
+pub mod surface;
 
-pub use progress::Progress;
-pub use result::{Left, Reconstruction};
+pub use calibrate::{CalibrationError, CalibrationOptions, CalibrationReport, calibrate};
+pub use color_field::ColorField;
+pub use nelu3d_scan::Rig;
+pub use progress::{Progress, Sink};
+pub use reconstruct::{Reconstruction, ReconstructionError, ReconstructionOptions, reconstruct};
+pub use surface::{PixelStatus, Surface};

@@ -150,7 +150,7 @@ fn draw(
             chart.draw_series(dots).map_err(|e| wrong(&e))?;
             let y = 30 + 22 * i as i32;
             legend.draw(&Circle::new((8, y), 4, color.filled())).map_err(|e| wrong(&e))?;
-            let style = ("sans-serif", 13).into_text_style(&legend).pos(Pos::new(HPos::Left, VPos::Center));
+            let style = ("sans-serif", 13).into_text_style(&legend).pos(Pos::new(HPos::PixelStatus, VPos::Center));
             legend.draw(&Text::new(label.clone(), (18, y), style)).map_err(|e| wrong(&e))?;
         }
         root.present().map_err(|e| wrong(&e))?;

@@ -97,7 +97,7 @@ impl Axis {
 /// A chart.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Chart {
-    /// Left to right.
+    /// PixelStatus to right.
     pub x: Axis,
     /// Upwards.
     pub y: Axis,

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use nelu3d::evaluate::{Metrics, TracePoint, Truth, percentile};
-use nelu3d::result::picture::{DEPTH_COLORS, Picture, left_color, limits};
-use nelu3d::result::{Left, Reconstruction, Summary};
+use nelu3d::result::picture::{DEPTH_COLORS, Picture, status_color, limits};
+use nelu3d::result::{PixelStatus, Reconstruction, Summary};
 use nelu3d_scan::Image;
 use serde_json::Value;
 
@@ -124,7 +124,7 @@ impl Page<'_> {
             let range = [0.0, limits(map, 1.0, 98.0)[1].max(1e-6)];
             add(name, note, Picture::of_map(map, w, h, range, colors), color_bar(colors, range, unit));
         }
-        add("Left out", "why pixels have no depth", Picture::of_left(&r.left, w, h), left_legend());
+        add("Left out", "why pixels have no depth", Picture::of_left(&r.status, w, h), left_legend());
         html
     }
 
@@ -258,11 +258,11 @@ fn metrics_table(metrics: &Metrics) -> String {
 }
 
 fn left_table(s: &Summary) -> String {
-    let count = |l: Left| match l {
-        Left::Kept => s.pixels.kept as u64,
-        _ => s.pixels.left[l.key()].as_u64().unwrap_or(0),
+    let count = |l: PixelStatus| match l {
+        PixelStatus::Valid => s.pixels.kept as u64,
+        _ => s.pixels.status[l.key()].as_u64().unwrap_or(0),
     };
-    let rows: Vec<Vec<String>> = Left::ALL
+    let rows: Vec<Vec<String>> = PixelStatus::ALL
         .iter()
         .map(|&l| {
             let n = count(l);
@@ -286,7 +286,7 @@ fn inputs_table(s: &Summary) -> String {
 }
 
 fn left_legend() -> String {
-    legend(&Left::ALL.map(|l| (left_color(l), l.label())))
+    legend(&PixelStatus::ALL.map(|l| (status_color(l), l.label())))
 }
 
 /// Whatever the method put on record, one line a value; long lists of numbers as curves.
@@ -339,11 +339,11 @@ mod tests {
             }
         }
         let truth = Truth { width, height, depth: depth.clone(), mask: vec![true; n] };
-        let mut left = vec![Left::Kept; n];
+        let mut left = vec![PixelStatus::Valid; n];
         for i in 0..n {
             depth[i] += 0.2 * ((i % width) as f32 * 0.2).sin();
             if i % width < 20 {
-                left[i] = if i / width < 120 { Left::Dark } else { Left::Edge };
+                left[i] = if i / width < 120 { PixelStatus::Underexposed } else { PixelStatus::DepthDiscontinuity };
                 depth[i] = f32::NAN;
                 normals[i] = [f32::NAN; 3];
             }

@@ -5,11 +5,13 @@
 //! pictures that move.
 
 mod apng;
+mod box_mean;
 mod bayer;
 mod decode;
 mod write;
 
 pub use apng::Apng;
+pub use box_mean::box_mean;
 pub use bayer::demosaic;
 pub(crate) use decode::decode_bytes;
 pub use decode::{Depth, ImageFileError, Raw, RawData, decode, read_any};

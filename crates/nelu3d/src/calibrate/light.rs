@@ -9,19 +9,12 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use nelu3d_scan::Camera;
 use rayon::prelude::*;
 
-use super::placed::Board;
-use super::sweep::Position;
+use super::views::Views;
 use crate::progress::Progress;
-
-/// Most positions that the search looks at. They are spread over the whole sweep, so more would only add shorter steps to
-/// the lever arms.
-const MAX_VIEWS: usize = 48;
-/// Most bytes of their images; larger ones are averaged over square blocks of pixels.
-const VIEWS_BUDGET: usize = 1 << 28;
 
 /// The light's center seen from the middle of the volume: a direction and an inverse distance (0 = at infinity).
 #[derive(Clone, Copy, Debug)]
-pub struct LightCenter {
+pub(super) struct LightCenter {
     /// Middle of the volume, mm.
     pub origin: Point3<f64>,
     /// Unit direction in which the light travels there.
@@ -30,52 +23,6 @@ pub struct LightCenter {
     pub kappa: f64,
     /// Root mean square difference of codewords that should be equal (robust).
     pub residual: f64,
-}
-
-/// Indices of the positions that the search looks at, of `n`: all of them, or an even selection with both ends.
-pub fn selection(n: usize) -> Vec<usize> {
-    if n <= MAX_VIEWS { (0..n).collect() } else { (0..MAX_VIEWS).map(|i| i * (n - 1) / (MAX_VIEWS - 1)).collect() }
-}
-
-/// Smoothed codeword images of some positions, in the sweep's order, and where their boards are.
-pub struct Views {
-    /// Samples across.
-    width: usize,
-    /// Samples down.
-    height: usize,
-    /// Pixels along the side of one sample's block; 1 = full resolution.
-    pub block: usize,
-    k: usize,
-    planes: Vec<(Vector3<f64>, f64)>,
-    /// Per position, `n × (k + 1)`: smoothed values, then validity.
-    images: Vec<Vec<f32>>,
-}
-
-impl Views {
-    /// Room for `n` positions' images of `k` channels, in blocks that keep them within their budget.
-    pub fn new(camera: &Camera, k: usize, n: usize) -> Self {
-        let bytes = camera.n_pixels() * (k + 1) * 4 * n;
-        let block = (1..).find(|f| bytes / (f * f) <= VIEWS_BUDGET).expect("some block is large enough");
-        let (width, height) = (camera.width / block, camera.height / block);
-        Self { width, height, block, k, planes: Vec::new(), images: Vec::new() }
-    }
-
-    /// Adds the next position: its board and what [`smoothed`] made of it.
-    pub fn push(&mut self, board: &Board, image: Vec<f32>) {
-        assert_eq!(image.len(), self.width * self.height * (self.k + 1));
-        self.planes.push((board.normal, board.offset));
-        self.images.push(image);
-    }
-
-    /// Pixel coordinates of the center of a sample's block.
-    fn px(&self, x: usize, y: usize) -> [f64; 2] {
-        let half = (self.block as f64 - 1.0) / 2.0;
-        [(x * self.block) as f64 + half, (y * self.block) as f64 + half]
-    }
-
-    fn len(&self) -> usize {
-        self.images.len()
-    }
 }
 
 /// The views and the unknowns' units.
@@ -105,7 +52,7 @@ type State = [f64; 3];
 
 /// Finds the center of the light, or `None` when no center explains the codewords better than chance (or somebody stopped
 /// the work).
-pub fn find_center(views: Views, camera: &Camera, right: Vector3<f64>, progress: &Progress) -> Option<LightCenter> {
+pub(super) fn find_center(views: Views, camera: &Camera, progress: &Progress) -> Option<LightCenter> {
     let mut t = Transport { camera, views, origin: Point3::origin(), scale: 1.0 };
     let seeds = t.seeds();
     if seeds.len() < 200 {
@@ -129,7 +76,7 @@ pub fn find_center(views: Views, camera: &Camera, right: Vector3<f64>, progress:
             }
         }
     }
-    let frame = Tangent::new(base, right);
+    let frame = Tangent::new(base, Vector3::x());
     let mut scored: Vec<(f64, State)> = candidates.into_par_iter().map(|s| (t.score(&few, &frame, s, 1), s)).collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     scored.truncate(6);
@@ -337,86 +284,5 @@ impl Transport<'_> {
             }
         }
         (s, scale)
-    }
-}
-
-/// A position's values, averaged over blocks of `block` pixels and smoothed by a small binomial kernel (linear interpolation
-/// between pixels is exact enough on the result), with validity 1 where the whole kernel was usable: `n × (k + 1)`.
-pub fn smoothed(position: &Position, block: usize) -> Vec<f32> {
-    let reduced = (block > 1).then(|| position.reduced(block));
-    let position = reduced.as_ref().unwrap_or(position);
-    let (w, h, k) = (position.width, position.height, position.k);
-    let usable = |i: usize| position.contrast[i * position.channels..][..position.channels].iter().all(|c| *c > 0.0);
-    const KERNEL: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
-    // What is not usable counts nothing.
-    let mut masked = vec![0.0f32; w * h * (k + 1)];
-    for (i, (to, from)) in masked.chunks_exact_mut(k + 1).zip(position.values.chunks_exact(k)).enumerate() {
-        if usable(i) {
-            to[..k].copy_from_slice(from);
-            to[k] = 1.0;
-        }
-    }
-    // Along a row and then down, as sums of shifted rows.
-    let line = w * (k + 1);
-    let mut rows = vec![0.0f32; masked.len()];
-    for (to, from) in rows.chunks_exact_mut(line.max(1)).zip(masked.chunks_exact(line.max(1))) {
-        let inner = line.saturating_sub(4 * (k + 1));
-        for (i, weight) in KERNEL.iter().enumerate().filter(|_| w > 4) {
-            let (to, from) = (&mut to[2 * (k + 1)..][..inner], &from[i * (k + 1)..][..inner]);
-            to.iter_mut().zip(from).for_each(|(t, f)| *t += weight * f);
-        }
-    }
-    let mut out = masked;
-    out.fill(0.0);
-    for y in 2..h.saturating_sub(2) {
-        let to = &mut out[y * line..][..line];
-        for (i, weight) in KERNEL.iter().enumerate() {
-            to.iter_mut().zip(&rows[(y + i - 2) * line..][..line]).for_each(|(t, f)| *t += weight * f);
-        }
-        for t in to.chunks_exact_mut(k + 1).filter(|t| t[k] > 0.5) {
-            let norm = 1.0 / t[k];
-            t[..k].iter_mut().for_each(|v| *v *= norm);
-        }
-    }
-    out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_selection_is_bounded_even_and_has_both_ends() {
-        assert_eq!(selection(5), [0, 1, 2, 3, 4]);
-        for n in [49, 60, 96, 1000] {
-            let s = selection(n);
-            assert_eq!((s.len(), s[0], s[MAX_VIEWS - 1]), (MAX_VIEWS, 0, n - 1));
-            let step = (n - 1) as f64 / (MAX_VIEWS - 1) as f64;
-            assert!(s.windows(2).all(|w| w[1] > w[0] && ((w[1] - w[0]) as f64 - step).abs() < 1.0), "{s:?}");
-        }
-    }
-
-    #[test]
-    fn views_stay_within_their_budget_whatever_the_camera() {
-        let camera = Camera::pinhole(640, 480, 800.0, 800.0, 320.0, 240.0);
-        assert_eq!(Views::new(&camera, 3, MAX_VIEWS).block, 1);
-        let large = Camera::pinhole(6400, 4800, 8000.0, 8000.0, 3200.0, 2400.0);
-        let v = Views::new(&large, 11, MAX_VIEWS);
-        assert!(v.block > 1 && v.width * v.height * 12 * 4 * MAX_VIEWS <= VIEWS_BUDGET);
-    }
-
-    #[test]
-    fn smoothing_keeps_planes_and_knows_holes() {
-        let (width, height) = (12, 11);
-        let values = (0..width * height).map(|i| (i % width) as f32 * 0.02 + (i / width) as f32 * 0.03).collect();
-        let mut contrast = vec![0.5; width * height];
-        contrast[5 * width + 9] = 0.0;
-        let position = Position { width, height, k: 1, channels: 1, values, contrast };
-        let out = smoothed(&position, 1);
-        let at = |x: usize, y: usize| &out[(y * width + x) * 2..][..2];
-        assert!((at(4, 5)[0] - (4.0 * 0.02 + 5.0 * 0.03)).abs() < 1e-6 && (at(4, 5)[1] - 1.0).abs() < 1e-6);
-        // Within two pixels of the hole, the validity says so; the border has none.
-        assert!(at(8, 5)[1] < 0.99 && at(7, 5)[1] < 0.999 && (at(6, 5)[1] - 1.0).abs() < 1e-6);
-        assert!(at(4, 1)[1] == 0.0 && at(1, 5)[1] == 0.0);
     }
 }

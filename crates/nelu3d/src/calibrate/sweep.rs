@@ -11,9 +11,9 @@ use nelu3d_scan::rig::{PatternSet, RigError, Shot};
 use nelu3d_scan::{Image, Rig};
 use rayon::prelude::*;
 
-use super::Error;
-use super::noise::NoiseModel;
+use super::error::CalibrationError;
 use crate::progress::Progress;
+use crate::sensor::NoiseModel;
 
 /// Most bytes of images in memory while a sweep is read.
 const READ_BUDGET: usize = 1 << 30;
@@ -58,15 +58,15 @@ impl<'a> Sweep<'a> {
 
     /// Calls `f` on the white and black image of every position, in parallel; the answers in order. That the patterns
     /// exist is checked on the way, so that a gap in a sweep is told before work is done.
-    pub fn flashes<T: Send>(
+    pub fn map_white_black<T: Send>(
         &self,
         progress: &Progress,
         f: impl Fn(&Shot, &Image, &Image) -> T + Sync,
-    ) -> Result<Vec<T>, Error> {
+    ) -> Result<Vec<T>, CalibrationError> {
         let done = std::sync::atomic::AtomicUsize::new(0);
         let one = |shot: &Shot| {
             if progress.cancelled() {
-                return Err(Error::Cancelled);
+                return Err(CalibrationError::Cancelled);
             }
             let mut reader = self.rig.reader(shot);
             for name in &self.set.images {
@@ -91,25 +91,25 @@ impl<'a> Sweep<'a> {
         see: impl Fn(&mut S, &Image) + Sync,
         map: impl Fn(usize, S, &Position) -> T + Sync,
         mut take: impl FnMut(Vec<T>),
-    ) -> Result<(), Error> {
+    ) -> Result<(), CalibrationError> {
         let mut done = 0;
         for wave in which.chunks(2 * self.pool.current_num_threads()) {
             let one = |p: &usize| {
                 if progress.cancelled() {
-                    return Err(Error::Cancelled);
+                    return Err(CalibrationError::Cancelled);
                 }
                 let mut seen = S::default();
                 let position = self.read(*p, |image| see(&mut seen, image))?;
                 Ok(map(*p, seen, &position))
             };
-            take(self.pool.install(|| wave.par_iter().map(one).collect::<Result<Vec<_>, Error>>())?);
+            take(self.pool.install(|| wave.par_iter().map(one).collect::<Result<Vec<_>, CalibrationError>>())?);
             done += wave.len();
             progress.tick(done, which.len());
         }
         Ok(())
     }
 
-    fn read(&self, p: usize, mut see: impl FnMut(&Image)) -> Result<Position, Error> {
+    fn read(&self, p: usize, mut see: impl FnMut(&Image)) -> Result<Position, CalibrationError> {
         let mut reader = self.rig.reader(&self.shots[p]);
         let (white, black) = (reader.read(&self.rig.white)?, reader.read(&self.rig.black)?);
         see(&white);
@@ -129,7 +129,7 @@ impl<'a> Sweep<'a> {
     }
 
     /// Complains if a pattern is mono in one position and colored in another.
-    fn agree_on_mono(&self, mono: Vec<bool>, shot: &Shot) -> Result<(), Error> {
+    fn agree_on_mono(&self, mono: Vec<bool>, shot: &Shot) -> Result<(), CalibrationError> {
         let (first, dir) = self.mono.get_or_init(|| (mono.clone(), shot.dir.clone()));
         match mono.iter().zip(first).position(|(a, b)| a != b) {
             None => Ok(()),
@@ -358,9 +358,9 @@ mod tests {
             sweep.stream(&[1, 2], &Progress::none(), |(), _| (), |_, (), _| (), |_| ()).unwrap_err().to_string();
         assert!(error.contains(gap.to_str().unwrap()), "{error}");
         let stop = Progress::new(std::sync::Arc::new(Silent), std::sync::Arc::new(true.into()));
-        assert!(matches!(sweep.flashes(&stop, |_, _, _| ()), Err(Error::Cancelled)));
+        assert!(matches!(sweep.flashes(&stop, |_, _, _| ()), Err(CalibrationError::Cancelled)));
         let stopped = sweep.stream(&[0], &stop, |(), _| (), |_, (), _| (), |_| ());
-        assert!(matches!(stopped, Err(Error::Cancelled)));
+        assert!(matches!(stopped, Err(CalibrationError::Cancelled)));
     }
 
     #[test]

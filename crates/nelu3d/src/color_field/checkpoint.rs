@@ -1,6 +1,6 @@
 //! A color field on disk: one safetensors file that describes itself.
 //!
-//! Metadata key `nelu3d` holds JSON: format, frame, form, validity shape and [`About`]. Tensors: `coeffs` (f16, grid) or
+//! Metadata key `nelu3d` holds JSON: format, frame, form, validity shape and [`FieldMetadata`]. Tensors: `coeffs` (f16, grid) or
 //! `params` (f32, hash and frequency); `t_range` (f32, tiles × 2, mm along the ray); `lit` (u8, cells).
 
 use std::collections::HashMap;
@@ -11,12 +11,13 @@ use nelu3d_scan::output::write_atomic;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::frame::Frame;
+use super::frame::FieldFrame;
 use super::frequency::{FrequencyForm, FrequencyShape};
 use super::grid::Grid;
 use super::hash::{HashForm, HashShape};
 use super::validity::{Validity, ValidityShape};
-use super::{About, ColorField, Form};
+use super::field::{ColorField, Form};
+use super::metadata::FieldMetadata;
 
 /// Version of the layout.
 const FORMAT: u32 = 2;
@@ -59,10 +60,11 @@ pub enum CheckpointError {
 struct Header {
     format: u32,
     units: String,
-    frame: Frame,
+    frame: FieldFrame,
     form: FormHeader,
     validity: ValidityShape,
-    about: About,
+    #[serde(rename = "about")]
+    metadata: FieldMetadata,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -92,7 +94,7 @@ impl Header {
             }
             FormHeader::Frequency(shape) => (shape.settings.cells, shape.k),
         };
-        let about = &self.about;
+        let about = &self.metadata;
         expect((1..=MAX_K).contains(&k), "its number of channels is impossible")?;
         expect(about.images.len().checked_mul(about.channels) == Some(k), "its images do not make its channels")?;
         let nodes = cells.iter().try_fold(k, |n, c| n.checked_mul(c.checked_add(3)?));
@@ -145,7 +147,7 @@ impl ColorField {
             frame: self.frame,
             form,
             validity: self.validity.shape,
-            about: self.about.clone(),
+            metadata: self.metadata.clone(),
         };
         let json = serde_json::to_string(&header).expect("plain data serializes");
         let t_range: &[u8] = bytemuck::cast_slice(&self.validity.t_range);
@@ -243,7 +245,7 @@ impl ColorField {
             t_range: t_range.chunks_exact(2).map(|c| [c[0], c[1]]).collect(),
             lit: tensor("lit", Dtype::U8, &v.cells)?,
         };
-        Ok(Self { frame: header.frame, form, validity, about: header.about })
+        Ok(Self { frame: header.frame, form, validity, metadata: header.metadata })
     }
 }
 
@@ -254,20 +256,21 @@ mod tests {
 
     use super::super::frequency::{FrequencySettings, Octaves};
     use super::super::hash::HashSettings;
-    use super::super::{Center, Quality};
+    use super::super::frame::Center;
+    use super::super::metadata::Quality;
     use super::*;
-    use crate::calibrate::camera_key;
-    use crate::calibrate::noise::NoiseModel;
+    use crate::color_field::compatibility::camera_key;
+    use crate::sensor::NoiseModel;
 
     /// A field of two channels for a camera of 20 × 12 px.
     fn field(form: Form) -> ColorField {
-        let mut frame = Frame::around(Point3::new(200.0, 0.0, 0.0), Point3::new(0.0, 0.0, 700.0), Vector3::x());
+        let mut frame = FieldFrame::around(Point3::new(200.0, 0.0, 0.0), Point3::new(0.0, 0.0, 700.0), Vector3::x());
         frame.enclose(&Point3::new(-50.0, -40.0, 650.0));
         frame.enclose(&Point3::new(50.0, 40.0, 750.0));
         let mut validity = Validity::new(20, 12, 8, [2, 3, 2]);
         validity.add([3.0, 4.0], 690.0, [0.3, 0.4, 0.5]);
         validity.add([3.0, 4.0], 710.0, [0.3, 0.4, 0.6]);
-        let about = About {
+        let about = FieldMetadata {
             version: "0".into(),
             rig: "r".into(),
             set: "s".into(),
@@ -280,7 +283,7 @@ mod tests {
             noise: NoiseModel { read: 1e-6, gain: 1e-4 },
             dark: Vec::new(),
             mixing: None,
-            fineness: 1,
+            cells_per_pixel: 1,
             step_mm: 5.0,
             // What was never measured is NaN, and JSON has none.
             quality: Some(Quality {
@@ -293,7 +296,7 @@ mod tests {
             }),
             settings: serde_json::json!({ "seed": 1 }),
         };
-        ColorField { frame, form, validity, about }
+        ColorField { frame, form, validity, metadata: about }
     }
 
     fn grid() -> ColorField {
@@ -352,7 +355,7 @@ mod tests {
             let back = load(&bytes(&original)).unwrap();
             assert_eq!(back.frame, original.frame);
             assert_eq!(back.validity, original.validity);
-            assert_eq!(back.about.camera, original.about.camera);
+            assert_eq!(back.metadata.camera, original.metadata.camera);
             match (&back.form, &original.form) {
                 (Form::Grid(a), Form::Grid(b)) => assert_eq!(a, b),
                 (Form::Hash(a), Form::Hash(b)) => assert_eq!((a.shape(), a.params()), (b.shape(), b.params())),
@@ -361,7 +364,7 @@ mod tests {
                 }
                 _ => panic!("another form"),
             }
-            let quality = back.about.quality.unwrap();
+            let quality = back.metadata.quality.unwrap();
             assert!(quality.depth_mm.is_nan() && quality.ceiling_db == 40.0);
         }
     }

@@ -10,7 +10,7 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Where the lines of a [`Frame`] meet.
+/// Where the lines of a [`FieldFrame`] meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Center {
@@ -23,7 +23,7 @@ pub enum Center {
 /// A projective frame over the calibrated volume: camera-frame points (mm) to unit coordinates (a, b, w) in `[0, 1]^3`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Frame {
+pub struct FieldFrame {
     /// A point in the middle of the volume, mm.
     pub origin: [f64; 3],
     /// Unit axes e1, e2 (across) and e3 (along, pointing away from the center), row by row.
@@ -36,7 +36,7 @@ pub struct Frame {
     pub hi: [f64; 3],
 }
 
-/// A point in a [`Frame`] and how it moves.
+/// A point in a [`FieldFrame`] and how it moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moving {
     /// Unit coordinates.
@@ -45,7 +45,7 @@ pub struct Moving {
     pub dq: [f32; 3],
 }
 
-impl Frame {
+impl FieldFrame {
     /// A frame whose lines meet in `center`, with its origin at `origin`; e1 is as close to `right` as it can be.
     /// The box is empty until [`Self::enclose`] has seen the points it must hold.
     pub fn around(center: Point3<f64>, origin: Point3<f64>, right: Vector3<f64>) -> Self {
@@ -121,7 +121,7 @@ impl Frame {
     }
 }
 
-/// A camera ray seen in a [`Frame`]: see [`Frame::along_ray`].
+/// A camera ray seen in a [`FieldFrame`]: see [`FieldFrame::along_ray`].
 #[derive(Clone, Copy, Debug)]
 pub struct RayInFrame {
     y0: [f64; 3],
@@ -159,8 +159,8 @@ impl RayInFrame {
 mod tests {
     use super::*;
 
-    fn frame() -> Frame {
-        let mut f = Frame::around(Point3::new(210.0, -20.0, 10.0), Point3::new(0.0, 0.0, 700.0), Vector3::x());
+    fn frame() -> FieldFrame {
+        let mut f = FieldFrame::around(Point3::new(210.0, -20.0, 10.0), Point3::new(0.0, 0.0, 700.0), Vector3::x());
         for c in 0..8 {
             let s = |bit: i32, r: f64| if c >> bit & 1 == 1 { r } else { -r };
             f.enclose(&Point3::new(s(0, 100.0), s(1, 80.0), 700.0 + s(2, 90.0)));

@@ -1,5 +1,5 @@
 //! The `frequency` form: sines and cosines of the coordinates in octaves, and a network, over the unit cube of a
-//! [`Frame`](super::frame::Frame) (paper, Fig. 3; the encoding is Eq. 4 of NeRF).
+//! [`FieldFrame`](super::frame::FieldFrame) (paper, Fig. 3; the encoding is Eq. 4 of NeRF).
 //!
 //! The paper's 20 octaves reach 2^18 periods across the volume, far beyond what samples a pixel apart, and a few planes
 //! along the light's rays, can supervise: those octaves are noise to the network, and along w they put wiggles between the

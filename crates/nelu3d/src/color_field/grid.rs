@@ -1,4 +1,4 @@
-//! The `grid` form: a cubic B-spline over the unit cube of a [`Frame`](super::frame::Frame), fitted by least squares.
+//! The `grid` form: a cubic B-spline over the unit cube of a [`FieldFrame`](super::frame::FieldFrame), fitted by least squares.
 
 use rayon::prelude::*;
 

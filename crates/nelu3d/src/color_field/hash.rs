@@ -1,5 +1,5 @@
 //! The `hash` form: a multiresolution hash encoding and a small network over the unit cube of a
-//! [`Frame`](super::frame::Frame).
+//! [`FieldFrame`](super::frame::FieldFrame).
 //!
 //! The published form uses isotropic levels up to 2048 cells in camera coordinates; levels finer than the sweep's step
 //! are never supervised between board positions and put wiggles there. Here the levels are anisotropic and live in the

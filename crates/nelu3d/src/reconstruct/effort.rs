@@ -16,28 +16,28 @@ pub enum Effort {
     Best,
 }
 
-/// What an [`Effort`] stands for.
+/// The amounts of work that an [`Effort`] stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct EffortSettings {
-    /// Most pixels that are decoded; a picture with more usable ones is decoded reduced, and refined in full.
+    /// Largest number of pixels that are decoded; an image with more valid ones is decoded reduced, and refined in full.
     pub decoded_pixels: usize,
     /// Steps of the refinement.
     pub steps: usize,
-    /// How often indirect light is gathered from the surface.
+    /// Number of times that interreflection is gathered from the surface.
     pub gathers: usize,
-    /// Most patches that the surface throws indirect light as.
+    /// Largest number of patches that the surface reflects light from.
     pub patches: usize,
 }
 
 impl Effort {
-    /// What it stands for where a surface a moment earlier is known.
-    pub fn warm(self) -> EffortSettings {
+    /// The work of a refinement that begins at the previous frame's surface.
+    pub fn after_previous_frame(self) -> EffortSettings {
         let cold = self.settings();
         let steps = cold.steps.min(8);
         EffortSettings { steps, gathers: cold.gathers.min(2), ..cold }
     }
 
-    /// What it stands for.
+    /// The work of a refinement that begins at a decoded surface.
     pub fn settings(self) -> EffortSettings {
         match self {
             Effort::Quick => EffortSettings { decoded_pixels: 30_000, steps: 5, gathers: 2, patches: 1000 },

@@ -6,8 +6,8 @@ use colorous::Gradient;
 use image::{ImageEncoder, RgbImage, codecs::png::PngEncoder, imageops};
 use nelu3d_scan::Image;
 
-use super::{Left, Reconstruction};
-use crate::evaluate::percentile;
+use crate::surface::{PixelStatus, Surface};
+use nelu3d_scan::statistics::percentile;
 
 /// What is shown where there is nothing to show.
 const EMPTY: [u8; 3] = [24, 26, 31];
@@ -52,9 +52,9 @@ impl Picture {
         })
     }
 
-    /// Why pixels were left out; see [`left_color`].
-    pub fn of_left(left: &[Left], width: usize, height: usize) -> Self {
-        Self::from_fn(width, height, |i| left_color(left[i]))
+    /// Why pixels were rejected; see [`status_color`].
+    pub fn of_status(status: &[PixelStatus], width: usize, height: usize) -> Self {
+        Self::from_fn(width, height, |i| status_color(status[i]))
     }
 
     /// Shrunk to at most `max_width` pixels across, averaging; never enlarged.
@@ -120,14 +120,14 @@ pub fn color_at(gradient: Gradient, value: f64, range: [f64; 2]) -> [u8; 3] {
 }
 
 /// The color of a reason in [`Picture::of_left`].
-pub fn left_color(left: Left) -> [u8; 3] {
+pub fn status_color(left: PixelStatus) -> [u8; 3] {
     match left {
-        Left::Kept => [222, 226, 230],
-        Left::Outside => [90, 97, 110],
-        Left::Clipped => [230, 159, 0],
-        Left::Dark => [24, 26, 31],
-        Left::Ambiguous => [213, 94, 0],
-        Left::Edge => [0, 114, 178],
+        PixelStatus::Valid => [222, 226, 230],
+        PixelStatus::OutsideVolume => [90, 97, 110],
+        PixelStatus::Saturated => [230, 159, 0],
+        PixelStatus::Underexposed => [24, 26, 31],
+        PixelStatus::Ambiguous => [213, 94, 0],
+        PixelStatus::DepthDiscontinuity => [0, 114, 178],
     }
 }
 
@@ -143,7 +143,7 @@ pub fn limits(map: &[f32], low: f64, high: f64) -> [f64; 2] {
 }
 
 /// The preview of a result: the capture, the surface as clay, and the surface in the colors of its depth.
-pub fn preview(r: &Reconstruction) -> Picture {
+pub fn preview(r: &Surface) -> Picture {
     let range = limits(&r.depth, 1.0, 99.0);
     // Near is bright: depth seen from the camera.
     let depth_color = |i: usize| color_at(DEPTH_COLORS, range[0] + range[1] - f64::from(r.depth[i]), range);
@@ -158,7 +158,7 @@ pub fn preview(r: &Reconstruction) -> Picture {
 
 /// The rectangle `[x, y, width, height]` around the pixels that have depth, with a margin; the whole image when there
 /// are none.
-fn surroundings(r: &Reconstruction) -> [usize; 4] {
+fn surroundings(r: &Surface) -> [usize; 4] {
     let kept = || (0..r.depth.len()).filter(|&i| r.depth[i].is_finite());
     let along = |coordinate: &dyn Fn(usize) -> usize, size: usize| -> [usize; 2] {
         let (Some(low), Some(high)) = (kept().map(coordinate).min(), kept().map(coordinate).max()) else {

@@ -1,16 +1,18 @@
-//! Reading a result folder back, as far as judging it needs.
+//! Reading a result folder back, as far as an evaluation or the next frame of a sequence needs.
 
 use std::path::{Path, PathBuf};
 
 use nelu3d_scan::{Camera, npy};
 
-use super::CameraJson;
+use super::summary::CameraJson;
+use crate::sensor::CrosstalkMatrix;
+use crate::sequence::{FrameState, PatternTime};
 
 /// A result folder that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// No result here.
-    #[error("{}: is no result folder: it has no result.json; give the folder that `nelu3d reconstruct` wrote", path.display())]
+    #[error("{}: is no result folder: it has no result.json; give the folder that a reconstruction wrote", path.display())]
     NotAResult {
         /// The path given.
         path: PathBuf,
@@ -43,9 +45,9 @@ pub enum ReadError {
     },
 }
 
-/// What was read back from a result folder. Maps are `height × width` of the camera.
+/// What was read back from a result folder. SurfaceMaps are `height × width` of the camera.
 #[derive(Clone, Debug)]
-pub struct Saved {
+pub struct SavedResult {
     /// The camera of the maps.
     pub camera: Camera,
     /// Camera z, mm; NaN where there is none.
@@ -61,19 +63,17 @@ struct Head {
     camera: CameraJson,
 }
 
-impl Saved {
+impl SavedResult {
     /// Reads a result folder.
     ///
     /// # Errors
     ///
     /// It is no result folder, or one of its files is broken.
     pub fn read(dir: &Path) -> Result<Self, ReadError> {
-        let path = dir.join("result.json");
-        let text = std::fs::read_to_string(&path).map_err(|_| ReadError::NotAResult { path: dir.to_owned() })?;
-        let broken = |problem: String| ReadError::Summary { path: path.clone(), problem };
-        let head: Head = serde_json::from_str(&text).map_err(|e| broken(e.to_string()))?;
-        let camera =
-            head.camera.camera().ok_or_else(|| broken("its camera has an unknown lens distortion".to_owned()))?;
+        let camera = read_json::<Head>(dir)?.camera.camera().ok_or_else(|| {
+            let problem = "its camera has an unknown lens distortion".to_owned();
+            ReadError::Summary { path: dir.join("result.json"), problem }
+        })?;
         let optional = |name: &str, depth: &[usize]| -> Result<Option<Vec<f32>>, ReadError> {
             let path = dir.join(name);
             if path.exists() { read_map(&path, &camera, depth).map(Some) } else { Ok(None) }
@@ -82,6 +82,42 @@ impl Saved {
         let sigma = optional("sigma.npy", &[])?;
         Ok(Self { depth: read_map(&dir.join("depth.npy"), &camera, &[])?, normals, sigma, camera })
     }
+}
+
+/// What a frame's result.json says of its method, as far as the next frame starts from it.
+#[derive(serde::Deserialize)]
+struct FrameRecord {
+    method: FrameMethod,
+}
+
+#[derive(serde::Deserialize)]
+struct FrameMethod {
+    #[serde(default)]
+    mixing: Option<CrosstalkMatrix>,
+    motion: FrameMotion,
+}
+
+#[derive(serde::Deserialize)]
+struct FrameMotion {
+    pattern_time: Option<PatternTime>,
+}
+
+/// Reads what a frame of a sequence left for the next one from its result folder.
+///
+/// # Errors
+///
+/// It is no result folder, one of its files is broken, or it is no frame of a sequence.
+pub fn read_frame_state(dir: &Path) -> Result<FrameState, ReadError> {
+    let depth = SavedResult::read(dir)?.depth;
+    let FrameMethod { mixing, motion } = read_json::<FrameRecord>(dir)?.method;
+    Ok(FrameState { depth, pattern_time: motion.pattern_time, crosstalk: mixing })
+}
+
+/// Reads a part of a result folder's result.json.
+fn read_json<T: serde::de::DeserializeOwned>(dir: &Path) -> Result<T, ReadError> {
+    let path = dir.join("result.json");
+    let text = std::fs::read_to_string(&path).map_err(|_| ReadError::NotAResult { path: dir.to_owned() })?;
+    serde_json::from_str(&text).map_err(|e| ReadError::Summary { path, problem: e.to_string() })
 }
 
 /// Reads an array of `height × width × tail` values.

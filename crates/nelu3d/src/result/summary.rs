@@ -7,15 +7,16 @@ use nelu3d_scan::camera::Distortion;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{Left, Reconstruction, StageTime};
-use crate::evaluate::{Metrics, TracePoint, percentile};
+use crate::progress::StageTime;
+use crate::surface::{PixelStatus, Surface};
+use nelu3d_scan::statistics::percentile;
 
 /// Version of the keys of `result.json`.
 pub const FORMAT: u32 = 1;
 
 /// What a result was made from.
 #[derive(Clone, Debug, Default)]
-pub struct About {
+pub struct ResultMetadata {
     /// Folder of the rig.
     pub rig: PathBuf,
     /// Name of the rig.
@@ -26,10 +27,10 @@ pub struct About {
     pub set: String,
     /// Files that were read.
     pub inputs: Vec<Input>,
-    /// Errors against the truth, when somebody asked for them.
-    pub metrics: Option<Metrics>,
-    /// Error against time, when somebody asked for it.
-    pub trace: Option<Vec<TracePoint>>,
+    /// Errors against the ground truth, if it was evaluated.
+    pub metrics: Option<serde_json::Value>,
+    /// Error against time, if it was traced.
+    pub trace: Option<serde_json::Value>,
 }
 
 /// A file that was read.
@@ -73,13 +74,13 @@ pub struct Summary {
     /// Files that were read, with their SHA-256.
     pub inputs: Vec<Input>,
     /// How many pixels have a depth, and why the others have none.
-    pub pixels: Pixels,
+    pub pixels: PixelCounts,
     /// Range of the depth.
     pub depth_mm: DepthRange,
     /// Size of the surface.
     pub mesh: MeshSize,
     /// What the method put on record: its settings, seed, losses, counts.
-    pub method: serde_json::Map<String, serde_json::Value>,
+    pub method: serde_json::Value,
     /// Seconds of each stage, in order.
     pub stages: Vec<StageTime>,
     /// Elapsed time of all stages, s.
@@ -91,9 +92,9 @@ pub struct Summary {
     /// Where it ran.
     pub machine: Machine,
     /// Errors against the truth; `null` when none was given.
-    pub metrics: Option<Metrics>,
+    pub metrics: Option<serde_json::Value>,
     /// Errors of the intermediate surfaces, in order; `null` unless they were traced.
-    pub trace: Option<Vec<TracePoint>>,
+    pub trace: Option<serde_json::Value>,
 }
 
 /// Intrinsics in the form of `camera.json`.
@@ -138,13 +139,15 @@ impl CameraJson {
 
 /// How many pixels have a depth, and why the others have none.
 #[derive(Clone, Debug, Serialize)]
-pub struct Pixels {
+pub struct PixelCounts {
     /// All.
     pub total: usize,
     /// Those with a depth.
-    pub kept: usize,
-    /// Pixels without one, by [`Left::key`].
-    pub left: serde_json::Map<String, serde_json::Value>,
+    #[serde(rename = "kept")]
+    pub valid: usize,
+    /// Pixels without one, by [`PixelStatus::key`].
+    #[serde(rename = "left")]
+    pub rejected: serde_json::Map<String, serde_json::Value>,
 }
 
 /// Range of the depth, mm; `null` when there is none.
@@ -181,12 +184,22 @@ pub struct Machine {
 }
 
 impl Summary {
-    /// The summary of a result.
-    pub fn new(r: &Reconstruction, camera: &Camera, about: &About) -> Self {
+    /// The summary of a surface. `method` is what the method puts on record (its diagnostics), `stages` its times.
+    ///
+    /// # Panics
+    ///
+    /// If `method` cannot be represented in JSON (a map with keys that are no strings).
+    pub fn new(
+        r: &Surface,
+        method: &impl Serialize,
+        stages: &[StageTime],
+        camera: &Camera,
+        about: &ResultMetadata,
+    ) -> Self {
         let finite = |map: &[f32]| map.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).collect::<Vec<_>>();
         let depth = finite(&r.depth);
-        let counts = r.left_counts();
-        let left = Left::ALL[1..].iter().map(|&l| (l.key().to_owned(), counts[l as usize].into())).collect();
+        let counts = r.status_counts();
+        let rejected = PixelStatus::ALL[1..].iter().map(|&s| (s.key().to_owned(), counts[s as usize].into())).collect();
         Self {
             format: FORMAT,
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -196,7 +209,7 @@ impl Summary {
             set: about.set.clone(),
             camera: camera.into(),
             inputs: about.inputs.clone(),
-            pixels: Pixels { total: r.depth.len(), kept: depth.len(), left },
+            pixels: PixelCounts { total: r.depth.len(), valid: depth.len(), rejected },
             depth_mm: DepthRange {
                 min: percentile(depth.clone(), 0.0),
                 max: percentile(depth.clone(), 100.0),
@@ -204,10 +217,10 @@ impl Summary {
                 median_sigma: percentile(finite(&r.sigma), 50.0),
             },
             mesh: MeshSize { vertices: r.mesh.vertices.len(), faces: r.mesh.faces.len() },
-            method: r.info.clone(),
-            stages: r.stages.clone(),
-            wall_secs: r.stages.iter().map(|s| s.wall_secs).sum(),
-            cpu_secs: r.stages.iter().map(|s| s.cpu_secs).sum(),
+            method: serde_json::to_value(method).expect("diagnostics are plain data"),
+            stages: stages.to_vec(),
+            wall_secs: stages.iter().map(|s| s.wall_secs).sum(),
+            cpu_secs: stages.iter().map(|s| s.cpu_secs).sum(),
             peak_memory_bytes: peak_memory_bytes(),
             machine: Machine {
                 os: std::env::consts::OS,

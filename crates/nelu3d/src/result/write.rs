@@ -9,7 +9,8 @@ use nelu3d_scan::{Camera, image, npy};
 use rayon::prelude::*;
 
 use super::picture::{Picture, preview};
-use super::{About, Reconstruction, Summary};
+use super::summary::Summary;
+use crate::surface::Surface;
 
 /// A result folder that could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -51,19 +52,14 @@ pub struct MeshFiles {
 /// # Errors
 ///
 /// A file cannot be written, or `dir` exists and is no result.
-pub fn write(
-    r: &Reconstruction,
-    camera: &Camera,
-    about: &About,
-    mesh_files: MeshFiles,
-    dir: &Path,
-) -> Result<(), WriteError> {
+pub fn write(r: &Surface, summary: &Summary, mesh_files: MeshFiles, dir: &Path) -> Result<(), WriteError> {
     let folder = OutputDir::create(dir, "result.json")?;
-    write_into(folder.path(), r, &Summary::new(r, camera, about), mesh_files)?;
+    write_into(folder.path(), r, summary, mesh_files)?;
     Ok(folder.commit()?)
 }
 
-/// The same into a folder that exists, for callers that add files of their own before it is put into place.
+/// Writes the files of a result into a folder that exists, for callers that add files of their own before it is put into
+/// place.
 ///
 /// # Errors
 ///
@@ -72,9 +68,9 @@ pub fn write(
 /// # Panics
 ///
 /// When the maps differ in size.
-pub fn write_into(dir: &Path, r: &Reconstruction, summary: &Summary, mesh_files: MeshFiles) -> Result<(), WriteError> {
+pub fn write_into(dir: &Path, r: &Surface, summary: &Summary, mesh_files: MeshFiles) -> Result<(), WriteError> {
     let (w, h) = (r.width, r.height);
-    let lengths = [r.depth.len(), r.normals.len(), r.sigma.len(), r.left.len(), r.residual.len(), r.ambient.len()];
+    let lengths = [r.depth.len(), r.normals.len(), r.sigma.len(), r.status.len(), r.residual.len(), r.ambient.len()];
     assert!(lengths.iter().all(|&n| n == w * h), "maps of {lengths:?} values for {w} × {h} pixels");
     npy::write(&dir.join("depth.npy"), &[h, w], &r.depth)?;
     npy::write(&dir.join("normals.npy"), &[h, w, 3], r.normals.as_flattened())?;
@@ -101,7 +97,7 @@ pub fn write_into(dir: &Path, r: &Reconstruction, summary: &Summary, mesh_files:
 }
 
 /// One point per pixel that has depth: position, normal, and its color in the white image.
-fn write_point_cloud(path: &Path, r: &Reconstruction, summary: &Summary) -> io::Result<()> {
+fn write_point_cloud(path: &Path, r: &Surface, summary: &Summary) -> io::Result<()> {
     let camera = summary.camera.camera().expect("made from a camera");
     let color = Picture::of_image(&r.white);
     let kept: Vec<usize> = (0..r.depth.len()).filter(|&i| r.depth[i].is_finite()).collect();
@@ -119,7 +115,7 @@ fn write_point_cloud(path: &Path, r: &Reconstruction, summary: &Summary) -> io::
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::result::{Input, Left, Saved, StageTime};
+    use crate::result::{Input, PixelStatus, Saved, StageTime};
 
     /// A slanted plane of 8 × 6 pixels whose first column is dark.
     fn plane() -> (Reconstruction, Camera) {
@@ -138,7 +134,7 @@ mod tests {
             depth: map(|i| 500.0 + (i % 8) as f32),
             normals,
             sigma: map(|_| 0.25),
-            left: (0..n).map(|i| if dark(i) { Left::Dark } else { Left::Kept }).collect(),
+            left: (0..n).map(|i| if dark(i) { PixelStatus::Underexposed } else { PixelStatus::Valid }).collect(),
             residual: map(|_| 0.01),
             ambient: map(|_| 0.5),
             white: nelu3d_scan::Image { width, height, channels: 1, data: vec![0.7; n] },
@@ -162,7 +158,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let (result, camera) = plane();
         let target = dir.path().join("results/plane");
-        let about = About { scene: "plane".into(), ..About::default() };
+        let about = ResultMetadata { scene: "plane".into(), ..ResultMetadata::default() };
         // Twice: an earlier result is replaced.
         for mesh_files in [MeshFiles { obj: true, stl: true, glb: true }, MeshFiles::default()] {
             write(&result, &camera, &about, mesh_files, &target).unwrap();
@@ -192,7 +188,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("abc");
         std::fs::write(&file, "abc").unwrap();
-        let about = About { inputs: vec![Input::of(&file).unwrap()], ..About::default() };
+        let about = ResultMetadata { inputs: vec![Input::of(&file).unwrap()], ..ResultMetadata::default() };
         let json = serde_json::to_value(Summary::new(&result, &camera, &about)).unwrap();
         assert_eq!(json["format"], 1);
         assert_eq!((&json["wall_secs"], &json["cpu_secs"]), (&1.5.into(), &2.25.into()));
@@ -218,7 +214,7 @@ mod tests {
         std::fs::write(dir.path().join("result.json"), "{}").unwrap();
         assert!(read().contains("result.json") && read().contains("camera"), "{}", read());
         let (result, camera) = plane();
-        let about = About::default();
+        let about = ResultMetadata::default();
         let target = dir.path().join("r");
         write(&result, &camera, &about, MeshFiles::default(), &target).unwrap();
         npy::write(&target.join("sigma.npy"), &[3, 2], &[0.0; 6]).unwrap();

@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use crate::reconstruct::smooth::box_mean;
+use nelu3d_scan::image::box_mean;
 
 /// Images are reduced until they have no more than so many pixels: motion changes slowly over an image.
 const MOST_PIXELS: usize = 60_000;

@@ -11,11 +11,11 @@ use nelu3d_scan::rig::Capture;
 use rayon::prelude::*;
 
 use super::flow::{bilinear, flow};
-use crate::calibrate::dark::DarkLevel;
+use crate::sensor::DarkLevel;
 use crate::color_field::ColorField;
-use crate::reconstruct::between as between_pixels;
-use crate::reconstruct::lookup::{Lookup, Rays};
-use crate::reconstruct::smooth::box_mean;
+use crate::reconstruct::interpolate_within;
+use crate::color_field::{CameraRays, SplineEvaluator};
+use nelu3d_scan::image::box_mean;
 
 /// How the points of a flash image move.
 pub struct Motion {
@@ -126,7 +126,7 @@ impl Motion {
                     return f32::NAN;
                 }
                 let near = before[y.round() as usize * w + x.round() as usize];
-                between_pixels(before, w, h, x, y, JUMP * near)
+                interpolate_within(before, w, h, x, y, JUMP * near)
             })
             .collect()
     }
@@ -314,14 +314,14 @@ pub fn pattern_time(
     near: Option<f32>,
     capture: &Capture,
     depth: &[f32],
-    rays: &Rays,
+    rays: &CameraRays,
     field: &ColorField,
 ) -> Option<PatternTime> {
     let white = &capture.white;
     let (channels, k) = (white.channels, capture.patterns.len() * white.channels);
     let grid = field.to_grid();
-    let lookup = Lookup::new(&grid, field.about.fineness);
-    let noise = &field.about.noise;
+    let lookup = SplineEvaluator::new(&grid, field.metadata.cells_per_pixel);
+    let noise = &field.metadata.noise;
     let all: Vec<usize> = (0..depth.len()).filter(|i| depth[*i].is_finite()).collect();
     let asked: Vec<usize> = all.iter().copied().step_by(all.len() / MOST_ASKED + 1).collect();
     if asked.len() < 100 {
@@ -339,7 +339,7 @@ pub fn pattern_time(
                     let own = white.data[i * channels + ch];
                     let black = match &capture.black {
                         Some(black) => black.data[i * channels + ch],
-                        None => field.about.dark.get(ch).map_or(0.0, |d: &DarkLevel| d.at(own)),
+                        None => field.metadata.dark.get(ch).map_or(0.0, |d: &DarkLevel| d.at(own)),
                     };
                     // The weight is that of the flash as taken, so that no time gains from having less light.
                     let light = (own - black).max(1e-3);
@@ -386,7 +386,7 @@ pub fn pattern_time(
 /// # Panics
 ///
 /// If they differ in size.
-pub fn between(a: &Image, b: &Image, share: f32) -> Image {
+pub(super) fn blend_white(a: &Image, b: &Image, share: f32) -> Image {
     assert!((a.width, a.height, a.channels) == (b.width, b.height, b.channels), "flashes of one camera");
     let mix = |(a, b): (&f32, &f32)| if *a >= 1.0 || *b >= 1.0 { a.max(*b) } else { a * (1.0 - share) + b * share };
     Image { data: a.data.iter().zip(&b.data).map(mix).collect(), ..*a }
@@ -511,6 +511,6 @@ mod tests {
         let motion = Motion::around(None, &white, Some(&picture(1.0))).unwrap();
         let drawn = motion.flash_at(&white, 0.5);
         assert!(drawn.data.iter().any(|v| *v >= 1.0));
-        assert!(between(&white, &picture(0.0), 0.5).data[50 * 160 + 70] >= 1.0);
+        assert!(blend_white(&white, &picture(0.0), 0.5).data[50 * 160 + 70] >= 1.0);
     }
 }

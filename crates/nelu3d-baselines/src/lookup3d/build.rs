@@ -1,0 +1,135 @@
+//! From a sweep to a table, position by position: besides the table, no more than a few positions' images are in memory.
+
+use nelu3d_scan::Rig;
+use nelu3d_scan::rig::PatternSet;
+use rayon::prelude::*;
+
+use super::file::MOST_STRIDE;
+use super::{Error, FullTable, Shape};
+use nelu3d::sensor::DarkLevel;
+use nelu3d::sensor::{NoiseEstimator, NoiseModel};
+use nelu3d::calibrate::sweep::Position;
+use nelu3d::calibrate::{self, place};
+use nelu3d::progress::Progress;
+use nelu3d::progress::StageClock;
+
+/// A table and what the sweep told of the sensor on the way.
+#[derive(Clone, Debug)]
+pub struct Built {
+    /// The table.
+    pub table: FullTable,
+    /// The sensor's noise.
+    pub noise: NoiseModel,
+    /// What is seen without the light source, per channel.
+    pub dark: Vec<DarkLevel>,
+}
+
+/// Share of the free memory that a table may take.
+const MOST_OF_FREE: f64 = 0.8;
+
+/// Builds the table of a rig's sweep for one pattern set, of every `step`th pixel. Positions are put in order of their depth
+/// in the middle of the volume, so that neighbors in the table are neighbors in space.
+///
+/// # Errors
+/// The sweep cannot be used, or the table does not fit in memory.
+pub fn build(
+    rig: &Rig,
+    set: &PatternSet,
+    step: usize,
+    opts: &calibrate::Options,
+    progress: &Progress,
+    clock: &mut StageClock<'_>,
+) -> Result<Built, Error> {
+    let (w, h) = (rig.camera.width, rig.camera.height);
+    if step == 0 || step > MOST_STRIDE.min(w.min(h) - 1) {
+        return Err(Error::Step(step));
+    }
+    // Told before the work, from the number of folders.
+    let k = rig.channels_of(set);
+    let n_folders = rig.positions().map_err(calibrate::Error::from)?.len();
+    let needed = |step| memory_bytes(&Shape::of_picture(w, h, step, n_folders, k)) as f64;
+    if let Some(free) = free_memory().map(|free| free * MOST_OF_FREE)
+        && needed(step) > free
+    {
+        let mb = |bytes: f64| (bytes / 1e6).round() as u64;
+        let fits = (step + 1..=MOST_STRIDE).find(|s| needed(*s) <= free).unwrap_or(MOST_STRIDE);
+        return Err(Error::Memory { needed_mb: mb(needed(step)), available_mb: mb(free), step: fits });
+    }
+    let (placed, _, dark) = place(rig, set, opts, progress, clock)?;
+
+    clock.begin("build the lookup table");
+    let shape = Shape::of_picture(w, h, step, placed.n_positions(), k);
+    let mut table = FullTable::empty(shape);
+    let middle = placed.mean_point().normalize();
+    let along = |p: usize| placed.boards[p].offset / placed.boards[p].normal.dot(&middle);
+    let mut order: Vec<usize> = (0..placed.n_positions()).collect();
+    order.sort_by(|a, b| along(*a).total_cmp(&along(*b)));
+    let mut rank = vec![0; order.len()];
+    order.iter().enumerate().for_each(|(i, p)| rank[*p] = i);
+
+    let mut noise = NoiseEstimator::default();
+    let mut lit = [0.0f64; 3];
+    let map = |p: usize, noise: NoiseEstimator, position: &Position| {
+        let board = &placed.boards[p];
+        let mut column = vec![f32::NAN; shape.n_pixels() * (k + 1)];
+        let mut lit = [0.0f64; 3];
+        for (i, sample) in column.chunks_exact_mut(k + 1).enumerate() {
+            let (x, y) = (i % shape.width * step, i / shape.width * step);
+            let pixel = y * w + x;
+            let dir = &placed.dirs[pixel];
+            let t = board.offset / board.normal.dot(dir);
+            if t.is_finite() && t > 0.0 {
+                sample[k] = (t * dir.z) as f32;
+            }
+            let contrast = &position.contrast[pixel * position.channels..][..position.channels];
+            if board.hit(dir).is_none() || contrast.iter().any(|c| *c <= 0.0) {
+                continue;
+            }
+            sample[..k].copy_from_slice(&position.values[pixel * k..][..k]);
+            // The variance of a normalized intensity is linear in the noise model: its factors, where light is good.
+            for (j, l) in sample[..k].iter().enumerate() {
+                let c = contrast[j % position.channels];
+                if c >= 0.1 {
+                    lit[0] += 1.0;
+                    lit[1] += f64::from(NoiseModel { read: 1.0, gain: 0.0 }.normalized_variance(*l, c, 0.0));
+                    lit[2] += f64::from(NoiseModel { read: 0.0, gain: 1.0 }.normalized_variance(*l, c, 0.0));
+                }
+            }
+        }
+        (p, noise, lit, column)
+    };
+    let take = |wave: Vec<(usize, NoiseEstimator, [f64; 3], Vec<f32>)>| {
+        for (p, n, l, column) in wave {
+            noise.merge(&n);
+            lit.iter_mut().zip(l).for_each(|(a, b)| *a += b);
+            table.set_column(rank[p], 0, &column);
+        }
+    };
+    let all: Vec<usize> = (0..placed.n_positions()).collect();
+    placed.sweep.stream(&all, progress, NoiseEstimator::add, map, take)?;
+    let lsb = 1.0 / (rig.saturation - rig.black_level).max(1e-9);
+    let noise = noise.finish(lsb as f32);
+    if lit[0] > 0.0 {
+        table.variance = ((f64::from(noise.read) * lit[1] + f64::from(noise.gain) * lit[2]) / lit[0]) as f32;
+    }
+    let found = (0..shape.n_pixels()).into_par_iter().any(|i| table.channel(i, 0).iter().any(|v| !v.is_nan()));
+    if !found {
+        let reason = "no pixel of the board is usable in any position: its images are clipped or too dark; check the \
+                      exposure, `saturation` and `black_level`";
+        return Err(calibrate::Error::NoSamples { path: placed.sweep.folder(), reason: reason.into() }.into());
+    }
+    Ok(Built { table, noise, dark })
+}
+
+/// Memory that a table of this shape takes.
+pub fn memory_bytes(shape: &Shape) -> usize {
+    shape.n_pixels().saturating_mul(shape.row_len()).saturating_mul(size_of::<f32>())
+}
+
+/// Memory that is free, bytes; `None` where the system does not tell.
+pub(crate) fn free_memory() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let kib: f64 =
+        text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024.0)
+}

@@ -1,0 +1,179 @@
+//! What TurboSL knows of a scene: both cameras (one of them a projector), the captures, and which pixels matter.
+
+use nalgebra::{Point3, Vector3};
+use nelu3d_scan::pattern::Axis;
+use nelu3d_scan::{Camera, Image, Projector};
+
+use crate::Error;
+use crate::captured::Captured;
+use crate::code::Code;
+use crate::triangulate::line_of;
+use nelu3d::surface::PixelStatus;
+use nelu3d::reconstruct::neural::sdf::Bounds;
+use nelu3d::reconstruct::neural::march::March;
+
+/// The scene; maps are of the camera's pixels unless they say otherwise.
+pub(crate) struct Scene<'a> {
+    pub(super) camera: &'a Camera,
+    pub(super) projector: &'a Projector,
+    /// Undistorted image-plane coordinates.
+    plane: &'a [[f32; 2]],
+    /// Nearest and farthest depth, mm.
+    depth: [f64; 2],
+    pub(super) bounds: Bounds,
+    /// Lit pixels, in the order of small tiles.
+    pub(super) lit: Vec<u32>,
+    /// Which pixels are lit.
+    is_lit: Vec<bool>,
+    /// Projector pixels whose rays enter the cube, in the order of small tiles.
+    pub(super) projected: Vec<u32>,
+    /// Captured patterns, ambient light included, `[pixel][k]`.
+    captured: Vec<f32>,
+    /// The k projected lines, and along which axis they lie.
+    pub(super) lines: Vec<(Axis, &'a [f32])>,
+    /// Channels of the camera.
+    pub(super) n_channels: usize,
+}
+
+impl<'a> Scene<'a> {
+    pub(crate) fn new(
+        camera: &'a Camera,
+        projector: &'a Projector,
+        plane: &'a [[f32; 2]],
+        depth: [f64; 2],
+        patterns: &[Image],
+        captured: &Captured,
+        code: &'a Code,
+    ) -> Result<Self, Error> {
+        let n_channels = captured.channels;
+        let k = captured.planes.len();
+        let lines = (0..k)
+            .map(|p| {
+                let of = |axis: &'a crate::code::AxisCode| {
+                    line_of(axis, captured, p).map(|l| (axis.axis, &axis.lines[l].values[..]))
+                };
+                code.axes.iter().find_map(of).expect("every capture belongs to a projected image")
+            })
+            .collect();
+        let is_lit: Vec<bool> = captured.status.iter().map(|l| *l == PixelStatus::Valid).collect();
+        let mut lit: Vec<u32> = (0..is_lit.len()).filter(|&i| is_lit[i]).map(|i| i as u32).collect();
+        in_tiles(&mut lit, camera.width);
+        let ends = lit.iter().flat_map(|&i| {
+            let [x, y] = plane[i as usize].map(f64::from);
+            depth.map(|z| Point3::new(x * z, y * z, z))
+        });
+        let bounds = Bounds::around(ends).ok_or(Error::Setting {
+            setting: "--min-contrast",
+            problem: "leaves no pixel; check that white.png shows the scene lit".into(),
+        })?;
+        let mut all = vec![0.0; is_lit.len() * k];
+        for (i, out) in all.chunks_exact_mut(k).enumerate().filter(|(i, _)| is_lit[*i]) {
+            for (j, out) in out.iter_mut().enumerate() {
+                *out = patterns[j / n_channels].data[i * n_channels + j % n_channels];
+            }
+        }
+        let mut scene = Self {
+            camera,
+            projector,
+            plane,
+            depth,
+            bounds,
+            lit,
+            is_lit,
+            projected: Vec::new(),
+            captured: all,
+            lines,
+            n_channels,
+        };
+        let optics = &projector.optics;
+        let enters = |&i: &u32| {
+            let march = scene.projector_march(i as usize, 0.0);
+            let [near, far] = scene.bounds.clip(&march.origin, &march.dir, march.range);
+            // Its rays should also meet something the camera sees.
+            near < far
+                && (0..16).any(|s| {
+                    let t = near + (far - near) * (f64::from(s) + 0.5) / 16.0;
+                    scene.sees_lit(&(march.origin + march.dir * t))
+                })
+        };
+        let mut projected: Vec<u32> = (0..optics.n_pixels() as u32).filter(enters).collect();
+        in_tiles(&mut projected, optics.width);
+        scene.projected = projected;
+        Ok(scene)
+    }
+
+    /// Captures, per pixel.
+    pub(crate) fn k(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// What was captured at a lit pixel, k values.
+    pub(crate) fn measured(&self, i: usize) -> &[f32] {
+        &self.captured[i * self.k()..(i + 1) * self.k()]
+    }
+
+    /// The ray of a camera pixel.
+    pub(crate) fn camera_march(&self, i: usize, offset: f64) -> March {
+        let [x, y] = self.plane[i].map(f64::from);
+        let dir = Vector3::new(x, y, 1.0).normalize();
+        March { origin: Point3::origin(), dir, range: self.depth.map(|z| z / dir.z), offset }
+    }
+
+    /// The ray of a projector pixel.
+    pub(crate) fn projector_march(&self, i: usize, offset: f64) -> March {
+        let optics = &self.projector.optics;
+        let [x, y] = optics.undistort([(i % optics.width) as f64, (i / optics.width) as f64]);
+        let dir = self.projector.proj_from_cam.rotation.inverse() * Vector3::new(x, y, 1.0).normalize();
+        March { origin: self.projector.center(), dir, range: [0.0, 1e9], offset }
+    }
+
+    fn sees_lit(&self, x: &Point3<f64>) -> bool {
+        let Some([u, v]) = self.camera.project(x) else { return false };
+        let (u, v) = (u.round(), v.round());
+        let inside = u >= 0.0 && v >= 0.0 && u < self.camera.width as f64 && v < self.camera.height as f64;
+        inside && self.is_lit[v as usize * self.camera.width + u as usize]
+    }
+
+    /// Whether a ray of camera or projector may come near a point of the cube, and light and view reach it.
+    pub(crate) fn reaches(&self, q: [f32; 3]) -> bool {
+        let x = self.bounds.from_cube(q);
+        let margin_mm = self.bounds.side_mm() / 64.0;
+        let within = |camera: &Camera, p: &Point3<f64>| {
+            let margin_px = margin_mm * camera.fx / p.z.max(1e-9);
+            let inside = |p: f64, n: usize| p > -margin_px && p < n as f64 - 1.0 + margin_px;
+            camera.project(p).is_some_and(|[u, v]| inside(u, camera.width) && inside(v, camera.height))
+        };
+        let [near, far] = self.depth;
+        (near - margin_mm..=far + margin_mm).contains(&x.z)
+            && within(self.camera, &x)
+            && within(&self.projector.optics, &(self.projector.proj_from_cam * x))
+    }
+
+    /// What was captured around a point of the image, k values, bilinear; 0 where nothing is lit.
+    pub(crate) fn captured_at(&self, [u, v]: [f32; 2], out: &mut [f32]) {
+        let k = self.k();
+        out.fill(0.0);
+        let (x, y) = (u.floor(), v.floor());
+        for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+            let (px, py) = (x + dx, y + dy);
+            if px < 0.0 || py < 0.0 || px >= self.camera.width as f32 || py >= self.camera.height as f32 {
+                continue;
+            }
+            let weight = (1.0 - (u - px).abs()) * (1.0 - (v - py).abs());
+            let i = py as usize * self.camera.width + px as usize;
+            for (out, c) in out.iter_mut().zip(&self.captured[i * k..(i + 1) * k]) {
+                *out += weight * c;
+            }
+        }
+    }
+
+    /// A camera pixel's place in the unit square.
+    pub(crate) fn place(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+        [(u + 0.5) / self.camera.width as f32, (v + 0.5) / self.camera.height as f32]
+    }
+}
+
+/// Sorts pixels so that neighbors are near each other.
+fn in_tiles(pixels: &mut [u32], width: usize) {
+    pixels.sort_by_key(|&i| (i as usize / width / 8, i as usize % width / 8, i));
+}

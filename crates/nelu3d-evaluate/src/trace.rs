@@ -1,0 +1,132 @@
+//! Error against time: how fast a reconstruction gets how good.
+
+use std::time::{Duration, Instant};
+
+use cpu_time::ProcessTime;
+use nelu3d_scan::{Camera, Projector};
+
+use super::{Judged, Regions, Truth, evaluate};
+use nelu3d::reconstruct::{Observer, Stage};
+
+/// Records the error of every intermediate surface of a reconstruction. Its own time is left out of the times it records.
+pub struct Trace<'a> {
+    truth: &'a Truth,
+    regions: Regions,
+    camera: &'a Camera,
+    wall: Instant,
+    /// Time spent here.
+    own_wall: Duration,
+    own_cpu: Duration,
+    points: Vec<TracePoint>,
+}
+
+/// The error of one intermediate surface. Errors are ours − truth in mm, over the pixels that have a depth.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct TracePoint {
+    /// Where the surface comes from.
+    pub stage: Stage,
+    /// Iteration of the stage, from 1.
+    pub iteration: usize,
+    /// Processor time of the process since it started, all threads, s.
+    pub cpu_secs: f64,
+    /// Elapsed time since the trace began, s.
+    pub wall_secs: f64,
+    /// Share of the truth's pixels that have a depth.
+    pub coverage: f64,
+    /// Mean absolute error over the whole mask.
+    pub mae: f64,
+    /// Root mean square error over the whole mask.
+    pub rmse: f64,
+    /// Mean signed error over the whole mask.
+    pub bias: f64,
+    /// Median absolute error away from silhouettes and depth jumps.
+    pub body_median: f64,
+}
+
+impl<'a> Trace<'a> {
+    /// A trace that begins now.
+    pub fn new(truth: &'a Truth, camera: &'a Camera) -> Self {
+        let (wall, cpu) = (Instant::now(), ProcessTime::now());
+        let regions = truth.regions(camera);
+        let mut trace = Self {
+            truth,
+            regions,
+            camera,
+            wall,
+            own_wall: Duration::ZERO,
+            own_cpu: Duration::ZERO,
+            points: Vec::new(),
+        };
+        trace.leave_out(wall, cpu);
+        trace
+    }
+
+    /// What was recorded, in order.
+    pub fn points(self) -> Vec<TracePoint> {
+        self.points
+    }
+
+    fn leave_out(&mut self, wall: Instant, cpu: ProcessTime) {
+        self.own_wall += wall.elapsed();
+        self.own_cpu += cpu.elapsed();
+    }
+}
+
+impl Observer for Trace<'_> {
+    fn surface(&mut self, stage: Stage, iteration: usize, depth: &[f32]) {
+        let (wall, cpu) = (Instant::now(), ProcessTime::now());
+        let cpu_secs = cpu.as_duration().saturating_sub(self.own_cpu).as_secs_f64();
+        let wall_secs = (wall - self.wall).saturating_sub(self.own_wall).as_secs_f64();
+        let judged = Judged { depth, normals: None, sigma: None };
+        let m = evaluate(&judged, self.truth, &self.regions, self.camera, None::<&Projector>);
+        let whole = m.whole.depth_mm;
+        let body_median = m.body.depth_mm.median;
+        let (mae, rmse, coverage) = (whole.mae, whole.rmse, m.whole.coverage);
+        tracing::info!(?stage, iteration, cpu_secs, coverage, mae, rmse, body_median, "traced");
+        self.points.push(TracePoint {
+            stage,
+            iteration,
+            cpu_secs,
+            wall_secs,
+            coverage,
+            mae,
+            rmse,
+            bias: whole.bias,
+            body_median,
+        });
+        self.leave_out(wall, cpu);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_errors_in_order_and_leaves_its_own_time_out() {
+        let (width, height) = (300, 200);
+        let camera = Camera::pinhole(width, height, 400.0, 400.0, 150.0, 100.0);
+        let truth = Truth { width, height, depth: vec![500.0; width * height], mask: vec![true; width * height] };
+        let mut trace = Trace::new(&truth, &camera);
+        let begun = trace.wall;
+        for (iteration, error) in [4.0, 2.0, 1.0].into_iter().enumerate() {
+            let depth = vec![500.0 + error; width * height];
+            for _ in 0..30 {
+                trace.surface(Stage::Refine, iteration + 1, &depth);
+            }
+        }
+        let (elapsed, own) = (begun.elapsed(), trace.own_wall);
+        assert!(own > Duration::ZERO);
+        let points = trace.points();
+        assert_eq!(points.len(), 90);
+        assert_eq!(points[0].mae, 4.0);
+        let last = &points[89];
+        assert_eq!((last.iteration, last.mae, last.rmse, last.bias), (3, 1.0, 1.0, 1.0));
+        assert_eq!((last.coverage, last.body_median), (1.0, 1.0));
+        // Other tests of this process run meanwhile, so only their time may be counted.
+        assert!(points.windows(2).all(|p| p[0].cpu_secs <= p[1].cpu_secs + 1e-9));
+        // However long this machine kept us waiting: what was spent here is in no point's time.
+        let (latest, own) = (elapsed.as_secs_f64(), own.as_secs_f64());
+        assert!(last.wall_secs <= latest - own + own / 30.0, "{} of {latest} less {own}", last.wall_secs);
+    }
+}

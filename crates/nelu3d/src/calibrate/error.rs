@@ -1,0 +1,69 @@
+//! Why a calibration has no result.
+
+use std::path::PathBuf;
+
+use nelu3d_field::device::DeviceError;
+use nelu3d_scan::board::BoardError;
+use nelu3d_scan::pose::PoseError;
+use nelu3d_scan::rig::RigError;
+
+/// Why a calibration failed.
+#[derive(Debug, thiserror::Error)]
+pub enum CalibrationError {
+    /// The rig folder or one of its images.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// The board's description.
+    #[error("{path}: {source}")]
+    Board {
+        /// The rig.toml.
+        path: PathBuf,
+        /// What is wrong.
+        source: BoardError,
+    },
+    /// The poses.
+    #[error("{path}: {source}")]
+    Pose {
+        /// The calibration folder.
+        path: PathBuf,
+        /// What is wrong.
+        source: PoseError,
+    },
+    /// There is no board.
+    #[error(
+        "{0}: [board] is missing; describe the target of the sweep, or use --from-projector with a calibrated projector"
+    )]
+    NoBoard(PathBuf),
+    /// There are too few positions.
+    #[error("{path}: {found} usable board positions, and at least 3 are needed; capture more{reasons}")]
+    TooFew {
+        /// The calibration folder.
+        path: PathBuf,
+        /// How many there are.
+        found: usize,
+        /// Why others were not usable.
+        reasons: String,
+    },
+    /// No sample is usable.
+    #[error("{path}: {reason}")]
+    NoSamples {
+        /// The calibration folder.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The projector's data are missing or do not fit.
+    #[error("{path}: {reason}")]
+    Projector {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        reason: String,
+    },
+    /// The device that was asked for is not there.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// The user stopped it.
+    #[error("stopped before the color field was finished; nothing was written")]
+    Cancelled,
+}

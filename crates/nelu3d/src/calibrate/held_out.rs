@@ -1,0 +1,118 @@
+//! Errors of a field at positions that it was not made from.
+
+use super::placed_sweep::PlacedSweep;
+use super::sweep::Position;
+use crate::color_field::Quality;
+use crate::color_field::frame::FieldFrame;
+use crate::color_field::grid::Grid;
+
+/// The contrast (white − black) from which a sample is well lit: a tenth of full scale, or half of what the best tenth of
+/// the position's samples have where the exposure is short. Black ink is below it.
+fn well_lit(contrast: &[f32]) -> f32 {
+    let mut usable: Vec<f32> = contrast.iter().copied().filter(|c| *c > 0.0).collect();
+    if usable.is_empty() {
+        return 0.1;
+    }
+    let at = usable.len() * 9 / 10;
+    let (_, bright, _) = usable.select_nth_unstable_by(at, f32::total_cmp);
+    (0.5 * *bright).min(0.1)
+}
+
+/// Sums of a field's errors at positions that it was not made from.
+#[derive(Default)]
+pub(super) struct HeldOutErrors {
+    /// Squared errors and their number, over every usable sample.
+    all: (f64, usize),
+    /// The same over well-lit ones.
+    lit: (f64, usize),
+    /// Variance that noise alone gives the well-lit ones.
+    noise: f64,
+    /// Depth errors of a selection, mm.
+    depth: Vec<f32>,
+}
+
+impl HeldOutErrors {
+    pub(super) fn of(placed: &PlacedSweep<'_>, frame: &FieldFrame, grid: &Grid, p: usize, position: &Position, stride: usize) -> Self {
+        let (k, channels) = (placed.sweep.k, placed.sweep.channels);
+        let mut s = Self::default();
+        let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
+        let mut n = 0usize;
+        let lit = well_lit(&position.contrast);
+        placed.for_each(p, position, |i, t, v, w| {
+            n += 1;
+            let m = frame.along_ray(&placed.dirs[i]).at(t);
+            let with_depth = n.is_multiple_of(stride);
+            if with_depth {
+                grid.eval_along(m.q, m.dq, &mut c, &mut d);
+            } else {
+                grid.eval(m.q, &mut c);
+            }
+            let (mut h, mut g) = (0.0, 0.0);
+            for j in 0..k {
+                if w[j] == 0.0 {
+                    continue;
+                }
+                let e = c[j] - v[j];
+                s.all.0 += f64::from(e * e);
+                s.all.1 += 1;
+                if position.contrast[i * channels + j % channels] >= lit {
+                    s.lit.0 += f64::from(e * e);
+                    s.lit.1 += 1;
+                    s.noise += f64::from(1.0 / w[j]);
+                }
+                h += w[j] * d[j] * d[j];
+                g += w[j] * d[j] * e;
+            }
+            if with_depth && h > 0.0 {
+                s.depth.push((g / h).abs());
+            }
+        });
+        s
+    }
+
+    pub(super) fn merge(&mut self, s: Self) {
+        self.all = (self.all.0 + s.all.0, self.all.1 + s.all.1);
+        self.lit = (self.lit.0 + s.lit.0, self.lit.1 + s.lit.1);
+        self.noise += s.noise;
+        self.depth.extend(s.depth);
+    }
+
+    pub(super) fn quality(mut self, held_out: Vec<String>) -> Quality {
+        let db = |sum: f64, n: usize| if n > 0 { -10.0 * (sum / n as f64).log10() } else { f64::NAN };
+        self.depth.sort_by(f32::total_cmp);
+        let (lit, noise) = if self.lit.1 > 0 {
+            (db(self.lit.0, self.lit.1), db(self.noise, self.lit.1))
+        } else {
+            (db(self.all.0, self.all.1), 60.0)
+        };
+        Quality {
+            held_out,
+            n: self.all.1,
+            psnr_db: lit,
+            psnr_all_db: db(self.all.0, self.all.1),
+            ceiling_db: noise,
+            depth_mm: self.depth.get(self.depth.len() / 2).copied().unwrap_or(f32::NAN).into(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn well_lit_follows_the_exposure_but_not_the_ink() {
+        // A third ink of a twentieth of the paper's albedo; a few highlights; unusable pixels.
+        let board = |paper: f32| -> Vec<f32> {
+            let kinds = [paper, paper, 0.05 * paper, 0.0];
+            let mut all: Vec<f32> = (0..4000).map(|i| kinds[i % 4]).collect();
+            all[..20].fill(0.9);
+            all
+        };
+        for paper in [0.8f32, 0.3, 0.08, 0.03] {
+            let limit = well_lit(&board(paper));
+            assert!(limit <= 0.1 && limit > 0.05 * paper && limit < paper, "{paper}: {limit}");
+        }
+        assert_eq!(well_lit(&board(0.8)), 0.1);
+    }
+}

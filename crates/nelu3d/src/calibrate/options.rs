@@ -1,0 +1,92 @@
+//! What a caller chooses about a calibration.
+
+use nelu3d_field::device::Choice;
+use serde::{Deserialize, Serialize};
+
+use crate::color_field::frequency::Octaves;
+
+/// How c is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum FormKind {
+    /// Cubic B-spline over the frame, fitted by least squares.
+    Grid,
+    /// Multiresolution hash encoding and a small network.
+    Hash,
+    /// Sines and cosines in octaves and a network.
+    Frequency,
+}
+
+/// Where the frame of the field is centered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum FrameKind {
+    /// In the light if the sweep bears it out, else in the camera.
+    Auto,
+    /// In the light source.
+    Light,
+    /// In the camera.
+    Camera,
+}
+
+/// How the board moved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum TrajectoryKind {
+    /// On a stage if that explains the corners, else freely.
+    Auto,
+    /// Every pose on its own.
+    Free,
+    /// One rotation, positions on one line.
+    Stage,
+}
+
+/// Settings of a calibration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::Args))]
+#[serde(default, deny_unknown_fields)]
+pub struct CalibrationOptions {
+    /// How the color field is stored
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Self::default().form))]
+    pub form: FormKind,
+    /// Octaves of the frequency form
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Self::default().octaves))]
+    pub octaves: Octaves,
+    /// Where the field's coordinates are centered
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Self::default().frame))]
+    pub frame: FrameKind,
+    /// How the board moved
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Self::default().trajectory))]
+    pub trajectory: TrajectoryKind,
+    /// Hold out every Nth board position to measure the field (the stored field is then fitted to all)
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::default().hold_out))]
+    pub hold_out: usize,
+    /// Least white − black of a sample, as a share of full scale
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::default().min_contrast))]
+    pub min_contrast: f32,
+    /// Seed of everything random
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::default().seed))]
+    pub seed: u64,
+    /// Where form hash is trained: auto (a GPU, if there is one), cpu, gpu, or gpu:N as in `nelu3d devices`
+    #[serde(skip)]
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::default().device))]
+    pub device: Choice,
+}
+
+impl Default for CalibrationOptions {
+    fn default() -> Self {
+        Self {
+            form: FormKind::Grid,
+            octaves: Octaves::Supervised,
+            frame: FrameKind::Auto,
+            trajectory: TrajectoryKind::Auto,
+            hold_out: 8,
+            min_contrast: 0.02,
+            seed: 0,
+            device: Choice::Auto,
+        }
+    }
+}

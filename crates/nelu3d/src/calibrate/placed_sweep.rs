@@ -1,0 +1,142 @@
+//! A sweep whose boards are known: where each sample is in space.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use nelu3d_scan::Camera;
+use rayon::prelude::*;
+
+use super::sweep::{Position, Sweep};
+use crate::sensor::NoiseModel;
+
+/// A sweep with the poses of its boards: samples of (x, L), position by position.
+pub struct PlacedSweep<'a> {
+    /// The intensities.
+    pub sweep: Sweep<'a>,
+    /// The board at each position.
+    pub boards: Vec<BoardPlane>,
+    /// The camera.
+    pub camera: Camera,
+    /// The sensor's noise.
+    pub noise: NoiseModel,
+    /// Unit ray direction per pixel.
+    pub dirs: Vec<Vector3<f64>>,
+}
+
+/// A board in space, ready to be hit by rays from the camera.
+#[derive(Clone, Copy, Debug)]
+pub struct BoardPlane {
+    /// Unit normal.
+    pub normal: Vector3<f64>,
+    /// Its plane is `normal · x = offset`, mm.
+    pub offset: f64,
+    origin: Vector3<f64>,
+    axes: [Vector3<f64>; 2],
+    extent_mm: [f64; 4],
+}
+
+impl BoardPlane {
+    /// The board of outline `extent_mm` (x0, y0, x1, y1) at a pose.
+    pub fn new(pose: &Isometry3<f64>, extent_mm: [f64; 4]) -> Self {
+        let normal = pose.rotation * Vector3::z();
+        let axes = [pose.rotation * Vector3::x(), pose.rotation * Vector3::y()];
+        let origin = pose.translation.vector;
+        Self { normal, offset: normal.dot(&origin), origin, axes, extent_mm }
+    }
+
+    /// Distance along a ray from the camera's center to the board, mm; `None` outside the board.
+    #[inline]
+    pub fn hit(&self, dir: &Vector3<f64>) -> Option<f64> {
+        let t = self.offset / self.normal.dot(dir);
+        if !(t.is_finite() && t > 0.0) {
+            return None;
+        }
+        let on = dir * t - self.origin;
+        let (x, y) = (self.axes[0].dot(&on), self.axes[1].dot(&on));
+        let [x0, y0, x1, y1] = self.extent_mm;
+        (x >= x0 && x <= x1 && y >= y0 && y <= y1).then_some(t)
+    }
+}
+
+impl<'a> PlacedSweep<'a> {
+    /// Joins intensities and poses.
+    pub fn new(sweep: Sweep<'a>, poses: &[Isometry3<f64>], camera: Camera, extent_mm: [f64; 4]) -> Self {
+        assert_eq!(sweep.shots.len(), poses.len());
+        let w = camera.width;
+        let dirs =
+            (0..camera.n_pixels()).into_par_iter().map(|i| camera.ray([(i % w) as f64, (i / w) as f64]).dir).collect();
+        let boards = poses.iter().map(|p| BoardPlane::new(p, extent_mm)).collect();
+        Self { sweep, boards, camera, noise: NoiseModel { read: 0.0, gain: 0.0 }, dirs }
+    }
+
+    /// Number of positions.
+    pub fn n_positions(&self) -> usize {
+        self.boards.len()
+    }
+
+    /// Calls `f(pixel, t, values, weights)` for every usable sample of a position.
+    #[inline]
+    pub fn for_each(&self, p: usize, position: &Position, mut f: impl FnMut(usize, f64, &[f32], &[f32])) {
+        let mut w = vec![0.0; self.sweep.k];
+        for (i, dir) in self.dirs.iter().enumerate() {
+            if let Some(t) = self.boards[p].hit(dir)
+                && let Some(v) = position.sample(i, &self.noise, &mut w)
+            {
+                f(i, t, v, &w);
+            }
+        }
+    }
+
+    /// The middle of what the boards cover.
+    pub fn mean_point(&self) -> Vector3<f64> {
+        let mut sum = Vector3::zeros();
+        let mut n = 0.0;
+        for board in &self.boards {
+            for dir in self.dirs.iter().step_by((self.dirs.len() / 500).max(1)) {
+                if let Some(t) = board.hit(dir) {
+                    sum += dir * t;
+                    n += 1.0;
+                }
+            }
+        }
+        if n > 0.0 { sum / n } else { Vector3::new(0.0, 0.0, 1.0) }
+    }
+
+    /// Calls `f` for points of all boards, a seventh of what the camera sees of them.
+    pub fn for_each_point(&self, mut f: impl FnMut(&Point3<f64>)) {
+        for board in &self.boards {
+            for dir in self.dirs.iter().step_by(7) {
+                if let Some(t) = board.hit(dir) {
+                    f(&Point3::from(dir * t));
+                }
+            }
+        }
+    }
+
+    /// Median distance between neighboring boards along the central ray of what they cover.
+    pub fn typical_step_mm(&self) -> f64 {
+        let dir = self.mean_point().normalize();
+        let mut t: Vec<f64> = self.boards.iter().map(|b| b.offset / b.normal.dot(&dir)).collect();
+        t.sort_by(f64::total_cmp);
+        let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
+        steps.sort_by(f64::total_cmp);
+        steps[steps.len() / 2]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_hit_a_tilted_board_inside_its_outline_only() {
+        let pose = Isometry3::new(Vector3::new(10.0, -5.0, 500.0), Vector3::new(0.2, -0.3, 0.1));
+        let board = BoardPlane::new(&pose, [-50.0, -40.0, 50.0, 40.0]);
+        for (x, y, inside) in [(0.0, 0.0, true), (49.0, -39.0, true), (51.0, 0.0, false), (0.0, 41.0, false)] {
+            let on = pose * Point3::new(x, y, 0.0);
+            let hit = board.hit(&on.coords.normalize());
+            assert_eq!(hit.is_some(), inside, "{x} {y}");
+            assert!(hit.is_none_or(|t| (t - on.coords.norm()).abs() < 1e-9));
+        }
+        let behind = BoardPlane::new(&Isometry3::translation(0.0, 0.0, -500.0), [-50.0, -40.0, 50.0, 40.0]);
+        assert!(behind.hit(&Vector3::z()).is_none());
+    }
+}

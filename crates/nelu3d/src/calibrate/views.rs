@@ -1,0 +1,175 @@
+//! A selection of a sweep's positions, evenly spread and of bounded size: what the sensor's noise and the light's center are
+//! estimated from.
+
+use nalgebra::Vector3;
+use nelu3d_scan::{Camera, Rig};
+
+use super::error::CalibrationError;
+use super::placed_sweep::{BoardPlane, PlacedSweep};
+use super::sweep::Position;
+use crate::progress::Progress;
+use crate::sensor::{NoiseEstimator, quantization_step};
+
+/// Most positions that the search looks at. They are spread over the whole sweep, so more would only add shorter steps to
+/// the lever arms.
+const MAX_VIEWS: usize = 48;
+/// Most bytes of their images; larger ones are averaged over square blocks of pixels.
+const VIEWS_BUDGET: usize = 1 << 28;
+
+/// Indices of the positions that the search looks at, of `n`: all of them, or an even selection with both ends.
+fn selection(n: usize) -> Vec<usize> {
+    if n <= MAX_VIEWS { (0..n).collect() } else { (0..MAX_VIEWS).map(|i| i * (n - 1) / (MAX_VIEWS - 1)).collect() }
+}
+
+/// Smoothed codeword images of some positions, in the sweep's order, and where their boards are.
+pub(super) struct Views {
+    /// Samples across.
+    pub(super) width: usize,
+    /// Samples down.
+    pub(super) height: usize,
+    /// Pixels along the side of one sample's block; 1 = full resolution.
+    pub(super) block: usize,
+    pub(super) k: usize,
+    pub(super) planes: Vec<(Vector3<f64>, f64)>,
+    /// Per position, `n × (k + 1)`: smoothed values, then validity.
+    pub(super) images: Vec<Vec<f32>>,
+}
+
+impl Views {
+    /// Room for `n` positions' images of `k` channels, in blocks that keep them within their budget.
+    fn new(camera: &Camera, k: usize, n: usize) -> Self {
+        let bytes = camera.n_pixels() * (k + 1) * 4 * n;
+        let block = (1..).find(|f| bytes / (f * f) <= VIEWS_BUDGET).expect("some block is large enough");
+        let (width, height) = (camera.width / block, camera.height / block);
+        Self { width, height, block, k, planes: Vec::new(), images: Vec::new() }
+    }
+
+    /// Adds the next position: its board and what [`smoothed`] made of it.
+    fn push(&mut self, board: &BoardPlane, image: Vec<f32>) {
+        assert_eq!(image.len(), self.width * self.height * (self.k + 1));
+        self.planes.push((board.normal, board.offset));
+        self.images.push(image);
+    }
+
+    /// Pixel coordinates of the center of a sample's block.
+    pub(super) fn px(&self, x: usize, y: usize) -> [f64; 2] {
+        let half = (self.block as f64 - 1.0) / 2.0;
+        [(x * self.block) as f64 + half, (y * self.block) as f64 + half]
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.images.len()
+    }
+}
+
+/// Reads a selection of positions: sets the sensor's noise of `placed`, and with `keep` returns the views that the light's
+/// center is found from.
+pub(super) fn estimate_noise(
+    placed: &mut PlacedSweep<'_>,
+    rig: &Rig,
+    keep: bool,
+    progress: &Progress,
+) -> Result<Option<Views>, CalibrationError> {
+    let which = selection(placed.n_positions());
+    let (k, channels) = (placed.sweep.k, placed.sweep.channels);
+    let mut views = keep.then(|| Views::new(&placed.camera, k, which.len()));
+    let block = views.as_ref().map(|v| v.block);
+    let boards = &placed.boards;
+    let mut noise = NoiseEstimator::default();
+    let map = |p: usize, noise: NoiseEstimator, position: &Position| {
+        debug_assert_eq!(position.channels, channels);
+        (noise, block.map(|block| (boards[p], smoothed(position, block))))
+    };
+    let take = |wave: Vec<_>| {
+        for (n, view) in wave {
+            noise.merge(&n);
+            if let (Some(views), Some((board, image))) = (&mut views, view) {
+                views.push(&board, image);
+            }
+        }
+    };
+    placed.sweep.stream(&which, progress, NoiseEstimator::add, map, take)?;
+    placed.noise = noise.finish(quantization_step(rig.black_level, rig.saturation));
+    Ok(views)
+}
+
+/// A position's values, averaged over blocks of `block` pixels and smoothed by a small binomial kernel (linear interpolation
+/// between pixels is exact enough on the result), with validity 1 where the whole kernel was usable: `n × (k + 1)`.
+fn smoothed(position: &Position, block: usize) -> Vec<f32> {
+    let reduced = (block > 1).then(|| position.reduced(block));
+    let position = reduced.as_ref().unwrap_or(position);
+    let (w, h, k) = (position.width, position.height, position.k);
+    let usable = |i: usize| position.contrast[i * position.channels..][..position.channels].iter().all(|c| *c > 0.0);
+    const KERNEL: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
+    // What is not usable counts nothing.
+    let mut masked = vec![0.0f32; w * h * (k + 1)];
+    for (i, (to, from)) in masked.chunks_exact_mut(k + 1).zip(position.values.chunks_exact(k)).enumerate() {
+        if usable(i) {
+            to[..k].copy_from_slice(from);
+            to[k] = 1.0;
+        }
+    }
+    // Along a row and then down, as sums of shifted rows.
+    let line = w * (k + 1);
+    let mut rows = vec![0.0f32; masked.len()];
+    for (to, from) in rows.chunks_exact_mut(line.max(1)).zip(masked.chunks_exact(line.max(1))) {
+        let inner = line.saturating_sub(4 * (k + 1));
+        for (i, weight) in KERNEL.iter().enumerate().filter(|_| w > 4) {
+            let (to, from) = (&mut to[2 * (k + 1)..][..inner], &from[i * (k + 1)..][..inner]);
+            to.iter_mut().zip(from).for_each(|(t, f)| *t += weight * f);
+        }
+    }
+    let mut out = masked;
+    out.fill(0.0);
+    for y in 2..h.saturating_sub(2) {
+        let to = &mut out[y * line..][..line];
+        for (i, weight) in KERNEL.iter().enumerate() {
+            to.iter_mut().zip(&rows[(y + i - 2) * line..][..line]).for_each(|(t, f)| *t += weight * f);
+        }
+        for t in to.chunks_exact_mut(k + 1).filter(|t| t[k] > 0.5) {
+            let norm = 1.0 / t[k];
+            t[..k].iter_mut().for_each(|v| *v *= norm);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_selection_is_bounded_even_and_has_both_ends() {
+        assert_eq!(selection(5), [0, 1, 2, 3, 4]);
+        for n in [49, 60, 96, 1000] {
+            let s = selection(n);
+            assert_eq!((s.len(), s[0], s[MAX_VIEWS - 1]), (MAX_VIEWS, 0, n - 1));
+            let step = (n - 1) as f64 / (MAX_VIEWS - 1) as f64;
+            assert!(s.windows(2).all(|w| w[1] > w[0] && ((w[1] - w[0]) as f64 - step).abs() < 1.0), "{s:?}");
+        }
+    }
+
+    #[test]
+    fn views_stay_within_their_budget_whatever_the_camera() {
+        let camera = Camera::pinhole(640, 480, 800.0, 800.0, 320.0, 240.0);
+        assert_eq!(Views::new(&camera, 3, MAX_VIEWS).block, 1);
+        let large = Camera::pinhole(6400, 4800, 8000.0, 8000.0, 3200.0, 2400.0);
+        let v = Views::new(&large, 11, MAX_VIEWS);
+        assert!(v.block > 1 && v.width * v.height * 12 * 4 * MAX_VIEWS <= VIEWS_BUDGET);
+    }
+
+    #[test]
+    fn smoothing_keeps_planes_and_knows_holes() {
+        let (width, height) = (12, 11);
+        let values = (0..width * height).map(|i| (i % width) as f32 * 0.02 + (i / width) as f32 * 0.03).collect();
+        let mut contrast = vec![0.5; width * height];
+        contrast[5 * width + 9] = 0.0;
+        let position = Position { width, height, k: 1, channels: 1, values, contrast };
+        let out = smoothed(&position, 1);
+        let at = |x: usize, y: usize| &out[(y * width + x) * 2..][..2];
+        assert!((at(4, 5)[0] - (4.0 * 0.02 + 5.0 * 0.03)).abs() < 1e-6 && (at(4, 5)[1] - 1.0).abs() < 1e-6);
+        // Within two pixels of the hole, the validity says so; the border has none.
+        assert!(at(8, 5)[1] < 0.99 && at(7, 5)[1] < 0.999 && (at(6, 5)[1] - 1.0).abs() < 1e-6);
+        assert!(at(4, 1)[1] == 0.0 && at(1, 5)[1] == 0.0);
+    }
+}

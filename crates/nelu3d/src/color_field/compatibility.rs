@@ -1,0 +1,75 @@
+//! Whether a color field belongs to a rig, a pattern set and a scene.
+
+use nelu3d_scan::rig::{Capture, PatternSet, Shot};
+use nelu3d_scan::{Camera, Rig};
+
+use super::field::ColorField;
+
+/// A color field that was made for something else.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the color field was made for {what} {field}, but the rig has {rig}: {remedy}")]
+pub struct FieldMismatch {
+    /// What differs: "the camera", "the pattern set", "the image".
+    pub what: &'static str,
+    /// The field's value, in words.
+    pub field: String,
+    /// The rig's value, in words.
+    pub rig: String,
+    /// What to do about it.
+    pub remedy: &'static str,
+}
+
+/// The numbers by which a color field recognizes its camera: `[width, height, fx, fy, cx, cy]`, then the distortion
+/// coefficients.
+pub fn camera_key(camera: &Camera) -> Vec<f64> {
+    let mut key = vec![camera.width as f64, camera.height as f64, camera.fx, camera.fy, camera.cx, camera.cy];
+    key.extend_from_slice(camera.distortion.coeffs());
+    key
+}
+
+/// Checks that a color field was made with a rig's camera and for a pattern set.
+///
+/// # Errors
+///
+/// The camera or the patterns differ.
+pub fn check_field(rig: &Rig, set: &PatternSet, field: &ColorField) -> Result<(), FieldMismatch> {
+    const REMEDY: &str = "calibrate this rig and set again, or choose the field that belongs to them";
+    if camera_key(&rig.camera) != field.metadata.camera {
+        let show = |k: &[f64]| format!("{} × {} px, f = {:.1} px", k[0], k[1], k[2]);
+        let (theirs, ours) = (show(&field.metadata.camera), show(&camera_key(&rig.camera)));
+        return Err(FieldMismatch { what: "the camera", field: theirs, rig: ours, remedy: REMEDY });
+    }
+    if field.metadata.images != set.images || field.k() != set.images.len() * rig.channels.count() {
+        let show = |name: &str, images: &[String]| format!("`{name}` ({})", images.join(", "));
+        let (theirs, ours) = (show(&field.metadata.set, &field.metadata.images), show(&set.name, &set.images));
+        return Err(FieldMismatch { what: "the pattern set", field: theirs, rig: ours, remedy: REMEDY });
+    }
+    Ok(())
+}
+
+/// Checks that the mono images among a scene's patterns are those that were mono in the sweep: their codewords differ.
+///
+/// # Errors
+///
+/// A pattern has another number of channels than it had in the sweep.
+pub fn check_mono(
+    capture: &Capture,
+    set: &PatternSet,
+    shot: &Shot,
+    field: &ColorField,
+) -> Result<(), FieldMismatch> {
+    // A field computed from projected images has not seen any capture.
+    let made_of_captures = field.metadata.source == "sweep";
+    for (name, mono) in set.images.iter().zip(&capture.mono) {
+        if made_of_captures && field.metadata.mono.contains(name) != *mono {
+            let (now, then) = if *mono { ("one channel", "three") } else { ("three channels", "one") };
+            return Err(FieldMismatch {
+                what: "the image",
+                field: format!("`{name}` with {then}"),
+                rig: format!("{} with {now}", shot.dir.join(name).display()),
+                remedy: "take this pattern the same way in the sweep and in scenes",
+            });
+        }
+    }
+    Ok(())
+}

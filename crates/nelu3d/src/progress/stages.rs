@@ -1,0 +1,101 @@
+//! Wall and CPU time of each stage.
+
+use std::time::Instant;
+
+use cpu_time::ProcessTime;
+
+use super::sink::Progress;
+
+/// How long one stage took.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct StageTime {
+    /// Its name.
+    pub name: String,
+    /// Elapsed time, s.
+    pub wall_secs: f64,
+    /// Processor time of the whole process, all threads, s.
+    pub cpu_secs: f64,
+}
+
+/// Times the stages of a pipeline and announces them: `begin` ends the stage before it.
+#[derive(Debug)]
+pub struct StageClock<'a> {
+    progress: &'a Progress,
+    done: Vec<StageTime>,
+    current: Option<Current>,
+}
+
+#[derive(Debug)]
+struct Current {
+    time: StageTime,
+    /// Since when it runs, unless it is paused.
+    since: Option<(Instant, ProcessTime)>,
+}
+
+impl<'a> StageClock<'a> {
+    /// A clock that announces its stages to `progress`.
+    pub fn new(progress: &'a Progress) -> Self {
+        Self { progress, done: Vec::new(), current: None }
+    }
+
+    /// Begins a stage.
+    pub fn begin(&mut self, name: &str) {
+        self.end();
+        self.progress.stage(name);
+        self.current = Some(Current {
+            time: StageTime { name: name.to_owned(), wall_secs: 0.0, cpu_secs: 0.0 },
+            since: Some((Instant::now(), ProcessTime::now())),
+        });
+    }
+
+    /// Stops counting: what follows, until [`Self::resume`] or the next stage, is no part of the work.
+    pub fn pause(&mut self) {
+        if let Some(Current { time, since }) = &mut self.current
+            && let Some((wall, cpu)) = since.take()
+        {
+            time.wall_secs += wall.elapsed().as_secs_f64();
+            time.cpu_secs += cpu.elapsed().as_secs_f64();
+        }
+    }
+
+    /// Ends a pause.
+    pub fn resume(&mut self) {
+        if let Some(current) = &mut self.current {
+            current.since.get_or_insert_with(|| (Instant::now(), ProcessTime::now()));
+        }
+    }
+
+    /// Ends the current stage, if there is one.
+    pub fn end(&mut self) {
+        self.pause();
+        self.done.extend(self.current.take().map(|c| c.time));
+    }
+
+    /// Ends the current stage and returns them all.
+    pub fn finish(mut self) -> Vec<StageTime> {
+        self.end();
+        self.done
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pause_is_not_counted() {
+        let progress = Progress::none();
+        let mut clock = StageClock::new(&progress);
+        clock.begin("one");
+        clock.pause();
+        std::thread::sleep(std::time::Duration::from_millis(60));
+        clock.resume();
+        clock.resume();
+        clock.begin("two");
+        std::thread::sleep(std::time::Duration::from_millis(30));
+        let stages = clock.finish();
+        assert_eq!(stages.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["one", "two"]);
+        assert!(stages[0].wall_secs < 0.05, "{stages:?}");
+        assert!(stages[1].wall_secs >= 0.03, "{stages:?}");
+    }
+}

@@ -1,0 +1,50 @@
+//! Decoded points and their codewords, without refinement: what a projector's blur and response are estimated from.
+
+use nelu3d_field::device::Device;
+use nelu3d_scan::Camera;
+use nelu3d_scan::rig::Capture;
+
+use super::initialize::Decoder;
+use super::light_fractions::LightFractionPrior;
+use super::options::ReconstructionOptions;
+use super::settings::FastSettings;
+use crate::color_field::{CameraRays, ColorField, SplineEvaluator};
+use crate::sensor::Measurements;
+
+/// What a pixel measured, and where its decoded surface point is.
+pub(crate) struct Codeword {
+    /// Camera-frame point, mm.
+    pub(crate) point: [f64; 3],
+    /// k normalized intensities; NaN where a channel is unusable.
+    pub(crate) intensities: Vec<f32>,
+}
+
+/// Largest number of pixels that are decoded: a sample is enough.
+const MAX_PIXELS: usize = 100_000;
+
+/// Decodes a capture; only pixels in surroundings that agree are returned.
+pub(crate) fn decode_codewords(capture: &Capture, camera: &Camera, field: &ColorField) -> Vec<Codeword> {
+    let about = &field.metadata;
+    let mut m = Measurements::new(capture, &about.noise, &about.dark, 0.05);
+    let settings = FastSettings {
+        light_fractions: LightFractionPrior { sigma_ambient: 0.03, sigma_indirect: 0.1 },
+        min_component: 50,
+        max_decoded_pixels: MAX_PIXELS,
+        ..FastSettings::new(&ReconstructionOptions::default())
+    };
+    let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1));
+    let spline = SplineEvaluator::new(&grid, about.cells_per_pixel);
+    let decoder = Decoder { camera, field, rays: &rays, spline: &spline, settings: &settings, device: &Device::Cpu };
+    let inv_z = decoder.decode(&mut m).inv_z;
+    let k = m.k;
+    (0..m.n())
+        .filter(|i| inv_z[*i].is_finite())
+        .map(|i| {
+            let z = 1.0 / f64::from(inv_z[i]);
+            let [u, v] = rays.plane[i].map(f64::from);
+            let intensities =
+                (i * k..(i + 1) * k).map(|j| if m.inv_var[j] > 0.0 { m.p[j] } else { f32::NAN }).collect();
+            Codeword { point: [u * z, v * z, z], intensities }
+        })
+        .collect()
+}

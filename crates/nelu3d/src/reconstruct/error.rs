@@ -1,0 +1,54 @@
+//! Why a reconstruction has no result.
+
+use std::path::{Path, PathBuf};
+
+use nelu3d_field::device::DeviceError;
+use nelu3d_scan::rig::RigError;
+
+use crate::color_field::FieldMismatch;
+
+/// Why the reconstruction of a rig's scene failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReconstructionError {
+    /// The rig folder or one of its images cannot be used.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// The color field was made for something else.
+    #[error(transparent)]
+    Mismatch(#[from] FieldMismatch),
+    /// The device that was asked for is not there.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// No pixel can be reconstructed.
+    #[error("{path}: no pixel can be reconstructed: {reason}")]
+    Nothing {
+        /// The scene's folder.
+        path: PathBuf,
+        /// Why every pixel was rejected, and what to check.
+        reason: String,
+    },
+    /// The caller stopped the work.
+    #[error("stopped before the surface was finished; nothing was written")]
+    Cancelled,
+}
+
+/// Why a capture that belongs to no folder has no surface.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// Every pixel was rejected; the text says why.
+    #[error("no pixel can be reconstructed: {0}")]
+    Nothing(String),
+    /// The caller stopped the work.
+    #[error("stopped before the surface was finished")]
+    Cancelled,
+}
+
+impl Failure {
+    /// The error of a scene that lies in the folder `scene`.
+    pub fn at(self, scene: &Path) -> ReconstructionError {
+        match self {
+            Failure::Nothing(reason) => ReconstructionError::Nothing { path: scene.to_owned(), reason },
+            Failure::Cancelled => ReconstructionError::Cancelled,
+        }
+    }
+}

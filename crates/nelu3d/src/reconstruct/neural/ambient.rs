@@ -1,0 +1,74 @@
+//! The ambient term A(u, v).
+
+use nelu3d_field::HashField;
+use serde::{Deserialize, Serialize};
+
+use crate::sensor::Measurements;
+use super::config;
+
+/// The ambient term (paper, Eq. 1, and Fig. 7).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum Ambient {
+    /// `I_ambient = A · I_white` with A in [0, 1]: never brighter than white
+    #[default]
+    Bounded,
+    /// `I_ambient` anywhere in [0, 1], whatever white is (an ablation of the paper's Fig. 7)
+    Unbounded,
+    /// None (an ablation of the paper's Fig. 7)
+    None,
+}
+
+/// A small network over the image, one output per camera channel.
+pub(super) struct AmbientField {
+    pub(super) kind: Ambient,
+    pub(super) field: HashField<2>,
+}
+
+/// White below which `I_ambient / I_white` is not followed any further.
+pub(super) const MIN_WHITE: f32 = 1e-3;
+
+impl AmbientField {
+    pub(super) fn new(kind: Ambient, n_channels: usize, n_steps: usize, seed: u64) -> Self {
+        let config = config::image_field_config(n_channels, n_steps);
+        Self { kind, field: HashField::new(config, seed).expect("the published configuration is valid") }
+    }
+
+    /// Shares `[ray][channel]` at places in the unit square, given I_white there, `[ray][channel]`.
+    pub(super) fn query(&self, places: &[[f32; 2]], white: &[f32], out: &mut Vec<f32>) {
+        out.clear();
+        out.resize(white.len(), 0.0);
+        match self.kind {
+            Ambient::None => {}
+            Ambient::Bounded => self.field.query(places, out),
+            Ambient::Unbounded => {
+                self.field.query(places, out);
+                out.iter_mut().zip(white).for_each(|(a, w)| *a /= w.max(MIN_WHITE));
+            }
+        }
+    }
+
+    /// One step of the optimizer, given the gradient by the shares.
+    pub(super) fn descend(&mut self, places: &[[f32; 2]], white: &[f32], d_shares: &mut [f32]) {
+        match self.kind {
+            Ambient::None => return,
+            Ambient::Bounded => {}
+            Ambient::Unbounded => d_shares.iter_mut().zip(white).for_each(|(d, w)| *d /= w.max(MIN_WHITE)),
+        }
+        self.field.descend(places, d_shares);
+    }
+
+    /// Shares of every pixel, `[pixel][channel]`.
+    pub(super) fn fractions(&self, m: &Measurements) -> Vec<f32> {
+        let places: Vec<[f32; 2]> = (0..m.n()).map(|i| place(m, i)).collect();
+        let mut out = Vec::new();
+        self.query(&places, &m.light, &mut out);
+        out
+    }
+}
+
+/// A pixel's place in the unit square.
+pub(super) fn place(m: &Measurements, i: usize) -> [f32; 2] {
+    [((i % m.width) as f32 + 0.5) / m.width as f32, ((i / m.width) as f32 + 0.5) / m.height as f32]
+}

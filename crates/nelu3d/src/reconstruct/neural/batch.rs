@@ -1,0 +1,188 @@
+//! Rays of one iteration: which pixels, where they are sampled, and the step itself.
+
+use nalgebra::{Point3, Vector3};
+use nelu3d_field::occupancy::OccupancyGrid;
+use nelu3d_field::surface::{NeuralSurface, SurfaceBatch, SurfaceLosses};
+use nelu3d_scan::Camera;
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use rayon::prelude::*;
+
+use super::ambient::{AmbientField, place};
+use super::options::Background;
+use crate::color_field::{CameraRays, SplineEvaluator};
+use crate::sensor::Measurements;
+use crate::surface::PixelStatus;
+use super::bounds::Bounds;
+use super::march::{March, Samples, march};
+
+/// The pixels that rays are drawn from.
+pub(super) struct Pixels {
+    pub(super) bounds: Bounds,
+    /// Pixels with a codeword or dark, in the order of small tiles: neighbors are sampled together.
+    pub(super) all: Vec<u32>,
+    /// M of each pixel of `all`.
+    pub(super) is_lit: Vec<bool>,
+}
+
+impl Pixels {
+    /// M is 1 where white is bright enough; pixels that are clipped or outside the calibrated volume tell nothing. `None`
+    /// if no pixel is lit.
+    pub(super) fn new(m: &Measurements, rays: &CameraRays, background: Background) -> Option<Self> {
+        let usable = |i: usize| {
+            let [near, far] = rays.range[i];
+            let whole = m.inv_var[i * m.k..(i + 1) * m.k].iter().all(|v| *v > 0.0);
+            let dark = m.status[i] == PixelStatus::Underexposed && background != Background::Crop;
+            near < far && (dark || m.status[i] == PixelStatus::Valid && whole)
+        };
+        let mut all: Vec<u32> = (0..m.n()).filter(|&i| usable(i)).map(|i| i as u32).collect();
+        all.sort_by_key(|&i| (i as usize / m.width / 8, i as usize % m.width / 8, i));
+        let is_lit: Vec<bool> = all.iter().map(|&i| m.status[i as usize] == PixelStatus::Valid).collect();
+        let ends = all.iter().zip(&is_lit).filter(|(_, lit)| **lit).flat_map(|(&i, _)| {
+            let dir = direction(rays, i as usize);
+            rays.range[i as usize].map(|t| Point3::from(dir * f64::from(t)))
+        });
+        let bounds = Bounds::around(ends)?;
+        Some(Self { bounds, all, is_lit })
+    }
+
+    /// Lit pixels.
+    pub(super) fn lit(&self) -> impl Iterator<Item = usize> + '_ {
+        self.all.iter().zip(&self.is_lit).filter(|(_, lit)| **lit).map(|(i, _)| *i as usize)
+    }
+
+    /// The ray of a pixel.
+    pub(super) fn march(&self, rays: &CameraRays, i: usize, offset: f64) -> March {
+        March { origin: Point3::origin(), dir: direction(rays, i), range: rays.range[i].map(f64::from), offset }
+    }
+
+    /// Whether any ray comes near a point of the cube.
+    pub(super) fn reaches(&self, camera: &Camera, rays: &CameraRays, q: [f32; 3]) -> bool {
+        let x = self.bounds.from_cube(q);
+        let Some([u, v]) = camera.project(&x) else { return false };
+        // A cell may reach into the image, and into a ray's range, from outside.
+        let margin_mm = self.bounds.side_mm() / 64.0;
+        let margin_px = margin_mm * camera.fx / x.z;
+        let inside = |p: f64, n: usize| p > -margin_px && p < n as f64 - 1.0 + margin_px;
+        if !inside(u, camera.width) || !inside(v, camera.height) {
+            return false;
+        }
+        let pixel = |p: f64, n: usize| (p.round().max(0.0) as usize).min(n - 1);
+        let [near, far] = rays.range[pixel(v, camera.height) * camera.width + pixel(u, camera.width)].map(f64::from);
+        // Next to an empty tile there may be a full one: no ray of its own, but cells that others cross.
+        near > far || (near - margin_mm..=far + margin_mm).contains(&x.coords.norm())
+    }
+}
+
+fn direction(rays: &CameraRays, i: usize) -> Vector3<f64> {
+    let [u, v] = rays.plane[i].map(f64::from);
+    Vector3::new(u, v, 1.0).normalize()
+}
+
+/// One iteration's rays.
+#[derive(Default)]
+pub(super) struct Batch {
+    samples: Samples,
+    /// `[sample][k]`
+    colors: Vec<f32>,
+    /// `[ray][k]`
+    measured: Vec<f32>,
+    /// `[ray][channel]`
+    light: Vec<f32>,
+    mask: Vec<f32>,
+    /// In the unit square.
+    places: Vec<[f32; 2]>,
+    n_channels: usize,
+    k: usize,
+}
+
+impl Batch {
+    /// Draws rays.
+    #[allow(clippy::too_many_arguments)]
+    pub(super) fn draw(
+        &mut self,
+        pixels: &Pixels,
+        m: &Measurements,
+        rays: &CameraRays,
+        lookup: &SplineEvaluator<'_>,
+        grid: &OccupancyGrid,
+        n_rays: usize,
+        seed: u64,
+        step: u64,
+    ) {
+        let mut rng = StdRng::seed_from_u64(seed.wrapping_mul(0x9E37_79B9).wrapping_add(step));
+        let mut drawn: Vec<usize> = (0..n_rays).map(|_| rng.random_range(0..pixels.all.len())).collect();
+        drawn.sort_unstable();
+        let marches: Vec<March> =
+            drawn.iter().map(|&p| pixels.march(rays, pixels.all[p] as usize, rng.random())).collect();
+        self.samples = march(&marches, &pixels.bounds, grid);
+        let (k, n) = (m.k, self.samples.t.len());
+        self.k = k;
+        self.n_channels = m.light.len() / m.n();
+        self.colors.resize(n * k, 0.0);
+        let pixel = |r: usize| pixels.all[drawn[r]] as usize;
+        // The color field where the rays are sampled.
+        let mut by_ray: Vec<(usize, &mut [f32])> = Vec::with_capacity(n_rays);
+        let mut rest = &mut self.colors[..];
+        for (r, ray) in self.samples.offsets.windows(2).enumerate() {
+            let (mine, tail) = rest.split_at_mut((ray[1] - ray[0]) * k);
+            by_ray.push((r, mine));
+            rest = tail;
+        }
+        let samples = &self.samples;
+        by_ray.into_par_iter().for_each(|(r, colors)| {
+            let in_frame = rays.in_frame(pixel(r));
+            let t = &samples.t[samples.offsets[r]..samples.offsets[r + 1]];
+            for (t, out) in t.iter().zip(colors.chunks_exact_mut(k)) {
+                lookup.eval(in_frame.at(f64::from(*t)).q, out);
+            }
+        });
+        self.measured.clear();
+        self.light.clear();
+        self.mask.clear();
+        self.places.clear();
+        for r in 0..n_rays {
+            let i = pixel(r);
+            self.measured.extend_from_slice(&m.p[i * k..(i + 1) * k]);
+            self.light.extend_from_slice(&m.light[i * self.n_channels..(i + 1) * self.n_channels]);
+            self.mask.push(f32::from(u8::from(pixels.is_lit[drawn[r]])));
+            self.places.push(place(m, i));
+        }
+    }
+
+    /// Number of samples.
+    pub(super) fn n_samples(&self) -> usize {
+        self.samples.t.len()
+    }
+
+    /// One step of the optimizers.
+    pub(super) fn step(&self, surface: &mut NeuralSurface, ambient: &mut AmbientField) -> SurfaceLosses {
+        let (k, c) = (self.k, self.n_channels);
+        let mut shares = Vec::new();
+        ambient.query(&self.places, &self.light, &mut shares);
+        // The same for all patterns.
+        let n_rays = self.mask.len();
+        let spread = |of: &[f32]| -> Vec<f32> {
+            (0..n_rays).flat_map(|r| (0..k).map(move |j| (r, j))).map(|(r, j)| of[r * c + j % c]).collect()
+        };
+        let batch = SurfaceBatch {
+            offsets: &self.samples.offsets,
+            points: &self.samples.points,
+            colors: &self.colors,
+            measured: &self.measured,
+            white: &spread(&self.light),
+            ambient: &spread(&shares),
+            mask: &self.mask,
+        };
+        let mut d_spread = vec![0.0; n_rays * k];
+        let losses = surface.train_step(&batch, &mut d_spread);
+        let mut d_shares = vec![0.0; n_rays * c];
+        for (r, d) in d_spread.chunks_exact(k).enumerate() {
+            for (j, d) in d.iter().enumerate() {
+                d_shares[r * c + j % c] += d;
+            }
+        }
+        ambient.descend(&self.places, &self.light, &mut d_shares);
+        losses
+    }
+}

@@ -1,0 +1,76 @@
+//! Samples along rays, in the occupied part of the cube only.
+
+use nalgebra::{Point3, Vector3};
+use nelu3d_field::occupancy::OccupancyGrid;
+use rayon::prelude::*;
+
+use super::bounds::Bounds;
+use super::config::STEPS_PER_DIAGONAL;
+
+/// A ray in the camera's frame, mm.
+#[derive(Clone, Copy, Debug)]
+pub struct March {
+    /// Where it begins.
+    pub origin: Point3<f64>,
+    /// Its unit direction.
+    pub dir: Vector3<f64>,
+    /// Where along it to look, mm.
+    pub range: [f64; 2],
+    /// Where in its step it is sampled, in `[0, 1)`.
+    pub offset: f64,
+}
+
+/// Samples of some rays. Ray r owns `offsets[r]..offsets[r + 1]`, front to back.
+#[derive(Clone, Debug, Default)]
+pub struct Samples {
+    /// First sample of every ray and, last, the number of samples.
+    pub offsets: Vec<usize>,
+    /// Distance along the ray, mm.
+    pub t: Vec<f32>,
+    /// Place in the unit cube.
+    pub points: Vec<[f32; 3]>,
+}
+
+/// The distance between two samples, mm.
+pub fn step_mm(bounds: &Bounds) -> f64 {
+    bounds.side_mm() * 3f64.sqrt() / STEPS_PER_DIAGONAL
+}
+
+/// Samples rays.
+pub fn march(rays: &[March], bounds: &Bounds, grid: &OccupancyGrid) -> Samples {
+    const CHUNK: usize = 64;
+    let step = step_mm(bounds);
+    let scale = 1.0 / bounds.side_mm();
+    let chunks: Vec<Samples> = rays
+        .par_chunks(CHUNK)
+        .map(|rays| {
+            let mut out = Samples::default();
+            for ray in rays {
+                let [near, far] = bounds.clip(&ray.origin, &ray.dir, ray.range);
+                // In the cube's coordinates, p + t d.
+                let p = (ray.origin - bounds.center) * scale + Vector3::repeat(0.5);
+                let d = ray.dir * scale;
+                let n = if near < far { ((far - near) / step - ray.offset).ceil().max(0.0) as usize } else { 0 };
+                for j in 0..n {
+                    let t = near + (j as f64 + ray.offset) * step;
+                    let point = std::array::from_fn(|a| (p[a] + t * d[a]) as f32);
+                    if grid.is_occupied(point) {
+                        out.t.push(t as f32);
+                        out.points.push(point);
+                    }
+                }
+                out.offsets.push(out.t.len());
+            }
+            out
+        })
+        .collect();
+    let n = chunks.iter().map(|c| c.t.len()).sum();
+    let mut all = Samples { offsets: vec![0], t: Vec::with_capacity(n), points: Vec::with_capacity(n) };
+    for chunk in chunks {
+        let first = all.t.len();
+        all.offsets.extend(chunk.offsets.iter().map(|o| first + o));
+        all.t.extend_from_slice(&chunk.t);
+        all.points.extend_from_slice(&chunk.points);
+    }
+    all
+}

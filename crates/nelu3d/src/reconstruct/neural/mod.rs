@@ -1,0 +1,116 @@
+//! Recipe `paper`: the published reconstruction (paper, Sec. 3; settings in TurboSL's public configuration, from which it
+//! derives).
+//!
+//! A hash-encoded signed distance field is trained from a plane or sphere by volume rendering of the frozen color field,
+//! with an ambient term A(u, v) over the image, for 10,000 iterations. Nothing of what recipe `fast` knows (noise,
+//! ambiguity, depth jumps, interreflection) is used. Fig. 7's ablations are settings.
+
+mod ambient;
+mod batch;
+pub mod bounds;
+pub mod config;
+pub mod march;
+#[cfg(feature = "gpu")]
+mod on_gpu;
+mod options;
+mod record;
+pub mod start;
+mod training;
+pub mod view;
+
+use nelu3d_scan::Camera;
+use nelu3d_scan::rig::Capture;
+
+use super::context::Context;
+use super::diagnostics::{PaperDiagnostics, RecipeDiagnostics};
+use super::error::Failure;
+use super::filter::nothing_left;
+use super::observer::Stage;
+use super::options::ReconstructionOptions;
+use super::scene::Scene;
+use crate::surface::{PixelStatus, Surface, SurfaceMaps, assemble};
+pub use ambient::Ambient;
+use ambient::AmbientField;
+use batch::Pixels;
+pub use options::{Background, PaperOptions};
+pub use record::TrainingRecord;
+use training::Training;
+use view::View;
+
+use crate::color_field::ColorField;
+
+/// Iterations unless asked otherwise.
+const ITERATIONS: usize = 10_000;
+
+/// Least standard deviation granted to the color field itself, normalized intensity: it decides which pixels are
+/// underexposed, not how losses are weighed.
+const MIN_MODEL_SIGMA: f32 = 0.005;
+
+/// Reconstructs a capture by training.
+pub(super) fn reconstruct(
+    capture: &Capture,
+    camera: &Camera,
+    field: &ColorField,
+    opts: &ReconstructionOptions,
+    cx: &mut Context<'_>,
+) -> Result<(Surface, RecipeDiagnostics), Failure> {
+    let n_steps = opts.steps.unwrap_or(ITERATIONS);
+    let mut scene = Scene::measure(capture, camera, field, MIN_MODEL_SIGMA, cx)?;
+    let pixels = Pixels::new(&scene.measurements, &scene.rays, opts.paper.background)
+        .ok_or_else(|| nothing_left(&scene.measurements.status))?;
+
+    cx.clock.begin("give the field its start");
+    let mut training = Training::new(&scene, &pixels, opts, n_steps);
+    cx.clock.begin("train by volume rendering");
+    training.run(cx)?;
+
+    cx.clock.begin("render the surface");
+    let seen = training.render_view();
+    let Training { ambient, records, .. } = training;
+    reject_unseen(&mut scene, &seen)?;
+    cx.observe(Stage::Result, 1, || seen.depth.clone());
+    let (residual, mean_ambient) = residuals(&scene, &seen, &ambient);
+
+    cx.clock.begin("build the surface");
+    let status = scene.measurements.status;
+    let maps = SurfaceMaps { depth: seen.depth, sigma: seen.spread, status, residual, ambient: mean_ambient };
+    let mut surface = assemble(maps, camera, &scene.rays.plane, &capture.white);
+    // The field's own gradient, not that of the depth map.
+    surface.replace_normals(&seen.normals);
+    let diagnostics = PaperDiagnostics { iterations: n_steps, unit_mm: pixels.bounds.unit_mm, losses: records };
+    Ok((surface, RecipeDiagnostics::Paper(diagnostics)))
+}
+
+/// Notes why valid pixels without a depth have none.
+fn reject_unseen(scene: &mut Scene<'_>, seen: &View) -> Result<(), Failure> {
+    let Scene { rays, measurements: m, .. } = scene;
+    for i in 0..m.n() {
+        if m.status[i] == PixelStatus::Valid && seen.depth[i].is_nan() {
+            let [near, far] = rays.range[i];
+            m.status[i] = if near > far { PixelStatus::OutsideVolume } else { PixelStatus::Ambiguous };
+        }
+    }
+    if seen.depth.iter().all(|z| z.is_nan()) { Err(nothing_left(&m.status)) } else { Ok(()) }
+}
+
+/// RMS residual of the normalized intensities, and the ambient fraction, mean over channels, per pixel; NaN where there is
+/// no depth.
+fn residuals(scene: &Scene<'_>, seen: &View, ambient: &AmbientField) -> (Vec<f32>, Vec<f32>) {
+    let (m, rays, spline) = (&scene.measurements, &scene.rays, scene.spline());
+    let fractions = ambient.fractions(m);
+    let (k, n_channels) = (m.k, scene.white.channels);
+    let mut c = vec![0.0; k];
+    let (mut residual, mut mean_ambient) = (vec![f32::NAN; m.n()], vec![f32::NAN; m.n()]);
+    for i in (0..m.n()).filter(|&i| seen.depth[i].is_finite()) {
+        let q = rays.in_frame(i).at(f64::from(seen.depth[i] / rays.dir_z(i))).q;
+        spline.eval(q, &mut c);
+        let fraction = &fractions[i * n_channels..][..n_channels];
+        let square = |j: usize| {
+            let a = fraction[j % n_channels];
+            (c[j] * (1.0 - a) + a - m.p[i * k + j]).powi(2)
+        };
+        residual[i] = ((0..k).map(square).sum::<f32>() / k as f32).sqrt();
+        mean_ambient[i] = fraction.iter().sum::<f32>() / n_channels as f32;
+    }
+    (residual, mean_ambient)
+}

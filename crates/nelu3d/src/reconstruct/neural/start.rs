@@ -1,0 +1,85 @@
+//! The shape a signed distance field has before it has seen anything.
+
+use nelu3d_field::adam::Schedule;
+use nelu3d_field::encoding::hash_grid::HashGridConfig;
+use nelu3d_field::field::TrainConfig;
+use nelu3d_field::surface::{NeuralSurface, SurfaceConfig};
+use nelu3d_field::{HashField, HashFieldConfig};
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use serde::{Deserialize, Serialize};
+
+use super::bounds::SIDE;
+
+/// The first shape of a signed distance field.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum Start {
+    /// A plane through the middle of the volume that faces the camera
+    #[default]
+    Plane,
+    /// A sphere of half a unit in the middle of the volume
+    Sphere,
+}
+
+impl Start {
+    /// Its distance at a point of the unit cube, units; positive on the camera's side.
+    fn distance(self, q: [f32; 3]) -> f32 {
+        let p = q.map(|q| (q - 0.5) * SIDE as f32);
+        match self {
+            Start::Plane => -p[2],
+            Start::Sphere => p.iter().map(|x| x * x).sum::<f32>().sqrt() - 0.5,
+        }
+    }
+
+    /// A surface of this shape. Only the network learns it, next to a small table that says nearly nothing; the real one
+    /// begins as silent, so that its fine levels add no wrinkles.
+    pub fn surface(self, config: SurfaceConfig, seed: u64) -> NeuralSurface {
+        const STEPS: u64 = 1500;
+        const POINTS: usize = 1024;
+        const VALID: &str = "the published configuration is valid";
+        let training = TrainConfig {
+            encoding_learning_rate: 0.0,
+            network_learning_rate: 1e-2,
+            schedule: Schedule { n_steps: STEPS, final_factor: 0.01, ..Default::default() },
+            weight_normalization: false,
+            ..config.field.training.clone()
+        };
+        let encoding = HashGridConfig { log2_hashmap_size: 8, ..config.field.encoding.clone() };
+        let settings = HashFieldConfig { encoding, training, ..config.field.clone() };
+        let mut small = HashField::new(settings, seed).expect(VALID);
+        let mut rng = StdRng::seed_from_u64(seed);
+        for _ in 0..STEPS {
+            let points: Vec<[f32; 3]> = (0..POINTS).map(|_| std::array::from_fn(|_| rng.random())).collect();
+            let targets: Vec<f32> = points.iter().map(|&p| self.distance(p)).collect();
+            small.train_step(&points, &targets, &[]);
+        }
+        let mut params = HashField::new(config.field.clone(), seed).expect(VALID).params().to_vec();
+        let n_network = small.n_network_params();
+        let n = params.len();
+        params[n - n_network..].copy_from_slice(&small.params()[small.params().len() - n_network..]);
+        NeuralSurface::from_params(config, params).expect(VALID)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn has_the_shape_it_says() {
+        for start in [Start::Plane, Start::Sphere] {
+            let mut config = super::super::config::surface_config(Default::default(), 100);
+            config.field.encoding.log2_hashmap_size = 12;
+            let surface = start.surface(config, 3);
+            let mut rng = StdRng::seed_from_u64(9);
+            let points: Vec<[f32; 3]> = (0..2000).map(|_| std::array::from_fn(|_| rng.random())).collect();
+            let mut found = vec![0.0; points.len()];
+            surface.field().query(&points, &mut found);
+            let rms = points.iter().zip(&found).map(|(&p, f)| (start.distance(p) - f).powi(2)).sum::<f32>();
+            let rms = (rms / points.len() as f32).sqrt();
+            assert!(rms < 0.03, "{start:?}: {rms}");
+        }
+    }
+}

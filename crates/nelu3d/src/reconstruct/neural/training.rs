@@ -1,0 +1,168 @@
+//! The training of recipe `paper`: on a GPU, or on the CPU, or begun there and ended here.
+
+#[cfg(feature = "gpu")]
+use nelu3d_field::device::Device;
+use nelu3d_field::occupancy::OccupancyGrid;
+use nelu3d_field::surface::{NeuralSurface, SurfaceLoss};
+
+use super::ambient::AmbientField;
+use super::batch::{Batch, Pixels};
+use super::config;
+#[cfg(feature = "gpu")]
+use super::on_gpu;
+use super::options::Background;
+use super::record::{TrainingRecord, diverged, is_observed_after};
+use super::view::{self, View};
+use crate::color_field::CameraRays;
+use crate::reconstruct::context::Context;
+use crate::reconstruct::error::Failure;
+use crate::reconstruct::observer::Stage;
+use crate::reconstruct::options::ReconstructionOptions;
+use crate::reconstruct::scene::Scene;
+
+/// L_eik is a mean over samples; every fourth sample of a step estimates it as well, for two thirds of the time.
+const EIKONAL_EVERY: usize = 4;
+
+/// A training and its state.
+pub(super) struct Training<'a> {
+    scene: &'a Scene<'a>,
+    pixels: &'a Pixels,
+    opts: &'a ReconstructionOptions,
+    n_steps: usize,
+    surface: NeuralSurface,
+    /// The ambient term.
+    pub(super) ambient: AmbientField,
+    occupancy: OccupancyGrid,
+    n_rays: usize,
+    /// What is recorded every hundred iterations.
+    pub(super) records: Vec<TrainingRecord>,
+}
+
+impl<'a> Training<'a> {
+    /// Gives the fields their start.
+    pub(super) fn new(
+        scene: &'a Scene<'a>,
+        pixels: &'a Pixels,
+        opts: &'a ReconstructionOptions,
+        n_steps: usize,
+    ) -> Self {
+        let settings = &opts.paper;
+        let loss = SurfaceLoss {
+            lookup_loss_weight: settings.lookup_loss_weight,
+            clamped_mask: settings.background != Background::Carve,
+            eikonal_every: EIKONAL_EVERY,
+            ..SurfaceLoss::default()
+        };
+        let occupancy =
+            OccupancyGrid::new(config::occupancy_config(), |q| pixels.reaches(scene.camera, &scene.rays, q));
+        Self {
+            scene,
+            pixels,
+            opts,
+            n_steps,
+            surface: settings.start.surface(config::surface_config(loss, n_steps), opts.seed),
+            ambient: AmbientField::new(settings.ambient, scene.white.channels, n_steps, opts.seed),
+            occupancy,
+            n_rays: config::FIRST_RAYS,
+            records: Vec::new(),
+        }
+    }
+
+    /// Trains to the end.
+    pub(super) fn run(&mut self, cx: &mut Context<'_>) -> Result<(), Failure> {
+        #[cfg(feature = "gpu")]
+        let done = self.run_on_gpu(cx)?;
+        #[cfg(not(feature = "gpu"))]
+        let done = 0;
+        self.run_on_cpu(done, cx)
+    }
+
+    /// Trains on the device, if it is a GPU; returns the iterations that are done: all, or those up to the last checkpoint of
+    /// a device that failed.
+    #[cfg(feature = "gpu")]
+    fn run_on_gpu(&mut self, cx: &mut Context<'_>) -> Result<usize, Failure> {
+        let Device::Gpu(gpu) = cx.device.clone() else { return Ok(0) };
+        let (scene, pixels, opts) = (self.scene, self.pixels, self.opts);
+        let on_device = on_gpu::DeviceScene::new(pixels, scene, &opts.paper, opts.seed);
+        let (records, unit_mm) = (&mut self.records, pixels.bounds.unit_mm);
+        let mut on_report = |report: &nelu3d_field::gpu::TrainingReport, done: usize| {
+            records.push(TrainingRecord {
+                inv_s_per_mm: report.inv_s / unit_mm,
+                rays: report.n_rays,
+                samples: report.n_samples,
+                occupied: report.occupied,
+                ..TrainingRecord::of_losses(done, &report.losses)
+            });
+            report.losses.total.is_finite()
+        };
+        let mut parts = on_gpu::TrainedParts {
+            surface: &mut self.surface,
+            ambient: &mut self.ambient,
+            occupancy: &mut self.occupancy,
+        };
+        let (done, n_rays) = on_device.train(&gpu, &mut parts, self.n_steps, cx, &mut on_report, &|parts| {
+            render_view(parts.surface, pixels, &scene.rays, parts.occupancy, scene.measurements.n()).depth
+        })?;
+        self.n_rays = n_rays;
+        Ok(done)
+    }
+
+    fn run_on_cpu(&mut self, done: usize, cx: &mut Context<'_>) -> Result<(), Failure> {
+        let (scene, seed) = (self.scene, self.opts.seed);
+        let spline = scene.spline();
+        let mut batch = Batch::default();
+        for step in done..self.n_steps {
+            cx.stop_if_cancelled()?;
+            config::update_occupancy(&mut self.occupancy, &self.surface, step as u64, seed);
+            let (m, rays) = (&scene.measurements, &scene.rays);
+            batch.draw(self.pixels, m, rays, &spline, &self.occupancy, self.n_rays, seed, step as u64);
+            let losses = batch.step(&mut self.surface, &mut self.ambient);
+            let n_samples = batch.n_samples();
+            if step % 100 == 0 || step + 1 == self.n_steps {
+                self.records.push(TrainingRecord {
+                    inv_s_per_mm: self.surface.inv_s() / self.pixels.bounds.unit_mm,
+                    rays: self.n_rays,
+                    samples: n_samples,
+                    occupied: self.occupancy.share(),
+                    ..TrainingRecord::of_losses(step + 1, &losses)
+                });
+                tracing::info!(?losses, record = ?self.records.last(), "training");
+                if !losses.total.is_finite() {
+                    return Err(diverged(step + 1));
+                }
+            }
+            self.n_rays = config::next_ray_count(self.n_rays, n_samples, self.opts.paper.samples);
+            cx.progress.tick(step + 1, self.n_steps);
+            if is_observed_after(step + 1, self.n_steps) {
+                cx.observe(Stage::Refine, step + 1, || self.render_view().depth);
+            }
+        }
+        Ok(())
+    }
+
+    /// The surface as the camera sees it now.
+    pub(super) fn render_view(&self) -> View {
+        let (rays, n) = (&self.scene.rays, self.scene.measurements.n());
+        render_view(&self.surface, self.pixels, rays, &self.occupancy, n)
+    }
+}
+
+fn render_view(
+    surface: &NeuralSurface,
+    pixels: &Pixels,
+    rays: &CameraRays,
+    grid: &OccupancyGrid,
+    n_pixels: usize,
+) -> View {
+    let mut out = View::empty(n_pixels);
+    let lit: Vec<usize> = pixels.lit().collect();
+    let marches: Vec<_> = lit.iter().map(|&i| pixels.march(rays, i, 0.5)).collect();
+    let rendered = view::render(surface, &pixels.bounds, grid, &marches);
+    let normals = view::normals(surface, &pixels.bounds, &marches, &rendered.t);
+    for (r, &i) in lit.iter().enumerate() {
+        out.depth[i] = rendered.t[r] * rays.dir_z(i);
+        out.spread[i] = rendered.spread[r] * rays.dir_z(i);
+        out.normals[i] = normals[r];
+    }
+    out
+}

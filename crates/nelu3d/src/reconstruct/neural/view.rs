@@ -1,0 +1,89 @@
+//! What a signed distance field looks like along rays.
+
+use nalgebra::Vector3;
+use nelu3d_field::occupancy::OccupancyGrid;
+use nelu3d_field::surface::NeuralSurface;
+use nelu3d_field::volrend::cpu as volrend;
+
+use super::bounds::Bounds;
+use super::march::{March, march};
+
+/// A signed distance field as a camera sees it: maps of `height × width`, NaN where there is no surface.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Camera z, mm.
+    pub depth: Vec<f32>,
+    /// Standard deviation of the rendering weights in depth, mm.
+    pub spread: Vec<f32>,
+    /// Unit normals.
+    pub normals: Vec<[f32; 3]>,
+}
+
+impl View {
+    /// No surface at any of `n` pixels.
+    pub fn empty(n: usize) -> Self {
+        Self { depth: vec![f32::NAN; n], spread: vec![f32::NAN; n], normals: vec![[f32::NAN; 3]; n] }
+    }
+}
+
+/// Rendered distances, one per ray.
+#[derive(Clone, Debug)]
+pub struct RenderedRays {
+    /// Σ w t / O, mm along the ray; NaN where the opacity is below a half.
+    pub t: Vec<f32>,
+    /// Standard deviation of the weights along the ray, mm.
+    pub spread: Vec<f32>,
+    /// O = Σ w.
+    pub opacity: Vec<f32>,
+}
+
+/// Renders distances (method.md §2) with samples at the middle of every step.
+pub fn render(surface: &NeuralSurface, bounds: &Bounds, grid: &OccupancyGrid, rays: &[March]) -> RenderedRays {
+    const CHUNK: usize = 8192;
+    let n = rays.len();
+    let mut out = RenderedRays { t: Vec::with_capacity(n), spread: Vec::with_capacity(n), opacity: Vec::with_capacity(n) };
+    for rays in rays.chunks(CHUNK) {
+        let samples = march(rays, bounds, grid);
+        let mut sdf = vec![0.0; samples.points.len()];
+        surface.field().query(&samples.points, &mut sdf);
+        let mut weights = vec![0.0; sdf.len()];
+        volrend::render_weights(&samples.offsets, &sdf, surface.inv_s() as f32, &mut weights);
+        for ray in samples.offsets.windows(2) {
+            let (w, t) = (&weights[ray[0]..ray[1]], &samples.t[ray[0]..ray[1]]);
+            let (mut o, mut first, mut second) = (0.0f64, 0.0f64, 0.0f64);
+            for (j, &w) in w.iter().enumerate() {
+                // A weight belongs to the interval that its sample opens. Across a gap in the occupied part the surface lies
+                // at its near end.
+                let gap = t.get(j + 1).map_or(0.0, |next| f64::from(next - t[j]));
+                let at = f64::from(t[j]) + 0.5 * gap.min(1.5 * super::march::step_mm(bounds));
+                let w = f64::from(w);
+                o += w;
+                first += w * at;
+                second += w * at * at;
+            }
+            let mean = first / o;
+            let seen = o >= 0.5;
+            out.t.push(if seen { mean as f32 } else { f32::NAN });
+            out.spread.push(if seen { (second / o - mean * mean).max(0.0).sqrt() as f32 } else { f32::NAN });
+            out.opacity.push(o as f32);
+        }
+    }
+    out
+}
+
+/// Unit normals at points along rays, facing the camera where the field does; NaN where `t` is.
+pub fn normals(surface: &NeuralSurface, bounds: &Bounds, rays: &[March], t: &[f32]) -> Vec<[f32; 3]> {
+    let seen: Vec<usize> = (0..t.len()).filter(|&i| t[i].is_finite()).collect();
+    let points: Vec<[f32; 3]> =
+        seen.iter().map(|&i| bounds.to_cube(&(rays[i].origin + rays[i].dir * f64::from(t[i])))).collect();
+    let mut sdf = vec![0.0; points.len()];
+    let mut slopes = vec![[0.0; 3]; points.len()];
+    surface.field().query_with_jacobian(&points, &mut sdf, &mut slopes);
+    let mut out = vec![[f32::NAN; 3]; t.len()];
+    for (&i, slope) in seen.iter().zip(slopes) {
+        let n = Vector3::from(slope);
+        // The cube's axes are equally long, so the gradient's direction is that in space.
+        out[i] = (n / n.norm().max(1e-20)).into();
+    }
+    out
+}

@@ -1,0 +1,38 @@
+//! The result of the refinement.
+
+/// A refined surface. All maps have the whole image's size, row by row.
+pub(crate) struct Refined {
+    /// Inverse depth 1/z, 1/mm; NaN where there is none.
+    pub(crate) inv_z: Vec<f32>,
+    /// Standard deviation of the inverse depth, 1/mm (`uncertainty.rs`).
+    pub(crate) sigma: Vec<f32>,
+    /// Fraction, mean over color channels, of the light that did not come directly from the light source.
+    pub(crate) ambient: Vec<f32>,
+    /// χ² per measurement of a pixel.
+    pub(crate) chi2: Vec<f32>,
+    /// Root mean square residual of the normalized intensities.
+    pub(crate) residual: Vec<f32>,
+    /// Median absolute residual of the normalized intensities.
+    pub(crate) abs_residual: Vec<f32>,
+    /// The loss after every step: mean robust χ² per measurement.
+    pub(crate) losses: Vec<f32>,
+    /// Albedo per color channel, as far as interreflection tells it; 0 without gathered light.
+    pub(crate) albedo: Vec<f32>,
+}
+
+impl Refined {
+    /// No surface at any of `n` pixels yet.
+    pub(super) fn empty(n: usize, losses: Vec<f32>, albedo: Vec<f32>) -> Self {
+        let nan = || vec![f32::NAN; n];
+        Self {
+            inv_z: nan(),
+            sigma: nan(),
+            ambient: vec![0.0; n],
+            chi2: nan(),
+            residual: nan(),
+            abs_residual: nan(),
+            losses,
+            albedo,
+        }
+    }
+}

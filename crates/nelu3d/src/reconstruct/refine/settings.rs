@@ -1,0 +1,93 @@
+//! Settings of the narrow-band refinement.
+
+use serde::Serialize;
+
+/// Settings of the narrow-band refinement. Depths are solved for as inverse depths in units of the spacing of depth
+/// hypotheses ("steps of depth" below), about 0.7 px of disparity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct RefineSettings {
+    /// Largest number of Gauss-Newton steps.
+    pub steps: usize,
+    /// Ends earlier when the surface moves by less than this in a step (mean over its pixels), steps of depth; 0 never
+    /// does.
+    pub settled: f32,
+    /// Width 1/inv_s of the surface at the first step, mm.
+    pub first_width_mm: f32,
+    /// Width 1/inv_s of the surface at the last step, mm.
+    pub last_width_mm: f32,
+    /// Factor by which the prior's roughness exceeds [`Self::roughness`] at the first step; it falls to 1 over
+    /// [`Self::loose_steps`]. A surface that was smoothed before would else decide how smooth the new one is, whatever
+    /// the data say.
+    pub loosened: f32,
+    /// Number of steps after which the prior is no longer loosened.
+    pub loose_steps: f32,
+    /// Largest number of patches that the surface reflects light from; 0 for no interreflection.
+    pub patches: usize,
+    /// Number of times that interreflection is gathered.
+    pub gathers: usize,
+    /// Step before which interreflection is gathered first.
+    pub first_gather: usize,
+    /// Part of the image's width over which the light fractions are smooth: one over this, at least 2 px.
+    pub ambient_radius_divisor: usize,
+    /// Minimum roughness of the surface: standard deviation of second differences between neighboring pixels, steps of
+    /// depth. Smaller is smoother.
+    pub roughness: f32,
+    /// Second differences beyond this many steps of depth are creases or jumps, where the prior breaks.
+    pub crease: f32,
+    /// Half side of the square over which a surface's local roughness is pooled, px.
+    pub roughness_radius: usize,
+    /// Factor by which the residual of one step's linear system is reduced.
+    pub solver_reduction: f64,
+    /// Largest number of iterations of one step's solver.
+    pub solver_iterations: usize,
+    /// χ² per measurement at which a pixel's weight has fallen to a quarter (Geman-McClure).
+    pub robust_chi2: f32,
+}
+
+impl Default for RefineSettings {
+    fn default() -> Self {
+        Self {
+            steps: 24,
+            settled: 0.0,
+            first_width_mm: 0.7,
+            last_width_mm: 0.1,
+            loosened: 1.0,
+            loose_steps: 2.0,
+            patches: 4000,
+            gathers: 6,
+            first_gather: 2,
+            ambient_radius_divisor: 80,
+            roughness: 0.2,
+            crease: 0.5,
+            roughness_radius: 3,
+            solver_reduction: 1e-2,
+            solver_iterations: 120,
+            robust_chi2: 6.0,
+        }
+    }
+}
+
+impl RefineSettings {
+    /// Width 1/inv_s of the surface at a step, mm: it shrinks over the first two thirds of the steps.
+    pub(super) fn width_mm(&self, step: usize) -> f32 {
+        let done = step as f32 / (self.steps - 1).max(1) as f32;
+        self.first_width_mm * (self.last_width_mm / self.first_width_mm).powf((done * 1.5).min(1.0))
+    }
+
+    /// Roughness that the prior allows at a step, steps of depth.
+    pub(super) fn roughness_at(&self, step: usize) -> f32 {
+        self.roughness * (1.0 + (self.loosened - 1.0) * (1.0 - step as f32 / self.loose_steps).max(0.0))
+    }
+
+    /// Whether interreflection is gathered before this step: first when the surface has lost the decoder's noise (if it
+    /// has any), then at even distances.
+    pub(super) fn gathers_at(&self, step: usize) -> bool {
+        let first = self.first_gather.min(self.steps.saturating_sub(2));
+        (0..self.gathers).any(|g| step == first + g * (self.steps - first) / self.gathers)
+    }
+
+    /// Whether nothing changes from this step on but the surface: it has its last width, and no gathering follows.
+    pub(super) fn is_final(&self, step: usize) -> bool {
+        self.width_mm(step) <= self.last_width_mm && (step + 1..self.steps).all(|later| !self.gathers_at(later))
+    }
+}

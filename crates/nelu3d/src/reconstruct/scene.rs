@@ -1,0 +1,60 @@
+//! A scene as every stage of a reconstruction reads it.
+
+use std::borrow::Cow;
+
+use nelu3d_scan::rig::Capture;
+use nelu3d_scan::{Camera, Image};
+
+use super::context::Context;
+use super::error::Failure;
+use crate::color_field::grid::Grid;
+use crate::color_field::{CameraRays, ColorField, SplineEvaluator};
+use crate::sensor::Measurements;
+
+/// Camera, color field, rays and measurements of a scene.
+pub(crate) struct Scene<'a> {
+    /// The camera of all maps.
+    pub(crate) camera: &'a Camera,
+    /// The color field.
+    pub(crate) field: &'a ColorField,
+    /// The white (flash) image.
+    pub(crate) white: &'a Image,
+    /// The color field as a spline.
+    pub(crate) grid: Cow<'a, Grid>,
+    /// The ray of every pixel, and where along it the field holds.
+    pub(crate) rays: CameraRays,
+    /// Normalized intensities, their variances, and the status of every pixel so far.
+    pub(crate) measurements: Measurements,
+}
+
+impl<'a> Scene<'a> {
+    /// Normalizes a capture. `min_model_sigma` is the least standard deviation that the field itself is granted,
+    /// normalized intensity.
+    pub(crate) fn measure(
+        capture: &'a Capture,
+        camera: &'a Camera,
+        field: &'a ColorField,
+        min_model_sigma: f32,
+        cx: &mut Context<'_>,
+    ) -> Result<Self, Failure> {
+        cx.clock.begin("prepare");
+        let about = &field.metadata;
+        let measurements = Measurements::new(capture, &about.noise, &about.dark, about.model_sigma(min_model_sigma));
+        let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1));
+        cx.stop_if_cancelled()?;
+        Ok(Self { camera, field, white: &capture.white, grid, rays, measurements })
+    }
+
+    /// Evaluates the color field.
+    pub(crate) fn spline(&self) -> SplineEvaluator<'_> {
+        SplineEvaluator::new(&self.grid, self.field.metadata.cells_per_pixel)
+    }
+
+    /// White − black of the board per channel, for images of three channels; `None` where the field does not know it.
+    pub(crate) fn board_white(&self) -> Option<[f32; 3]> {
+        let light: Vec<f32> = self.field.metadata.dark.iter().map(|d| d.light).collect();
+        let m = &self.measurements;
+        let known = m.light.len() == 3 * m.n() && light.len() == 3 && light.iter().all(|v| *v > 0.0);
+        known.then(|| [light[0], light[1], light[2]])
+    }
+}

@@ -1,0 +1,81 @@
+//! Every number that recipe `fast` uses, in one place: `result.json` records them whole.
+
+use serde::Serialize;
+
+use super::cost_volume::CostVolumeSettings;
+use super::crosstalk::CrosstalkSettings;
+use super::effort::EffortSettings;
+use super::filter::FilterSettings;
+use super::initialize::PropagationSettings;
+use super::light_fractions::LightFractionPrior;
+use super::options::ReconstructionOptions;
+use super::refine::RefineSettings;
+
+/// Pixels of disparity between two depth hypotheses: the unit of the refinement.
+const HYPOTHESIS_PX: f32 = 0.7;
+
+/// Settings of recipe `fast`, resolved from [`ReconstructionOptions`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FastSettings {
+    /// Least standard deviation granted to the color field itself, normalized intensity.
+    pub min_model_sigma: f32,
+    /// Largest number of pixels that are decoded; an image with more valid ones is decoded reduced, and refined in full.
+    pub max_decoded_pixels: usize,
+    /// Smallest connected component that initialization accepts, px.
+    pub min_component: usize,
+    /// Cost volume and semi-global matching.
+    pub cost_volume: CostVolumeSettings,
+    /// Start from the previous frame's surface.
+    pub propagation: PropagationSettings,
+    /// Estimation of the crosstalk matrix from the scene.
+    pub crosstalk: CrosstalkSettings,
+    /// Prior of light that did not come directly from the light source.
+    pub light_fractions: LightFractionPrior,
+    /// Narrow-band refinement.
+    pub refine: RefineSettings,
+    /// Rejection of pixels.
+    pub filter: FilterSettings,
+}
+
+impl FastSettings {
+    /// The settings of a scene of which nothing is known.
+    pub fn new(opts: &ReconstructionOptions) -> Self {
+        let EffortSettings { decoded_pixels, steps, gathers, patches } = opts.effort.settings();
+        Self {
+            min_model_sigma: 0.005,
+            max_decoded_pixels: decoded_pixels,
+            min_component: opts.min_component,
+            cost_volume: CostVolumeSettings {
+                max_hypotheses: opts.max_labels.max(16),
+                p_jump: 0.01,
+                p_step: 0.2,
+            },
+            propagation: PropagationSettings::default(),
+            crosstalk: CrosstalkSettings::default(),
+            light_fractions: LightFractionPrior { sigma_ambient: 0.05, sigma_indirect: 0.2 },
+            refine: RefineSettings {
+                steps: opts.steps.unwrap_or(steps),
+                settled: 0.0,
+                first_width_mm: 0.7,
+                last_width_mm: 0.1,
+                loosened: 1.0,
+                patches,
+                gathers,
+                first_gather: 2,
+                roughness: opts.roughness / HYPOTHESIS_PX,
+                ..RefineSettings::default()
+            },
+            filter: FilterSettings { min_component: opts.min_component, ..FilterSettings::default() },
+        }
+    }
+
+    /// The settings of a refinement that begins at the previous frame's surface: fewer steps, which end when the surface
+    /// has settled, and a prior that is loosened at first.
+    pub fn after_previous_frame(self, opts: &ReconstructionOptions) -> Self {
+        let EffortSettings { steps, gathers, patches, .. } = opts.effort.after_previous_frame();
+        let steps = opts.steps.unwrap_or(steps);
+        let refine =
+            RefineSettings { steps, gathers, patches, settled: 0.01, loosened: 4.0, first_gather: 0, ..self.refine };
+        Self { refine, ..self }
+    }
+}

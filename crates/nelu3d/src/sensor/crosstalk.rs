@@ -1,0 +1,159 @@
+//! Crosstalk: a camera's red, green and blue each respond to some of the light's other colors.
+//!
+//! A light source sends three colors, each with its own pattern c′_m(x). The board returns all alike, so on it channel i
+//! measures `c_i = Σ_m A_im c′_m`, with rows of A that sum to one: c is the color field, as it was learned. A colored
+//! object returns the fraction ρ_m of each, and channel i measures `p_i = Σ_m A_im ρ_m c′_m / Σ_m A_im ρ_m`: another
+//! mixture, which no point of the field explains (a failure in the paper's Fig. 8). But its white (flash) image, with
+//! c′ = 1 everywhere, is `W_i ∝ Σ_m A_im ρ_m` (relative to the board's), so ρ = A⁻¹ W is known at every pixel once A is;
+//! and p is taken back to what the board would have shown there: `c = A diag(1/ρ) A⁻¹ diag(Aρ) p`.
+
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::measurements::Measurements;
+use crate::surface::PixelStatus;
+
+/// The crosstalk matrix A of a camera and a light source with three colors: rows are the camera's channels and sum to one,
+/// columns are the light's colors.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CrosstalkMatrix(pub [[f32; 3]; 3]);
+
+/// Fractions of a color below this part of the largest are taken for it: a surface returns some of every color.
+const MIN_FRACTION: f32 = 0.02;
+
+impl CrosstalkMatrix {
+    /// The identity: no crosstalk.
+    pub const NONE: Self = Self([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+
+    /// The largest absolute difference of an entry.
+    pub fn difference(&self, other: &Self) -> f32 {
+        self.0.iter().flatten().zip(other.0.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    /// The matrix of six free numbers: its off-diagonal entries, row by row.
+    pub(crate) fn from_free(free: &[f64; 6]) -> Self {
+        let [a, b, c, d, e, f] = free.map(|v| v as f32);
+        Self([[1.0 - a - b, a, b], [c, 1.0 - c - d, d], [e, f, 1.0 - e - f]])
+    }
+
+    /// The six off-diagonal entries, row by row; the diagonal follows because rows sum to one.
+    pub(crate) fn free(&self) -> [f64; 6] {
+        let m = &self.0;
+        [m[0][1], m[0][2], m[1][0], m[1][2], m[2][0], m[2][1]].map(f64::from)
+    }
+
+    fn matrix(&self) -> Matrix3<f32> {
+        Matrix3::from_fn(|i, j| self.0[i][j])
+    }
+}
+
+/// A crosstalk matrix with its inverse, prepared for many pixels.
+pub struct CrosstalkCorrection {
+    a: Matrix3<f32>,
+    inverse: Matrix3<f32>,
+}
+
+impl CrosstalkCorrection {
+    /// Inverts a matrix; `None` if it is singular.
+    pub fn new(crosstalk: &CrosstalkMatrix) -> Option<Self> {
+        let a = crosstalk.matrix();
+        Some(Self { a, inverse: a.try_inverse()? })
+    }
+
+    /// The fraction ρ of each of the light's colors that a pixel returns, largest 1, from its white relative to the
+    /// board's.
+    fn color_fractions(&self, white: Vector3<f32>) -> Vector3<f32> {
+        let rho = self.inverse * white;
+        let max = rho.max().max(1e-6);
+        rho.map(|v| (v / max).max(MIN_FRACTION))
+    }
+
+    /// The matrix that takes a codeword of the field to that of an object with this white relative to the board's.
+    pub fn object_from_board(&self, white: Vector3<f32>) -> Matrix3<f32> {
+        let rho = self.color_fractions(white);
+        let total = self.a * rho;
+        let mixed = self.a * Matrix3::from_diagonal(&rho) * self.inverse;
+        Matrix3::from_fn(|i, j| mixed[(i, j)] / total[i])
+    }
+
+    /// The inverse of [`Self::object_from_board`].
+    fn board_from_object(&self, white: Vector3<f32>) -> Matrix3<f32> {
+        let rho = self.color_fractions(white);
+        self.a * Matrix3::from_diagonal(&rho.map(|v| 1.0 / v)) * self.inverse * Matrix3::from_diagonal(&(self.a * rho))
+    }
+}
+
+/// White − black of pixel `i` relative to that of the board, per channel.
+pub fn relative_white(m: &Measurements, i: usize, board: &[f32; 3]) -> Vector3<f32> {
+    Vector3::from_fn(|c, _| m.light[i * 3 + c] / board[c])
+}
+
+impl Measurements {
+    /// Takes every codeword back to what the board would have shown. `board` is white − black of the board, per channel.
+    pub fn correct_crosstalk(&mut self, crosstalk: &CrosstalkMatrix, board: &[f32; 3]) {
+        let Some(correction) = CrosstalkCorrection::new(crosstalk) else { return };
+        let (k, n) = (self.k, self.n());
+        for i in 0..n {
+            if self.status[i] != PixelStatus::Valid {
+                continue;
+            }
+            let back = correction.board_from_object(relative_white(self, i, board));
+            for image in 0..k / 3 {
+                let at = i * k + 3 * image;
+                let p = Vector3::from_fn(|c, _| self.p[at + c]);
+                let inv_var = Vector3::from_fn(|c, _| self.inv_var[at + c]);
+                for c in 0..3 {
+                    let row = back.row(c);
+                    let mut variance = 0.0;
+                    for j in 0..3 {
+                        // An unusable channel carries no information, and neither do those that depend on it.
+                        if inv_var[j] > 0.0 {
+                            variance += row[j] * row[j] / inv_var[j];
+                        } else if row[j].abs() > 0.02 {
+                            variance = f32::INFINITY;
+                        }
+                    }
+                    self.p[at + c] = (row * p)[0];
+                    self.inv_var[at + c] = if variance > 0.0 { 1.0 / variance } else { 0.0 };
+                }
+            }
+        }
+        self.surround = self.surroundings();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const A: CrosstalkMatrix = CrosstalkMatrix([[0.83, 0.14, 0.03], [0.10, 0.78, 0.12], [0.02, 0.17, 0.81]]);
+
+    #[test]
+    fn back_is_the_inverse_of_forth() {
+        let correction = CrosstalkCorrection::new(&A).unwrap();
+        for white in [[0.9, 0.2, 0.1], [0.3, 0.3, 0.3], [0.1, 0.15, 0.6]] {
+            let white = A.matrix() * Vector3::from(white);
+            let identity = correction.board_from_object(white) * correction.object_from_board(white);
+            assert!((identity - Matrix3::identity()).abs().max() < 1e-4, "{identity}");
+            // White stays white: rows sum to one.
+            assert!((correction.object_from_board(white) * Vector3::repeat(1.0) - Vector3::repeat(1.0)).abs().max() < 1e-5);
+        }
+    }
+
+    /// A gray object is measured as the board is, whatever the mixing.
+    #[test]
+    fn gray_objects_do_not_mix() {
+        let correction = CrosstalkCorrection::new(&A).unwrap();
+        assert!((correction.object_from_board(Vector3::repeat(0.4)) - Matrix3::identity()).abs().max() < 1e-5);
+    }
+
+    /// The formula against the physics it stands for: light through A, object shares, patterns.
+    #[test]
+    fn a_colored_object_measures_what_the_model_says() {
+        let (rho, patterns) = (Vector3::new(0.8f32, 0.3, 0.1), Vector3::new(0.2f32, 0.7, 0.5));
+        let a = A.matrix();
+        let measured = (a * rho.component_mul(&patterns)).component_div(&(a * rho));
+        let found = CrosstalkCorrection::new(&A).unwrap().object_from_board(a * rho) * (a * patterns);
+        assert!((measured - found).abs().max() < 1e-5, "{measured} {found}");
+    }
+}

@@ -1,0 +1,201 @@
+//! What the camera measured in a scene: normalized intensities, their variances, and which pixels cannot be used.
+
+use nelu3d_scan::image::box_mean;
+use nelu3d_scan::rig::Capture;
+
+use super::dark_level::DarkLevel;
+use super::noise::NoiseModel;
+use crate::surface::PixelStatus;
+
+/// Normalized intensities of a scene.
+#[derive(Clone, Debug)]
+pub struct Measurements {
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// Pattern channels.
+    pub k: usize,
+    /// How many of them are measured independently of each other: mono images of a color camera stand in three, and are one.
+    pub independent: f32,
+    /// Normalized intensity, `n × k`: (pattern − black) / (white − black).
+    pub p: Vec<f32>,
+    /// One over its variance, `n × k`; 0 where a channel is unusable.
+    pub inv_var: Vec<f32>,
+    /// Codeword of a pixel's surroundings, `n × k`: what light that comes from there (interreflection) carries.
+    pub surround: Vec<f32>,
+    /// Why a pixel is left out, so far: kept, clipped or dark.
+    pub status: Vec<PixelStatus>,
+    /// Mean white − black over channels.
+    pub contrast: Vec<f32>,
+    /// White − black of every channel, `n × channels`.
+    pub light: Vec<f32>,
+    /// Whether ambient light was subtracted with a black image of the scene itself.
+    pub has_black: bool,
+}
+
+/// The largest standard deviation of the normalized intensity with which a channel still tells something. Above it the
+/// pixel is dark: a shadow, the background, or too little light.
+const MAX_SIGMA: f32 = 0.12;
+
+impl Measurements {
+    /// Normalizes a capture. Without a black image, the sweep's dark level stands in. `model_sigma` is the error of the color field itself, added to the sensor's noise.
+    pub fn new(capture: &Capture, noise: &NoiseModel, dark: &[DarkLevel], model_sigma: f32) -> Self {
+        let white = &capture.white;
+        let (n, c) = (white.width * white.height, white.channels);
+        let k = capture.patterns.len() * c;
+        let mut out = Self {
+            width: white.width,
+            height: white.height,
+            k,
+            independent: (k - (c - 1) * capture.mono.iter().filter(|mono| **mono).count()) as f32,
+            p: vec![0.0; n * k],
+            inv_var: vec![0.0; n * k],
+            surround: Vec::new(),
+            status: vec![PixelStatus::Valid; n],
+            contrast: vec![0.0; n],
+            light: vec![0.0; n * c],
+            has_black: capture.black.is_some(),
+        };
+        for i in 0..n {
+            let (mut usable, mut clipped) = (0, 0);
+            for ch in 0..c {
+                let w = white.data[i * c + ch];
+                let b = match &capture.black {
+                    Some(black) => black.data[i * c + ch],
+                    None => dark.get(ch).map_or(0.0, |d| d.at(w)),
+                };
+                let contrast = w - b;
+                out.contrast[i] += contrast / c as f32;
+                out.light[i * c + ch] = contrast;
+                for (m, pattern) in capture.patterns.iter().enumerate() {
+                    let raw = pattern.data[i * c + ch];
+                    if w >= 1.0 || raw >= 1.0 {
+                        clipped += 1;
+                        continue;
+                    }
+                    if contrast <= 0.0 {
+                        continue;
+                    }
+                    let l = (raw - b) / contrast;
+                    // The variance of a codeword in mid range decides what is dark, so that a dark codeword is not
+                    // mistaken for good light.
+                    if noise.normalized_variance(0.5, contrast, b) > MAX_SIGMA * MAX_SIGMA {
+                        continue;
+                    }
+                    let mut var = noise.normalized_variance(l.clamp(0.0, 1.0), contrast, b) + model_sigma * model_sigma;
+                    // One value stands in all channels: together they weigh as much as one.
+                    if capture.mono[m] {
+                        var *= c as f32;
+                    }
+                    out.p[i * k + m * c + ch] = l;
+                    out.inv_var[i * k + m * c + ch] = 1.0 / var;
+                    usable += 1;
+                }
+            }
+            // A pixel needs most of its channels: with fewer the code is not the one that was calibrated.
+            if usable * 3 < k * 2 {
+                out.status[i] = if clipped > 0 { PixelStatus::Saturated } else { PixelStatus::Underexposed };
+                out.inv_var[i * k..(i + 1) * k].fill(0.0);
+            }
+        }
+        out.surround = out.surroundings();
+        out
+    }
+
+    /// Perfect measurements of mid gray under full light, one color channel.
+    #[cfg(test)]
+    pub(crate) fn for_test(width: usize, height: usize, k: usize) -> Self {
+        let n = width * height;
+        Self {
+            width,
+            height,
+            k,
+            independent: k as f32,
+            p: vec![0.5; n * k],
+            inv_var: vec![1e4; n * k],
+            surround: vec![0.5; n * k],
+            status: vec![PixelStatus::Valid; n],
+            contrast: vec![1.0; n],
+            light: vec![1.0; n],
+            has_black: true,
+        }
+    }
+
+    /// Mean codeword around every pixel, weighted by how much light there is to come from there.
+    pub(super) fn surroundings(&self) -> Vec<f32> {
+        let (n, k) = (self.n(), self.k);
+        let radius = (self.width.max(self.height) / 24).max(2);
+        let mut out = vec![0.0; n * k];
+        for j in 0..k {
+            let usable = |i: usize| self.inv_var[i * k + j] > 0.0;
+            let mut den: Vec<f32> = (0..n).map(|i| if usable(i) { self.contrast[i].max(0.0) } else { 0.0 }).collect();
+            let mut num: Vec<f32> = den.iter().enumerate().map(|(i, w)| w * self.p[i * k + j]).collect();
+            for _ in 0..2 {
+                box_mean(&mut num, self.width, self.height, radius);
+                box_mean(&mut den, self.width, self.height, radius);
+            }
+            for i in 0..n {
+                out[i * k + j] = if den[i] > 1e-6 { num[i] / den[i] } else { 0.5 };
+            }
+        }
+        out
+    }
+
+    /// Number of pixels.
+    pub fn n(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// Means over blocks of `f × f` pixels, weighted by contrast and inverse variance: a smaller picture to decode first.
+    pub fn reduced(&self, f: usize) -> Self {
+        if f == 1 {
+            return self.clone();
+        }
+        let (w, h, k) = (self.width / f, self.height / f, self.k);
+        let mut out = Self {
+            width: w,
+            height: h,
+            k,
+            independent: self.independent,
+            p: vec![0.0; w * h * k],
+            inv_var: vec![0.0; w * h * k],
+            surround: Vec::new(),
+            status: vec![PixelStatus::Underexposed; w * h],
+            contrast: vec![0.0; w * h],
+            light: Vec::new(),
+            has_black: self.has_black,
+        };
+        for y in 0..h {
+            for x in 0..w {
+                let o = y * w + x;
+                let mut kept = 0;
+                for dy in 0..f {
+                    for dx in 0..f {
+                        let i = (y * f + dy) * self.width + x * f + dx;
+                        if self.status[i] != PixelStatus::Valid {
+                            continue;
+                        }
+                        kept += 1;
+                        out.contrast[o] += self.contrast[i];
+                        for j in 0..k {
+                            let iv = self.inv_var[i * k + j];
+                            out.p[o * k + j] += iv * self.p[i * k + j];
+                            out.inv_var[o * k + j] += iv;
+                        }
+                    }
+                }
+                if kept > 0 {
+                    out.status[o] = PixelStatus::Valid;
+                    out.contrast[o] /= kept as f32;
+                    for j in 0..k {
+                        let iv = out.inv_var[o * k + j];
+                        out.p[o * k + j] = if iv > 0.0 { out.p[o * k + j] / iv } else { 0.0 };
+                    }
+                }
+            }
+        }
+        out.surround = out.surroundings();
+        out
+    }
+}

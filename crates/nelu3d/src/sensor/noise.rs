@@ -1,0 +1,167 @@
+//! The sensor's noise, estimated from the captures themselves.
+
+use nelu3d_scan::Image;
+use serde::{Deserialize, Serialize};
+
+/// Variance of a linear intensity I in `[0, 1]`: `read + gain · I` (read and quantization noise, shot noise).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseModel {
+    /// Variance without light.
+    pub read: f32,
+    /// Variance per unit of intensity.
+    pub gain: f32,
+}
+
+impl NoiseModel {
+    /// Variance of an intensity.
+    pub fn variance(&self, intensity: f32) -> f32 {
+        self.read + self.gain * intensity.max(0.0)
+    }
+
+    /// Variance of the normalized intensity `L = (pattern − black) / (white − black)` at contrast `white − black`, by
+    /// first-order propagation.
+    pub fn normalized_variance(&self, l: f32, contrast: f32, black: f32) -> f32 {
+        let pattern = self.variance(black + l * contrast);
+        let white = self.variance(black + contrast);
+        let dark = self.variance(black);
+        (pattern + l * l * white + (1.0 - l) * (1.0 - l) * dark) / (contrast * contrast)
+    }
+}
+
+const LEVELS: usize = 24;
+const BUCKETS: usize = 512;
+
+/// Gathers noise statistics over many images; see [`NoiseEstimator::finish`].
+#[derive(Clone)]
+pub struct NoiseEstimator {
+    /// Per intensity level, a histogram of |high-pass| on a logarithmic scale.
+    histograms: Vec<[u32; BUCKETS]>,
+    intensity: Vec<(f64, u64)>,
+}
+
+impl Default for NoiseEstimator {
+    fn default() -> Self {
+        Self { histograms: vec![[0; BUCKETS]; LEVELS], intensity: vec![(0.0, 0); LEVELS] }
+    }
+}
+
+/// Histogram range of the absolute high-pass response: 1e-6 to 1, logarithmic.
+fn bucket(r: f32) -> usize {
+    let t = (r.max(1e-6).log10() + 6.0) / 6.0;
+    ((t * BUCKETS as f32) as usize).min(BUCKETS - 1)
+}
+
+impl NoiseEstimator {
+    /// Adds an image. Each pixel's response to the mask [1 −2 1; −2 4 −2; 1 −2 1] (blind to any quadratic surface;
+    /// Immerkær 1996) goes to its intensity level; clipped neighborhoods are left out.
+    pub fn add(&mut self, image: &Image) {
+        let (w, h, k) = (image.width, image.height, image.channels);
+        // Every other row: neighboring rows' responses share two thirds of their pixels.
+        for y in (1..h.saturating_sub(1)).step_by(2) {
+            for x in 1..w.saturating_sub(1) {
+                for c in 0..k {
+                    let at = |dx: usize, dy: usize| image.data[((y + dy - 1) * w + x + dx - 1) * k + c];
+                    let v = [at(0, 0), at(1, 0), at(2, 0), at(0, 1), at(1, 1), at(2, 1), at(0, 2), at(1, 2), at(2, 2)];
+                    let mean = v.iter().sum::<f32>() / 9.0;
+                    if v.iter().any(|v| *v >= 1.0) || mean < 0.0 {
+                        continue;
+                    }
+                    let r = v[0] - 2.0 * v[1] + v[2] - 2.0 * v[3] + 4.0 * v[4] - 2.0 * v[5] + v[6] - 2.0 * v[7] + v[8];
+                    let level = ((mean.sqrt() * LEVELS as f32) as usize).min(LEVELS - 1);
+                    self.histograms[level][bucket(r.abs())] += 1;
+                    self.intensity[level].0 += f64::from(mean);
+                    self.intensity[level].1 += 1;
+                }
+            }
+        }
+    }
+
+    /// Joins another estimator's statistics.
+    pub fn merge(&mut self, other: &Self) {
+        for (a, b) in self.histograms.iter_mut().zip(&other.histograms) {
+            a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+        }
+        for (a, b) in self.intensity.iter_mut().zip(&other.intensity) {
+            a.0 += b.0;
+            a.1 += b.1;
+        }
+    }
+
+    /// Fits the model. A level's σ is the mean of its smallest 80 % of responses, scaled to a Gaussian, which edges in the
+    /// picture cannot reach. Never below what quantization with step `lsb` alone gives.
+    pub fn finish(&self, lsb: f32) -> NoiseModel {
+        // Mean of |z| below its 80 % quantile for a standard Gaussian, and the gain of the mask.
+        const TRIMMED: f64 = 0.5587;
+        const MASK: f64 = 6.0;
+        let floor = f64::from(lsb * lsb) / 12.0;
+        // Weighted least squares of variance against intensity; variance estimates have errors proportional to themselves.
+        let (mut s, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for (h, (sum, n)) in self.histograms.iter().zip(&self.intensity) {
+            if *n < 400 {
+                continue;
+            }
+            let keep = (*n as f64 * 0.8) as u64;
+            let (mut seen, mut total) = (0u64, 0.0);
+            for (i, c) in h.iter().enumerate() {
+                let take = u64::from(*c).min(keep - seen);
+                total += take as f64 * 10f64.powf((i as f64 + 0.5) / BUCKETS as f64 * 6.0 - 6.0);
+                seen += take;
+            }
+            let sigma = total / keep as f64 / TRIMMED / MASK;
+            let var = (sigma * sigma).max(floor);
+            let (x, weight) = (sum / *n as f64, (*n as f64).sqrt() / (var * var));
+            s += weight;
+            sx += weight * x;
+            sxx += weight * x * x;
+            sy += weight * var;
+            sxy += weight * x * var;
+        }
+        if s == 0.0 {
+            return NoiseModel { read: floor as f32, gain: 1e-4 };
+        }
+        let det = s * sxx - sx * sx;
+        let (mut read, mut gain) =
+            if det > 1e-9 * s * sxx { ((sxx * sy - sx * sxy) / det, (s * sxy - sx * sy) / det) } else { (sy / s, 0.0) };
+        if gain < 0.0 {
+            (read, gain) = (sy / s, 0.0);
+        }
+        if read < floor {
+            read = floor;
+            gain = ((sxy - read * sx) / sxx).max(0.0);
+        }
+        NoiseModel { read: read as f32, gain: gain as f32 }
+    }
+}
+
+/// One step of the sensor's code in linear intensity, of a camera with these levels.
+pub fn quantization_step(black_level: f64, saturation: f64) -> f32 {
+    (1.0 / (saturation - black_level).max(1e-9)) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    #[test]
+    fn finds_declared_noise_under_edges_and_shading() {
+        let mut rng = rand::rngs::StdRng::seed_from_u64(1);
+        let truth = NoiseModel { read: 4e-6, gain: 1e-4 };
+        let mut image = Image::new(400, 300, 1);
+        for y in 0..300 {
+            for x in 0..400 {
+                let clean = 0.05 + 0.8 * (x as f32 / 400.0) * if (y / 40) % 2 == 0 { 1.0 } else { 0.3 };
+                let n: f32 = (0..12).map(|_| rng.random::<f32>()).sum::<f32>() - 6.0;
+                image.data[y * 400 + x] = clean + n * truth.variance(clean).sqrt();
+            }
+        }
+        let mut e = NoiseEstimator::default();
+        e.add(&image);
+        let m = e.finish(1.0 / 4095.0);
+        for i in [0.1, 0.4, 0.8] {
+            let ratio = m.variance(i) / truth.variance(i);
+            assert!((0.8..1.25).contains(&ratio), "at {i}: {ratio}");
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! Which neighboring pixels of a depth map belong to one surface, and its connected components.
+
+use nelu3d_scan::Camera;
+
+/// Where neighbors belong to one surface, per pixel: bit 0 to the right neighbor, bit 1 to the one below.
+pub struct Links(Vec<u8>);
+
+impl Links {
+    /// Links neighbors whose depths differ by no more than the surface's own slope explains. A step is a jump when it is
+    /// larger than `max_slope` (depth per lateral distance, both mm) and also larger than four times the steps next to it
+    /// in the same direction.
+    pub fn new(depth: &[f32], camera: &Camera, max_slope: f32) -> Self {
+        let (w, h) = (camera.width, camera.height);
+        let lateral = 1.0 / (0.5 * (camera.fx + camera.fy)) as f32;
+        let joined = |i: usize, stride: usize, before: bool, after: bool| -> bool {
+            let j = i + stride;
+            if !(depth[i].is_finite() && depth[j].is_finite()) {
+                return false;
+            }
+            let step = (depth[j] - depth[i]).abs();
+            let mm = lateral * depth[i].min(depth[j]);
+            if step <= max_slope * mm {
+                return true;
+            }
+            let side = |ok: bool, a: usize, b: usize| {
+                if ok && depth[a].is_finite() && depth[b].is_finite() { (depth[b] - depth[a]).abs() } else { 0.0 }
+            };
+            let around = side(before, i.wrapping_sub(stride), i).min(side(after, j, (j + stride).min(depth.len() - 1)));
+            step <= 12.0 * mm && step <= 4.0 * around
+        };
+        let mut links = vec![0u8; w * h];
+        for y in 0..h {
+            for x in 0..w {
+                let i = y * w + x;
+                if x + 1 < w && joined(i, 1, x > 0, x + 2 < w) {
+                    links[i] |= 1;
+                }
+                if y + 1 < h && joined(i, w, y > 0, y + 2 < h) {
+                    links[i] |= 2;
+                }
+            }
+        }
+        Self(links)
+    }
+
+    pub(super) fn right(&self, i: usize) -> bool {
+        self.0[i] & 1 != 0
+    }
+
+    pub(super) fn down(&self, i: usize) -> bool {
+        self.0[i] & 2 != 0
+    }
+
+    /// Pixels with a depth that are next to one of another surface.
+    pub fn at_jumps(&self, depth: &[f32], width: usize) -> Vec<usize> {
+        let mut at = vec![false; depth.len()];
+        for i in 0..depth.len() {
+            if !depth[i].is_finite() {
+                continue;
+            }
+            let mut cut = |linked: bool, j: usize| {
+                if !linked && j < depth.len() && depth[j].is_finite() {
+                    at[i] = true;
+                    at[j] = true;
+                }
+            };
+            if i % width + 1 < width {
+                cut(self.right(i), i + 1);
+            }
+            cut(self.down(i), i + width);
+        }
+        (0..depth.len()).filter(|i| at[*i]).collect()
+    }
+
+    /// Sizes of connected components per pixel (0 where there is no surface).
+    pub fn component_sizes(&self, depth: &[f32], width: usize) -> Vec<u32> {
+        let (label, sizes) = self.components(depth, width);
+        label.iter().map(|l| if *l == u32::MAX { 0 } else { sizes[*l as usize] }).collect()
+    }
+
+    /// The connected component of each pixel (`u32::MAX` where there is no surface), and their sizes.
+    pub fn components(&self, depth: &[f32], width: usize) -> (Vec<u32>, Vec<u32>) {
+        let n = depth.len();
+        let mut label = vec![u32::MAX; n];
+        let mut sizes = Vec::new();
+        let mut stack = Vec::new();
+        for seed in 0..n {
+            if !depth[seed].is_finite() || label[seed] != u32::MAX {
+                continue;
+            }
+            let id = sizes.len() as u32;
+            let mut size = 0;
+            label[seed] = id;
+            stack.push(seed);
+            while let Some(i) = stack.pop() {
+                size += 1;
+                let mut visit = |j: usize| {
+                    if label[j] == u32::MAX {
+                        label[j] = id;
+                        stack.push(j);
+                    }
+                };
+                if self.right(i) {
+                    visit(i + 1);
+                }
+                if self.down(i) {
+                    visit(i + width);
+                }
+                if i % width > 0 && self.right(i - 1) {
+                    visit(i - 1);
+                }
+                if i >= width && self.down(i - width) {
+                    visit(i - width);
+                }
+            }
+            sizes.push(size);
+        }
+        (label, sizes)
+    }
+}

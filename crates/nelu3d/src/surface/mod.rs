@@ -1,0 +1,14 @@
+//! A reconstructed surface as a type: per-pixel maps, why a pixel has no depth, connectivity, normals, triangles.
+//!
+//! Every method, ours and the baselines alike, ends here: it fills [`SurfaceMaps`] and calls [`assemble`].
+
+mod assemble;
+mod links;
+mod mesh;
+mod pixel_status;
+mod types;
+
+pub use assemble::{MAX_SLOPE, assemble, image_plane, reject_small_components};
+pub use links::Links;
+pub use pixel_status::PixelStatus;
+pub use types::{Surface, SurfaceMaps};

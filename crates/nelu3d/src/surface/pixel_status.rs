@@ -1,0 +1,73 @@
+//! Why a pixel has a depth or none.
+
+use serde::Serialize;
+
+/// Why a pixel has no depth, or that it has one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[repr(u8)]
+pub enum PixelStatus {
+    /// The pixel has a depth.
+    Valid = 0,
+    /// The pixel lies outside the calibrated volume.
+    OutsideVolume = 1,
+    /// One of the pixel's images is clipped.
+    Saturated = 2,
+    /// The pixel is too dark, or in shadow.
+    Underexposed = 3,
+    /// The pixel has no consistent code: nothing in the calibrated volume explains what was measured.
+    Ambiguous = 4,
+    /// The pixel is next to a depth discontinuity, where it sees two surfaces.
+    DepthDiscontinuity = 5,
+}
+
+impl PixelStatus {
+    /// Every status, in the order of its number.
+    pub const ALL: [PixelStatus; 6] = [
+        PixelStatus::Valid,
+        PixelStatus::OutsideVolume,
+        PixelStatus::Saturated,
+        PixelStatus::Underexposed,
+        PixelStatus::Ambiguous,
+        PixelStatus::DepthDiscontinuity,
+    ];
+
+    /// The key of `result.json`, which is stable.
+    pub fn key(self) -> &'static str {
+        match self {
+            PixelStatus::Valid => "kept",
+            PixelStatus::OutsideVolume => "outside",
+            PixelStatus::Saturated => "clipped",
+            PixelStatus::Underexposed => "dark",
+            PixelStatus::Ambiguous => "ambiguous",
+            PixelStatus::DepthDiscontinuity => "edge",
+        }
+    }
+
+    /// The status in words, for people.
+    pub fn label(self) -> &'static str {
+        match self {
+            PixelStatus::Valid => "has a depth",
+            PixelStatus::OutsideVolume => "outside the calibrated volume",
+            PixelStatus::Saturated => "saturated",
+            PixelStatus::Underexposed => "underexposed or in shadow",
+            PixelStatus::Ambiguous => "no consistent code",
+            PixelStatus::DepthDiscontinuity => "next to a depth discontinuity",
+        }
+    }
+
+    /// Shares of saturated, underexposed, outside and ambiguous pixels in words, for a message that says why nothing was
+    /// reconstructed; `volume` names what the pixels are outside of.
+    pub fn describe_rejections(status: &[PixelStatus], volume: &str) -> String {
+        let percent =
+            |s: PixelStatus| status.iter().filter(|v| **v == s).count() as f64 / status.len() as f64 * 100.0;
+        format!(
+            "{:.0} % of the pixels are too dark, {:.0} % clipped, {:.0} % outside {volume}, {:.0} % without a \
+             consistent code",
+            percent(PixelStatus::Underexposed),
+            percent(PixelStatus::Saturated),
+            percent(PixelStatus::OutsideVolume),
+            percent(PixelStatus::Ambiguous)
+        )
+    }
+}
