@@ -20,7 +20,7 @@ mod request;
 mod store;
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicUsize;
 
 pub use error::ImportError;
@@ -30,7 +30,7 @@ pub use request::{ImportRequest, ImportTarget};
 use self::batch::{Batch, numbered};
 use self::destination::{Destination, Plan};
 use self::frame::{Frame, Kind};
-use self::levels::Levels;
+use self::levels::{Codes, Levels};
 use self::order::Slots;
 use crate::output::{OutputDir, write_atomic};
 use crate::rig::{RIG_FILE, Rig};
@@ -57,16 +57,14 @@ pub fn run(
 ) -> Result<ImportReport, ImportError> {
     assert!(request.every > 0, "every so many groups, at least 1");
     let files = frames::list(&request.frames, request.first, request.last)?;
-    let place = Destination::of(request)?;
-    let first = frame::read(&files[0], (place.camera().width, place.camera().height))?;
-    let Plan { mut rig, slots } = place.plan(request, &first)?;
-    let new_rig = matches!(place, Destination::New { .. });
+    let destination = Destination::of(request)?;
+    let first = frame::read(&files[0], (destination.camera().width, destination.camera().height))?;
+    let Plan { mut rig, slots } = destination.plan(request, &first)?;
+    let new_rig = matches!(destination, Destination::New { .. });
     if !new_rig {
         check_against(&rig, &first)?;
     }
-
     frames::check_numbers(&files, slots.len())?;
-    let whole = files.len() / slots.len();
     let groups: Vec<&[PathBuf]> = files.chunks_exact(slots.len()).step_by(request.every).collect();
     check_groups(request, &rig, &slots, &files, groups.len())?;
     let output = output_of(&rig, &request.target)?;
@@ -74,34 +72,13 @@ pub fn run(
         let remedy = "give --force to replace it, if it was imported, or choose another name";
         return Err(ImportError::unfit(output, "exists", remedy));
     }
+
     let mut notes = Vec::new();
-    let left_over = files.len() - whole * slots.len();
-    if left_over > 0 {
-        notes.push(format!(
-            "{}: the last {left_over} of {} frames are no whole group of {}, and were left out",
-            request.frames.display(),
-            files.len(),
-            slots.len()
-        ));
-    }
+    let left_over = files.len() % slots.len();
+    notes.extend(note_on_left_over(request, files.len(), slots.len(), left_over));
     let out = OutputDir::create(&output, IMPORT_FILE)?;
     let batch = Batch { rig: &rig, slots: &slots, groups: &groups, kind: Kind::of(&first), progress };
-    let is_scene = matches!(request.target, ImportTarget::Scene(_));
-    let (mut codes, folders) = if request.mean {
-        let dir = if is_scene { out.path().to_path_buf() } else { numbered(out.path(), 0) };
-        (batch.average(&dir)?, vec![dir])
-    } else if is_scene {
-        (batch.group(0, out.path(), &AtomicUsize::new(0))?, vec![out.path().to_path_buf()])
-    } else {
-        batch.all(out.path())?
-    };
-    if let Some(black) = &request.black {
-        let (dark, dark_codes) = batch.black(black)?;
-        codes = codes.and(dark_codes);
-        for dir in &folders {
-            store::write(&dark, &dir.join(&rig.black))?;
-        }
-    }
+    let (codes, folders) = write_groups(&batch, request, out.path())?;
 
     let found = levels::of(&first.raw, &first.facts, codes);
     if new_rig {
@@ -111,26 +88,14 @@ pub fn run(
     }
     // What `linearize` would refuse must not be in a rig.
     first.raw.check_kind(&first.path, rig.channels, rig.saturation)?;
-    let mut names: Vec<&String> = slots.iter().flatten().collect();
-    names.extend(request.black.is_some().then_some(&rig.black));
-    notes.extend(order::missing(&names, &rig, request.target == ImportTarget::Calibration));
-    let concerns_board = new_rig || request.target == ImportTarget::Calibration;
-    if concerns_board && rig.board.is_none() && rig.poses.is_empty() {
-        notes.push(format!(
-            "{}: has no [board] yet: describe the board of the sweep there before calibrating",
-            rig.root.join(RIG_FILE).display()
-        ));
-    }
+    note_what_is_missing(request, &rig, &slots, new_rig, &mut notes);
 
-    let used = |group: &&[PathBuf], last: bool| {
-        let file = if last { group.last() } else { group.first() };
-        file.map(|f| frames::file_name(f)).unwrap_or_default()
-    };
+    let name_of = |file: Option<&PathBuf>| file.map(|f| frames::file_name(f)).unwrap_or_default();
     let given = request.black_level.is_some() && request.saturation.is_some();
     let report = ImportReport {
         output: output.clone(),
         source: request.frames.clone(),
-        range: [used(&groups[0], false), used(&groups[groups.len() - 1], true)],
+        range: [name_of(groups[0].first()), name_of(groups[groups.len() - 1].last())],
         frames: groups.len() * slots.len(),
         left_over,
         groups: groups.len(),
@@ -154,6 +119,52 @@ pub fn run(
         rig.save()?;
     }
     Ok(report)
+}
+
+/// Returns a note on the frames at the end of a recording that are no whole group, if there are any.
+fn note_on_left_over(request: &ImportRequest, files: usize, group: usize, left_over: usize) -> Option<String> {
+    (left_over > 0).then(|| {
+        format!(
+            "{}: the last {left_over} of {files} frames are no whole group of {group}, and were left out",
+            request.frames.display()
+        )
+    })
+}
+
+/// Writes the groups into their folders below `out`, with their black image where one was given. Returns the codes that
+/// occurred, and the folders.
+fn write_groups(batch: &Batch<'_>, request: &ImportRequest, out: &Path) -> Result<(Codes, Vec<PathBuf>), ImportError> {
+    let is_scene = matches!(request.target, ImportTarget::Scene(_));
+    let (mut codes, folders) = if request.mean {
+        let dir = if is_scene { out.to_path_buf() } else { numbered(out, 0) };
+        (batch.average(&dir)?, vec![dir])
+    } else if is_scene {
+        (batch.group(0, out, &AtomicUsize::new(0))?, vec![out.to_path_buf()])
+    } else {
+        batch.all(out)?
+    };
+    if let Some(black) = &request.black {
+        let (dark, dark_codes) = batch.black(black)?;
+        codes = codes.and(dark_codes);
+        for dir in &folders {
+            store::write(&dark, &dir.join(&batch.rig.black))?;
+        }
+    }
+    Ok((codes, folders))
+}
+
+/// Notes the images that the rig expects and the recording does not have, and a missing description of the board.
+fn note_what_is_missing(request: &ImportRequest, rig: &Rig, slots: &Slots, new_rig: bool, notes: &mut Vec<String>) {
+    let is_calibration = request.target == ImportTarget::Calibration;
+    let mut names: Vec<&String> = slots.iter().flatten().collect();
+    names.extend(request.black.is_some().then_some(&rig.black));
+    notes.extend(order::missing(&names, rig, is_calibration));
+    if (new_rig || is_calibration) && rig.board.is_none() && rig.poses.is_empty() {
+        notes.push(format!(
+            "{}: has no [board] yet: describe the board of the sweep there before calibrating",
+            rig.root.join(RIG_FILE).display()
+        ));
+    }
 }
 
 /// The levels of a new rig: what was given, else what was found.
