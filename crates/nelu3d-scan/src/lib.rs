@@ -12,12 +12,14 @@ pub mod board;
 pub mod camera;
 pub mod image;
 pub mod import;
+pub mod least_squares;
 pub mod mesh;
 pub mod npy;
 pub mod output;
 pub mod pattern;
 pub mod pose;
 pub mod rig;
+pub mod statistics;
 
 pub use camera::{Camera, Projector, Ray};
 pub use image::Image;

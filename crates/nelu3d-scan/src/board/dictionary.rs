@@ -14,7 +14,9 @@ impl Dictionary {
     pub fn by_name(name: &str) -> Result<Self, BoardError> {
         let known = Self::names().iter().find(|n| n.eq_ignore_ascii_case(name));
         let codes = known.and_then(|n| builtins::builtin_dictionary(n));
-        codes.map(|codes| Self { codes }).ok_or_else(|| BoardError::UnknownDictionary { name: name.to_owned() })
+        codes
+            .map(|codes| Self { codes })
+            .ok_or_else(|| BoardError::UnknownDictionary { name: name.to_owned(), known: Self::names() })
     }
 
     /// OpenCV's names of all dictionaries there are.

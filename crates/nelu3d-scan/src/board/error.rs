@@ -1,13 +1,13 @@
-use super::Dictionary;
-
 /// Why a board cannot be used, or was not found in an image.
 #[derive(Debug, thiserror::Error)]
 pub enum BoardError {
     /// No predefined dictionary has this name.
-    #[error("there is no ArUco dictionary {name:?}; name one of {}", Dictionary::names().join(", "))]
+    #[error("there is no ArUco dictionary {name:?}; name one of {}", known.join(", "))]
     UnknownDictionary {
-        /// What was asked for.
+        /// The name asked for.
         name: String,
+        /// The names there are.
+        known: &'static [&'static str],
     },
     /// The description of the board contradicts itself.
     #[error("the board cannot be printed as described: {reason}; correct [board] in rig.toml")]

@@ -3,8 +3,9 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::facts::Facts;
 use super::{ImportError, dng};
-use crate::image::{Channels, ImageFileError, Raw, RawData, decode_bytes};
+use crate::image::{ImageFileError, Raw, RawData, decode_bytes};
 
 /// What a frame's file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,17 +16,6 @@ pub(super) enum Format {
     Tiff,
     /// Which becomes one of the others.
     Dng,
-}
-
-/// What a file says about the sensor; only DNG says anything.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Facts {
-    /// How the sensor delivers color.
-    pub channels: Option<Channels>,
-    /// Sensor code for no light.
-    pub black_level: Option<f64>,
-    /// Sensor code at which a value is clipped.
-    pub white_level: Option<f64>,
 }
 
 /// A frame that has been read.

@@ -3,9 +3,8 @@
 //! Cameras put 10 to 14 bits into 16 in two ways: right-aligned (codes to 4095) or left-aligned (multiples of 16, to
 //! 65520). Chronos cameras do either, depending on the firmware and the format, and state a white level of 4095 in DNG.
 
+use super::facts::Facts;
 use crate::image::{Raw, RawData};
-
-use super::frame::Facts;
 
 /// What the codes of a recording have in common.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

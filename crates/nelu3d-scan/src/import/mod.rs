@@ -7,112 +7,36 @@
 //! so what has been imported can be read. See `docs/capture-format.md`, "Importing recordings".
 
 mod batch;
+mod destination;
 mod dng;
 mod error;
+mod facts;
 mod frame;
 mod frames;
 mod levels;
 mod order;
-mod place;
+mod report;
+mod request;
 mod store;
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicUsize;
 
 pub use error::ImportError;
+pub use report::ImportReport;
+pub use request::{ImportRequest, ImportTarget};
 
 use self::batch::{Batch, numbered};
+use self::destination::{Destination, Plan};
 use self::frame::{Frame, Kind};
-use self::levels::Levels;
+use self::levels::{Codes, Levels};
 use self::order::Slots;
-use self::place::{Place, Plan};
-use crate::image::Channels;
 use crate::output::{OutputDir, write_atomic};
 use crate::rig::{RIG_FILE, Rig};
 
 /// What was imported, in every folder that an import made: tells such folders from somebody's own.
 pub const IMPORT_FILE: &str = "import.json";
-
-/// What a recording becomes.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Target {
-    /// `sequences/NAME`: every group is a frame, `0000`, `0001`, ….
-    Sequence(String),
-    /// `scenes/NAME`: one group.
-    Scene(String),
-    /// `calibration`: every group is a board position.
-    Calibration,
-}
-
-/// What to import, and how.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Request {
-    /// The folder of frames.
-    pub frames: PathBuf,
-    /// The rig: its folder or rig.toml, or the folder of a new one.
-    pub rig: PathBuf,
-    /// What the frames become.
-    pub target: Target,
-    /// What consecutive frames are: names of the rig's images with or without ending, or `skip`. Over and over again.
-    /// `None`: the images of the pattern set, then white.
-    pub order: Option<Vec<String>>,
-    /// The pattern set that `order` stands for by default, or the name of a new rig's. `None`: the first; `recorded`.
-    pub set: Option<String>,
-    /// The first frame to use, from 1.
-    pub first: Option<usize>,
-    /// The last frame to use.
-    pub last: Option<usize>,
-    /// Use every so many groups only, at least 1.
-    pub every: usize,
-    /// Average all groups into one.
-    pub mean: bool,
-    /// The light off for every group: an image, or a folder of images to average.
-    pub black: Option<PathBuf>,
-    /// Intrinsics of a new rig. `None`: its camera.json is already there.
-    pub camera: Option<PathBuf>,
-    /// How the sensor of a new rig delivers color. `None`: as the files say.
-    pub channels: Option<Channels>,
-    /// Sensor code for no light of a new rig. `None`: as the files say.
-    pub black_level: Option<f64>,
-    /// Sensor code at which a new rig's values are clipped. `None`: as the files or their codes say.
-    pub saturation: Option<f64>,
-    /// Replace what an earlier import left.
-    pub force: bool,
-}
-
-/// What was imported.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Report {
-    /// The folder that was written.
-    pub output: PathBuf,
-    /// The folder of frames.
-    pub source: PathBuf,
-    /// What consecutive frames are; `null` for one that is left out.
-    pub order: Vec<Option<String>>,
-    /// File names of the first and last frame that were used.
-    pub range: [String; 2],
-    /// Frames that were used.
-    pub frames: usize,
-    /// Frames at the end that are no whole group, and were left out.
-    pub left_over: usize,
-    /// Groups that were used.
-    pub groups: usize,
-    /// Folders that were made of them.
-    pub folders: usize,
-    /// Whether the rig is new.
-    pub new_rig: bool,
-    /// The rig's channels, as in rig.toml.
-    pub channels: String,
-    /// The rig's sensor code for no light.
-    pub black_level: f64,
-    /// The rig's sensor code at which values are clipped.
-    pub saturation: f64,
-    /// How a new rig's levels were found.
-    pub levels: Option<String>,
-    /// What the user should know, one sentence each.
-    pub notes: Vec<String>,
-}
 
 /// Imports a recording. `progress` hears how many of how many frames are done, and returns whether to go on.
 ///
@@ -127,19 +51,20 @@ pub struct Report {
 /// # Panics
 ///
 /// If `every` is 0.
-pub fn run(request: &Request, progress: &(dyn Fn(usize, usize) -> bool + Sync)) -> Result<Report, ImportError> {
+pub fn run(
+    request: &ImportRequest,
+    progress: &(dyn Fn(usize, usize) -> bool + Sync),
+) -> Result<ImportReport, ImportError> {
     assert!(request.every > 0, "every so many groups, at least 1");
     let files = frames::list(&request.frames, request.first, request.last)?;
-    let place = Place::of(request)?;
-    let first = frame::read(&files[0], (place.camera().width, place.camera().height))?;
-    let Plan { mut rig, slots } = place.plan(request, &first)?;
-    let new_rig = matches!(place, Place::New { .. });
+    let destination = Destination::of(request)?;
+    let first = frame::read(&files[0], (destination.camera().width, destination.camera().height))?;
+    let Plan { mut rig, slots } = destination.plan(request, &first)?;
+    let new_rig = matches!(destination, Destination::New { .. });
     if !new_rig {
         check_against(&rig, &first)?;
     }
-
     frames::check_numbers(&files, slots.len())?;
-    let whole = files.len() / slots.len();
     let groups: Vec<&[PathBuf]> = files.chunks_exact(slots.len()).step_by(request.every).collect();
     check_groups(request, &rig, &slots, &files, groups.len())?;
     let output = output_of(&rig, &request.target)?;
@@ -147,34 +72,13 @@ pub fn run(request: &Request, progress: &(dyn Fn(usize, usize) -> bool + Sync)) 
         let remedy = "give --force to replace it, if it was imported, or choose another name";
         return Err(ImportError::unfit(output, "exists", remedy));
     }
+
     let mut notes = Vec::new();
-    let left_over = files.len() - whole * slots.len();
-    if left_over > 0 {
-        notes.push(format!(
-            "{}: the last {left_over} of {} frames are no whole group of {}, and were left out",
-            request.frames.display(),
-            files.len(),
-            slots.len()
-        ));
-    }
+    let left_over = files.len() % slots.len();
+    notes.extend(note_on_left_over(request, files.len(), slots.len(), left_over));
     let out = OutputDir::create(&output, IMPORT_FILE)?;
     let batch = Batch { rig: &rig, slots: &slots, groups: &groups, kind: Kind::of(&first), progress };
-    let is_scene = matches!(request.target, Target::Scene(_));
-    let (mut codes, folders) = if request.mean {
-        let dir = if is_scene { out.path().to_path_buf() } else { numbered(out.path(), 0) };
-        (batch.average(&dir)?, vec![dir])
-    } else if is_scene {
-        (batch.group(0, out.path(), &AtomicUsize::new(0))?, vec![out.path().to_path_buf()])
-    } else {
-        batch.all(out.path())?
-    };
-    if let Some(black) = &request.black {
-        let (dark, dark_codes) = batch.black(black)?;
-        codes = codes.and(dark_codes);
-        for dir in &folders {
-            store::write(&dark, &dir.join(&rig.black))?;
-        }
-    }
+    let (codes, folders) = write_groups(&batch, request, out.path())?;
 
     let found = levels::of(&first.raw, &first.facts, codes);
     if new_rig {
@@ -184,26 +88,14 @@ pub fn run(request: &Request, progress: &(dyn Fn(usize, usize) -> bool + Sync)) 
     }
     // What `linearize` would refuse must not be in a rig.
     first.raw.check_kind(&first.path, rig.channels, rig.saturation)?;
-    let mut names: Vec<&String> = slots.iter().flatten().collect();
-    names.extend(request.black.is_some().then_some(&rig.black));
-    notes.extend(order::missing(&names, &rig, request.target == Target::Calibration));
-    let concerns_board = new_rig || request.target == Target::Calibration;
-    if concerns_board && rig.board.is_none() && rig.poses.is_empty() {
-        notes.push(format!(
-            "{}: has no [board] yet: describe the board of the sweep there before calibrating",
-            rig.root.join(RIG_FILE).display()
-        ));
-    }
+    note_what_is_missing(request, &rig, &slots, new_rig, &mut notes);
 
-    let used = |group: &&[PathBuf], last: bool| {
-        let file = if last { group.last() } else { group.first() };
-        file.map(|f| frames::file_name(f)).unwrap_or_default()
-    };
+    let name_of = |file: Option<&PathBuf>| file.map(|f| frames::file_name(f)).unwrap_or_default();
     let given = request.black_level.is_some() && request.saturation.is_some();
-    let report = Report {
+    let report = ImportReport {
         output: output.clone(),
         source: request.frames.clone(),
-        range: [used(&groups[0], false), used(&groups[groups.len() - 1], true)],
+        range: [name_of(groups[0].first()), name_of(groups[groups.len() - 1].last())],
         frames: groups.len() * slots.len(),
         left_over,
         groups: groups.len(),
@@ -229,8 +121,59 @@ pub fn run(request: &Request, progress: &(dyn Fn(usize, usize) -> bool + Sync)) 
     Ok(report)
 }
 
+/// Returns a note on the frames at the end of a recording that are no whole group, if there are any.
+fn note_on_left_over(request: &ImportRequest, files: usize, group: usize, left_over: usize) -> Option<String> {
+    (left_over > 0).then(|| {
+        format!(
+            "{}: the last {left_over} of {files} frames are no whole group of {group}, and were left out",
+            request.frames.display()
+        )
+    })
+}
+
+/// Writes the groups into their folders below `out`, with their black image where one was given. Returns the codes that
+/// occurred, and the folders.
+fn write_groups(batch: &Batch<'_>, request: &ImportRequest, out: &Path) -> Result<(Codes, Vec<PathBuf>), ImportError> {
+    let is_scene = matches!(request.target, ImportTarget::Scene(_));
+    let (mut codes, folders) = if request.mean {
+        let dir = if is_scene { out.to_path_buf() } else { numbered(out, 0) };
+        (batch.average(&dir)?, vec![dir])
+    } else if is_scene {
+        (batch.group(0, out, &AtomicUsize::new(0))?, vec![out.to_path_buf()])
+    } else {
+        batch.all(out)?
+    };
+    if let Some(black) = &request.black {
+        let (dark, dark_codes) = batch.black(black)?;
+        codes = codes.and(dark_codes);
+        for dir in &folders {
+            store::write(&dark, &dir.join(&batch.rig.black))?;
+        }
+    }
+    Ok((codes, folders))
+}
+
+/// Notes the images that the rig expects and the recording does not have, and a missing description of the board.
+fn note_what_is_missing(request: &ImportRequest, rig: &Rig, slots: &Slots, new_rig: bool, notes: &mut Vec<String>) {
+    let is_calibration = request.target == ImportTarget::Calibration;
+    let mut names: Vec<&String> = slots.iter().flatten().collect();
+    names.extend(request.black.is_some().then_some(&rig.black));
+    notes.extend(order::missing(&names, rig, is_calibration));
+    if (new_rig || is_calibration) && rig.board.is_none() && rig.poses.is_empty() {
+        notes.push(format!(
+            "{}: has no [board] yet: describe the board of the sweep there before calibrating",
+            rig.root.join(RIG_FILE).display()
+        ));
+    }
+}
+
 /// The levels of a new rig: what was given, else what was found.
-fn set_levels(rig: &mut Rig, request: &Request, found: &Levels, notes: &mut Vec<String>) -> Result<(), ImportError> {
+fn set_levels(
+    rig: &mut Rig,
+    request: &ImportRequest,
+    found: &Levels,
+    notes: &mut Vec<String>,
+) -> Result<(), ImportError> {
     rig.black_level = request.black_level.unwrap_or(found.black);
     rig.saturation = request.saturation.unwrap_or(found.saturation);
     if !(rig.saturation > rig.black_level && rig.saturation.is_finite() && rig.black_level.is_finite()) {
@@ -287,7 +230,7 @@ fn check_against(rig: &Rig, first: &Frame) -> Result<(), ImportError> {
 
 /// Whether the frames make the groups that the target asks for.
 fn check_groups(
-    request: &Request,
+    request: &ImportRequest,
     rig: &Rig,
     slots: &Slots,
     files: &[PathBuf],
@@ -300,14 +243,14 @@ fn check_groups(
             "record more, or correct --order, --first and --last",
         );
     }
-    let is_scene = matches!(request.target, Target::Scene(_));
+    let is_scene = matches!(request.target, ImportTarget::Scene(_));
     if is_scene && groups > 1 && !request.mean {
         return unfit(
             format!("holds {groups} groups of {} frames, but a scene is one", slots.len()),
             "average them with --mean if nothing moved, or choose one with --first and --last",
         );
     }
-    if request.mean && matches!(request.target, Target::Sequence(_)) {
+    if request.mean && matches!(request.target, ImportTarget::Sequence(_)) {
         return unfit("would become a sequence of one frame".into(), "use --mean with --scene or --calibration only");
     }
     if let (Some(black), true) = (&request.black, slots.iter().flatten().any(|n| *n == rig.black)) {
@@ -317,11 +260,11 @@ fn check_groups(
     Ok(())
 }
 
-fn output_of(rig: &Rig, target: &Target) -> Result<PathBuf, ImportError> {
+fn output_of(rig: &Rig, target: &ImportTarget) -> Result<PathBuf, ImportError> {
     let (folder, name) = match target {
-        Target::Calibration => return Ok(rig.root.join("calibration")),
-        Target::Sequence(name) => ("sequences", name),
-        Target::Scene(name) => ("scenes", name),
+        ImportTarget::Calibration => return Ok(rig.root.join("calibration")),
+        ImportTarget::Sequence(name) => ("sequences", name),
+        ImportTarget::Scene(name) => ("scenes", name),
     };
     if !order::is_name(name) {
         let path = rig.root.join(folder);

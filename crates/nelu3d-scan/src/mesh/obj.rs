@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::io::{self, Write};
 
-use super::Mesh;
+use super::model::Mesh;
 
 pub(super) fn write(mesh: &Mesh, w: &mut dyn Write) -> io::Result<()> {
     writeln!(w, "# nelu3d: mm, camera frame (x right, y down, z forward)")?;

@@ -3,7 +3,7 @@
 
 use std::io::{self, Write};
 
-use super::{Mesh, push_polygon};
+use super::model::{Mesh, push_polygon};
 
 pub(super) fn write(mesh: &Mesh, w: &mut dyn Write) -> io::Result<()> {
     write_parts(&mesh.vertices, &mesh.normals, &mesh.colors, &mesh.faces, w)

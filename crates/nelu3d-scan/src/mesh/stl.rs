@@ -4,7 +4,7 @@ use std::io::{self, Cursor, Write};
 
 use stl_io::{Normal, Triangle, Vertex};
 
-use super::{Mesh, normalized};
+use super::model::{Mesh, normalized};
 
 pub(super) fn write(mesh: &Mesh, mut w: &mut dyn Write) -> io::Result<()> {
     let triangles = mesh.faces.iter().map(|&face| Triangle {

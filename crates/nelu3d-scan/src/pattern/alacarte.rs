@@ -5,8 +5,9 @@ use std::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
+use super::axis::{Axis, along};
+use super::error::PatternError;
 use super::noise::SplitMix;
-use super::{Axis, PatternError, along};
 use crate::image::Image;
 
 /// `count` images without frequencies above a cap, optimized for decoding by ZNCC.

@@ -1,6 +1,7 @@
 //! What Gray, binary and XOR codes share: a column's number as bits, one image a bit.
 
-use super::{Axis, PatternError, along};
+use super::axis::{Axis, along};
+use super::error::PatternError;
 use crate::image::Image;
 
 /// How the bits of a column's number are shown.

@@ -1,6 +1,6 @@
 //! The codes of all columns: what a set of images shows along its axis.
 
-use super::Axis;
+use super::axis::Axis;
 use crate::image::Image;
 
 /// How an image changes.

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Axis, PatternError, along, check_period};
+use super::axis::{Axis, along};
+use super::error::{PatternError, check_period};
 use crate::image::Image;
 
 /// One RGB image whose values are the film's transmittances in red, green and blue light, that is, linear in light.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Axis;
+use super::axis::Axis;
 use super::bits::BitCode;
 use crate::image::Image;
 

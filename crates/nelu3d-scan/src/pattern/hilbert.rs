@@ -4,9 +4,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::axis::{Axis, along};
 use super::bits::n_bits;
 use super::codewords::Codewords;
-use super::{Axis, PatternError, along};
+use super::error::PatternError;
 use crate::image::Image;
 
 /// Column u's coordinates on the curve, b = ⌈log₂(columns) / k⌉ bits each; image j shows

@@ -6,10 +6,11 @@ use std::f64::consts::TAU;
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
+use super::axis::{Axis, along};
+use super::error::{PatternError, check_period};
 use super::noise::SplitMix;
 use super::phase::{Decoded, same_period};
 use super::wave::Wave;
-use super::{Axis, PatternError, along, check_period};
 use crate::image::Image;
 
 /// F frequencies in F + 2 images: the first in three shifts, every other in one.

@@ -5,8 +5,9 @@ use std::f64::consts::TAU;
 use nalgebra::{DMatrix, Matrix3};
 use serde::{Deserialize, Serialize};
 
+use super::axis::{Axis, along};
+use super::error::{PatternError, check_period};
 use super::wave::Wave;
-use super::{Axis, PatternError, along, check_period};
 use crate::image::Image;
 
 /// `½ + ½ cos 2π(u / period − i / steps)` for image i of every period, one period after the other.

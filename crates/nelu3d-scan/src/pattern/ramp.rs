@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Axis, along};
+use super::axis::{Axis, along};
 use crate::image::Image;
 
 /// 0 at the first pixel, 1 at the last.

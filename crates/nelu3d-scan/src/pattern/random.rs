@@ -4,8 +4,9 @@ use std::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
+use super::axis::{Axis, along};
+use super::error::{PatternError, check_period};
 use super::noise::SplitMix;
-use super::{Axis, PatternError, along, check_period};
 use crate::image::Image;
 
 /// A sum of cosines with random phases whose frequencies fill the band evenly, stretched to `[0, 1]`.

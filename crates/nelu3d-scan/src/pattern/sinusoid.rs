@@ -4,7 +4,8 @@ use std::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Axis, PatternError, along, check_period};
+use super::axis::{Axis, along};
+use super::error::{PatternError, check_period};
 use crate::image::Image;
 
 /// `½ + ½ cos 2π(u / period − i / steps)` for image i of `steps`.

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Axis, PatternError, along, check_period};
+use super::axis::{Axis, along};
+use super::error::{PatternError, check_period};
 use crate::image::Image;
 
 /// 0 at the first pixel, 1 half a period later, 0 a period later.

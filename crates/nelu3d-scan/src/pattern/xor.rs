@@ -4,8 +4,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::axis::Axis;
 use super::bits::{BitCode, base_bit};
-use super::{Axis, PatternError};
+use super::error::PatternError;
 use crate::image::Image;
 
 /// Gray code whose images are all XORed with one of fine stripes, the base plane, which itself is shown as it is.

@@ -8,6 +8,7 @@ use super::projection::project_with_jacobian;
 use super::robust::{huber, sigma_of_norms};
 use crate::Camera;
 use crate::board::Corner;
+use crate::least_squares::{LmSettings, Problem, minimize};
 
 /// A board's pose and how well it explains its corners.
 #[derive(Clone, Debug, PartialEq)]
@@ -145,28 +146,40 @@ fn refine_robust(corners: &[Corner], camera: &Camera, start: &Isometry3<f64>) ->
     Some((pose, sigma_of_norms(&norms(corners, camera, &pose)).max(SIGMA_FLOOR_PX)))
 }
 
-/// Levenberg–Marquardt on the weighted squared reprojection error; six parameters (rotation applied from the left).
+/// Minimizes the weighted squared reprojection error over the six parameters of a pose.
 pub(super) fn refine(
     corners: &[Corner],
     camera: &Camera,
     start: &Isometry3<f64>,
     weights: &[f64],
 ) -> Option<Isometry3<f64>> {
-    let cost = |pose: &Isometry3<f64>| -> f64 {
-        let r = norms(corners, camera, pose);
-        r.iter().zip(weights).filter(|(_, w)| **w > 0.0).map(|(r, w)| w * r * r).sum()
-    };
-    let mut pose = *start;
-    let mut best = cost(&pose);
-    if !best.is_finite() {
-        return None;
+    let settings = LmSettings { damping: 1e-6, accept_equal: true, ..LmSettings::default() };
+    let (normal, rhs) = (Matrix6::zeros(), Vector6::zeros());
+    minimize(&mut Reprojection { corners, camera, weights, normal, rhs }, *start, &settings)
+}
+
+/// The reprojection error of one board; its parameters are a rotation, applied from the left, and a translation.
+struct Reprojection<'a> {
+    corners: &'a [Corner],
+    camera: &'a Camera,
+    weights: &'a [f64],
+    normal: Matrix6<f64>,
+    rhs: Vector6<f64>,
+}
+
+impl Problem for Reprojection<'_> {
+    type Parameters = Isometry3<f64>;
+
+    fn cost(&mut self, pose: &Isometry3<f64>) -> f64 {
+        let r = norms(self.corners, self.camera, pose);
+        r.iter().zip(self.weights).filter(|(_, w)| **w > 0.0).map(|(r, w)| w * r * r).sum()
     }
-    let mut damping = 1e-6;
-    for _ in 0..50 {
+
+    fn linearize(&mut self, pose: &Isometry3<f64>, cost: f64) -> Option<f64> {
         let (mut a, mut g) = (Matrix6::zeros(), Vector6::zeros());
-        for (c, &w) in corners.iter().zip(weights).filter(|(_, w)| **w > 0.0) {
+        for (c, &w) in self.corners.iter().zip(self.weights).filter(|(_, w)| **w > 0.0) {
             let arm = pose.rotation * Vector3::new(c.board_mm[0], c.board_mm[1], 0.0);
-            let (px, j) = project_with_jacobian(camera, &(arm + pose.translation.vector).into())?;
+            let (px, j) = project_with_jacobian(self.camera, &(arm + pose.translation.vector).into())?;
             for k in 0..2 {
                 let jp = Vector3::new(j[(k, 0)], j[(k, 1)], j[(k, 2)]);
                 let by_turn = arm.cross(&jp);
@@ -175,35 +188,25 @@ pub(super) fn refine(
                 g += w * (c.px[k] - px[k]) * row;
             }
         }
-        let mut improved = false;
-        while damping < 1e8 {
-            let mut m = a;
-            for i in 0..6 {
-                m[(i, i)] *= 1.0 + damping;
-            }
-            let Some(step) = m.cholesky().map(|c| c.solve(&g)) else {
-                damping *= 10.0;
-                continue;
-            };
-            let next = moved(&pose, &step);
-            let c = cost(&next);
-            if c <= best {
-                let converged = best - c <= 1e-14 * best;
-                (pose, best) = (next, c);
-                damping = (damping * 0.1).max(1e-12);
-                improved = !converged;
-                break;
-            }
-            damping *= 10.0;
-        }
-        if !improved {
-            break;
-        }
+        (self.normal, self.rhs) = (a, g);
+        Some(cost)
     }
-    Some(pose)
+
+    fn step(&mut self, pose: &Isometry3<f64>, damping: f64) -> Option<Isometry3<f64>> {
+        let mut m = self.normal;
+        for i in 0..6 {
+            m[(i, i)] *= 1.0 + damping;
+        }
+        Some(apply_step(pose, &m.cholesky()?.solve(&self.rhs)))
+    }
+
+    fn accept(&mut self, before: f64, after: f64) -> bool {
+        before - after <= 1e-14 * before
+    }
 }
 
-fn moved(pose: &Isometry3<f64>, step: &Vector6<f64>) -> Isometry3<f64> {
+/// Returns a pose after a step: a rotation vector, applied from the left, and a shift (mm).
+fn apply_step(pose: &Isometry3<f64>, step: &Vector6<f64>) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(0).into_owned());
     let shift = pose.translation.vector + step.fixed_rows::<3>(3);
     Isometry3::from_parts(Translation3::from(shift), turn * pose.rotation)

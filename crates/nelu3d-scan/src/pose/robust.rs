@@ -1,13 +1,10 @@
 //! Small robust statistics.
 
-/// The median; 0 for nothing. NaN sorts last.
+use crate::statistics;
+
+/// Returns the median of a sample that stays as it is; 0 for an empty one.
 pub(crate) fn median(values: &[f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let mut v = values.to_vec();
-    let mid = v.len() / 2;
-    *v.select_nth_unstable_by(mid, f64::total_cmp).1
+    statistics::median(&mut values.to_vec()).unwrap_or(0.0)
 }
 
 /// σ of one coordinate from the norms of two-dimensional residuals: the median of a Rayleigh variable is 1.1774 σ.

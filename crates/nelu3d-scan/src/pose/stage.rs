@@ -4,9 +4,10 @@ use nalgebra::{Isometry3, SMatrix, SVector, Translation3, UnitQuaternion, Vector
 
 use super::pnp::norms;
 use super::projection::project_with_jacobian;
-use super::robust::{huber, sigma_of_norms};
+use super::robust::{huber, median, sigma_of_norms};
 use crate::Camera;
 use crate::board::Corner;
+use crate::least_squares::{LmSettings, Problem, minimize};
 
 /// `t_i = origin + s_i · dir`, the same rotation for all i.
 #[derive(Clone, Debug)]
@@ -57,7 +58,7 @@ impl Stage {
         let base = poses[poses.len() / 2].rotation;
         // Component-wise medians: a position gone wrong must not spoil the start.
         let turns: Vec<Vector3<f64>> = poses.iter().map(|p| (p.rotation * base.inverse()).scaled_axis()).collect();
-        let turn = Vector3::from_fn(|k, _| super::robust::median(&turns.iter().map(|t| t[k]).collect::<Vec<_>>()));
+        let turn = Vector3::from_fn(|k, _| median(&turns.iter().map(|t| t[k]).collect::<Vec<_>>()));
         let rotation = UnitQuaternion::from_scaled_axis(turn) * base;
         let t: Vec<Vector3<f64>> = poses.iter().map(|p| p.translation.vector).collect();
         let mean = t.iter().sum::<Vector3<f64>>() / n;
@@ -80,43 +81,11 @@ impl Stage {
         Some(Self { rotation, origin, dir, s, equal_steps: false })
     }
 
-    /// Levenberg–Marquardt over all corners. Positions share the first parameters and have one of their own each, so the
-    /// normal equations are an arrow: the own ones are eliminated one by one (Schur complement).
+    /// Minimizes the weighted squared reprojection error of all corners.
     fn refine(&mut self, views: &[&[Corner]], camera: &Camera, weights: &[Vec<f64>]) -> Option<()> {
-        let cost = |stage: &Stage| -> f64 {
-            let of = |i: usize| -> f64 {
-                norms(views[i], camera, &stage.pose(i)).iter().zip(&weights[i]).map(|(r, w)| w * r * r).sum()
-            };
-            (0..views.len()).map(of).sum()
-        };
-        let mut best = cost(self);
-        if !best.is_finite() {
-            return None;
-        }
-        let mut damping = 1e-6;
-        for _ in 0..50 {
-            let system = self.normal_equations(views, camera, weights)?;
-            let mut improved = false;
-            while damping < 1e8 {
-                let next = system.solve(damping).map(|(shared, own)| self.moved(&shared, &own));
-                let Some(next) = next else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let c = cost(&next);
-                if c <= best {
-                    improved = best - c > 1e-13 * best;
-                    best = c;
-                    *self = next;
-                    damping = (damping * 0.1).max(1e-12);
-                    break;
-                }
-                damping *= 10.0;
-            }
-            if !improved {
-                break;
-            }
-        }
+        let settings = LmSettings { damping: 1e-6, accept_equal: true, ..LmSettings::default() };
+        let mut problem = StageReprojection { views, camera, weights, system: Arrow::default() };
+        *self = minimize(&mut problem, self.clone(), &settings)?;
         Some(())
     }
 
@@ -128,7 +97,8 @@ impl Stage {
         [a, d.cross(&a)]
     }
 
-    fn moved(&self, shared: &SVector<f64, G>, own: &[f64]) -> Self {
+    /// Returns the stage after a step of its shared parameters and of every position's own one.
+    fn after_step(&self, shared: &SVector<f64, G>, own: &[f64]) -> Self {
         let mut next = self.clone();
         next.rotation = UnitQuaternion::from_scaled_axis(shared.fixed_rows::<3>(0).into_owned()) * self.rotation;
         next.origin += shared.fixed_rows::<3>(3);
@@ -143,10 +113,10 @@ impl Stage {
     }
 
     fn normal_equations(&self, views: &[&[Corner]], camera: &Camera, weights: &[Vec<f64>]) -> Option<Arrow> {
-        let mut arrow = Arrow { shared: SMatrix::zeros(), rhs: SVector::zeros(), own: Vec::new() };
+        let mut arrow = Arrow::default();
         let tangents = self.tangents();
         for (i, view) in views.iter().enumerate() {
-            let mut own = Own { cross: SVector::zeros(), diagonal: 0.0, rhs: 0.0 };
+            let mut own = OwnParameter { cross: SVector::zeros(), diagonal: 0.0, rhs: 0.0 };
             let s = self.s[i];
             for (c, &w) in view.iter().zip(&weights[i]) {
                 let arm = self.rotation * Vector3::new(c.board_mm[0], c.board_mm[1], 0.0);
@@ -179,20 +149,58 @@ impl Stage {
     }
 }
 
-/// Normal equations of shared parameters and one own parameter per position.
+/// The reprojection error of all positions of a stage.
+struct StageReprojection<'a> {
+    views: &'a [&'a [Corner]],
+    camera: &'a Camera,
+    weights: &'a [Vec<f64>],
+    system: Arrow,
+}
+
+impl Problem for StageReprojection<'_> {
+    type Parameters = Stage;
+
+    fn cost(&mut self, stage: &Stage) -> f64 {
+        let of = |i: usize| -> f64 {
+            let r = norms(self.views[i], self.camera, &stage.pose(i));
+            r.iter().zip(&self.weights[i]).map(|(r, w)| w * r * r).sum()
+        };
+        (0..self.views.len()).map(of).sum()
+    }
+
+    fn linearize(&mut self, stage: &Stage, cost: f64) -> Option<f64> {
+        self.system = stage.normal_equations(self.views, self.camera, self.weights)?;
+        Some(cost)
+    }
+
+    fn step(&mut self, stage: &Stage, damping: f64) -> Option<Stage> {
+        let (shared, own) = self.system.solve(damping)?;
+        Some(stage.after_step(&shared, &own))
+    }
+
+    fn accept(&mut self, before: f64, after: f64) -> bool {
+        before - after <= 1e-13 * before
+    }
+}
+
+/// Normal equations of shared parameters and one own parameter per position: an arrow, from which the own parameters are
+/// eliminated one by one (Schur complement).
+#[derive(Default)]
 struct Arrow {
     shared: SMatrix<f64, G, G>,
     rhs: SVector<f64, G>,
-    own: Vec<Own>,
+    own: Vec<OwnParameter>,
 }
 
-struct Own {
+/// The part of the normal equations that belongs to one position's own parameter.
+struct OwnParameter {
     cross: SVector<f64, G>,
     diagonal: f64,
     rhs: f64,
 }
 
 impl Arrow {
+    /// Solves for the shared parameters and every position's own one; `None` where the damped system is singular.
     fn solve(&self, damping: f64) -> Option<(SVector<f64, G>, Vec<f64>)> {
         let (mut a, mut g) = (self.shared, self.rhs);
         for i in 0..G {
@@ -205,7 +213,7 @@ impl Arrow {
             g -= o.cross * (o.rhs / d);
         }
         let shared = a.cholesky()?.solve(&g);
-        let own = |o: &Own| {
+        let own = |o: &OwnParameter| {
             if o.diagonal > 0.0 { (o.rhs - o.cross.dot(&shared)) / (o.diagonal * (1.0 + damping)) } else { 0.0 }
         };
         Some((shared, self.own.iter().map(own).collect()))

@@ -6,8 +6,8 @@ use std::sync::Mutex;
 use calib_targets_aruco::Dictionary as Codes;
 use calib_targets_charuco::{CharucoBoardSpec, CharucoDetector, CharucoParams};
 
-use super::Pair;
 use super::gray::Decimated;
+use super::pair::Pair;
 use crate::board::layout::{Layout, Squares};
 use crate::board::{BoardError, Dictionary};
 

@@ -1,6 +1,6 @@
 //! Whether the print in the image is the board's.
 
-use super::refine::Pixels;
+use super::pixels::Pixels;
 use super::warp::Warp;
 use crate::board::{Artwork, Marker};
 

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use calib_targets_chessboard::{ChessboardDetector, ChessboardParams, default_chess_config, detect_corners};
 
-use super::Pair;
 use super::gray::Decimated;
+use super::pair::Pair;
 use crate::board::BoardError;
 use crate::board::layout::Squares;
 use crate::pose::Homography;

@@ -2,7 +2,9 @@
 
 use nalgebra::{Matrix2, SMatrix, SVector};
 
-use super::refine::Pixels;
+use super::pixels::Pixels;
+use crate::least_squares::{LmSettings, Problem, SingularSystem, minimize};
+use crate::statistics::order_statistic;
 
 /// Where an edge is expected, px: a slightly bent line through three points.
 #[derive(Clone, Copy, Debug)]
@@ -41,18 +43,21 @@ const MIN_CONTRAST: f64 = 0.01;
 /// A profile may differ from the model by this part of the contrast (RMS) before something else is there.
 const MAX_MISFIT: f64 = 0.12;
 
+/// A pixel near an edge.
 struct Sample {
+    /// Distance along the edge, px.
     s: f64,
+    /// Distance from the edge, px, toward the bright side.
     d: f64,
     value: f64,
 }
 
-/// Fits the image of a step, blurred by a Gaussian and by the pixel's area, to the pixels within `half_width` of the part `range`
-/// of the expected edge.
+/// Fits the image of a step, blurred by a Gaussian and by the pixel's area, to the pixels within `half_width` of the part
+/// `range` of the expected edge.
 ///
-/// The model is symmetric about the edge and lives in linear light, so blur of any amount moves it nowhere; offset, slope,
-/// blur and both sides' levels (each linear along the edge: uneven lighting) are free. `blur` is where that one starts. `None` where there is no such edge,
-/// it leaves the image, or is clipped.
+/// The model is symmetric about the edge and lives in linear light, so blur of any amount moves it nowhere. Offset, slope,
+/// blur and the levels of both sides (each linear along the edge, for uneven lighting) are free; `blur` is where the blur
+/// starts. Returns `None` where there is no such edge, where it leaves the image, and where it is clipped.
 pub(super) fn fit(
     image: &Pixels,
     edge: &Expected,
@@ -60,99 +65,167 @@ pub(super) fn fit(
     half_width: f64,
     blur: Option<f64>,
 ) -> Option<EdgeFit> {
-    let samples = samples(image, edge, range, half_width)?;
-    let n = samples.len() as f64;
-    let middle = 0.5 * (range[0] + range[1]);
-    let reach = 0.5 * (range[1] - range[0]);
+    let mut samples = samples(image, edge, range, half_width)?;
+    // The light's own slope across the edge would pass for a shift of it (of opposite sign on the two sides of a marker,
+    // but of the same sign as seen from the image's middle): divided out beforehand.
+    samples.iter_mut().for_each(|p| p.value /= 1.0 + edge.light * p.d);
+    let mut step = StepFit::new(&samples, edge, range, half_width);
+    let start = step.start(blur)?;
+    let p = minimize(&mut step, start, &SETTINGS)?;
+    step.result(&p)
+}
 
-    // The light's own slope across the edge would pass for a shift of it (of opposite sign on the two sides of a marker, but
-    // of the same sign as seen from the image's middle): divided out beforehand.
-    let samples: Vec<Sample> =
-        samples.into_iter().map(|p| Sample { value: p.value / (1.0 + edge.light * p.d), ..p }).collect();
+/// At most 30 trials, of which the first ten or so are usually enough. Trials end where damping exceeds 10⁴.
+const SETTINGS: LmSettings = LmSettings {
+    damping: 1e-4,
+    min_damping: 1e-9,
+    max_damping: 1e4_f64.next_up(),
+    lower: 0.1,
+    raise: 10.0,
+    max_iterations: 30,
+    max_trials: usize::MAX,
+    max_total_trials: 30,
+    accept_equal: false,
+    singular: SingularSystem::Fails,
+};
 
-    // Start: levels from the extremes, the offset from the area under the profile.
-    let mut values: Vec<f64> = samples.iter().map(|p| p.value).collect();
-    values.sort_by(f64::total_cmp);
-    let (dark, bright) = (values[values.len() / 10], values[values.len() - 1 - values.len() / 10]);
-    if bright - dark < MIN_CONTRAST {
-        return None;
+/// Offset and slope (per `reach`) in the middle, σ, dark level and its slope, bright level and its slope.
+type StepParameters = SVector<f64, 7>;
+
+/// The least-squares problem of a blurred step.
+struct StepFit<'a> {
+    samples: &'a [Sample],
+    half_width: f64,
+    /// Middle of the range along the edge, and half its length, px.
+    middle: f64,
+    reach: f64,
+    /// The pixel's extent along the larger and the smaller component of the normal, px.
+    box_width: f64,
+    box_minor: f64,
+    /// Smallest σ, px.
+    min_sigma: f64,
+    /// Normal equations, right-hand side and cost: of the last evaluation, and of the parameters accepted last.
+    tried: (SMatrix<f64, 7, 7>, StepParameters, f64),
+    accepted: (SMatrix<f64, 7, 7>, StepParameters, f64),
+    /// Change of offset and slope in the last step.
+    shift: f64,
+}
+
+impl<'a> StepFit<'a> {
+    fn new(samples: &'a [Sample], edge: &Expected, range: [f64; 2], half_width: f64) -> Self {
+        let box_minor = edge.normal[0].abs().min(edge.normal[1].abs());
+        let none = (SMatrix::zeros(), StepParameters::zeros(), f64::INFINITY);
+        Self {
+            samples,
+            half_width,
+            middle: 0.5 * (range[0] + range[1]),
+            reach: 0.5 * (range[1] - range[0]),
+            box_width: edge.normal[0].abs().max(edge.normal[1].abs()),
+            box_minor,
+            min_sigma: (0.15f64.powi(2) + box_minor * box_minor / 12.0).sqrt(),
+            tried: none,
+            accepted: none,
+            shift: f64::INFINITY,
+        }
     }
-    let share = samples.iter().map(|p| ((p.value - dark) / (bright - dark)).clamp(0.0, 1.0)).sum::<f64>() / n;
-    let box_width = edge.normal[0].abs().max(edge.normal[1].abs());
-    let box_minor = edge.normal[0].abs().min(edge.normal[1].abs());
-    let least = (0.15f64.powi(2) + box_minor * box_minor / 12.0).sqrt();
-    let sigma = blur.unwrap_or(0.7).hypot(box_minor / 12f64.sqrt()).clamp(least, half_width);
-    // Offset and slope (per `reach`) in the middle, σ, dark level and its slope, bright level and its slope.
-    let mut p = SVector::<f64, 7>::from([half_width * (1.0 - 2.0 * share), 0.0, sigma, dark, 0.0, bright, 0.0]);
-    let evaluate = |p: &SVector<f64, 7>| {
-        let (mut a, mut g, mut cost) = (SMatrix::<f64, 7, 7>::zeros(), SVector::<f64, 7>::zeros(), 0.0);
-        for q in &samples {
-            let u = (q.s - middle) / reach;
-            let (step, by_d, by_sigma) = blurred_step(q.d - p[0] - p[1] * u, box_width, p[2]);
+
+    /// Takes the levels from the extremes and the offset from the area under the profile. `None` without contrast.
+    fn start(&self, blur: Option<f64>) -> Option<StepParameters> {
+        let n = self.samples.len();
+        let mut values: Vec<f64> = self.samples.iter().map(|p| p.value).collect();
+        let dark = order_statistic(&mut values, n / 10);
+        let bright = order_statistic(&mut values, n - 1 - n / 10);
+        if bright - dark < MIN_CONTRAST {
+            return None;
+        }
+        let lit = |p: &Sample| ((p.value - dark) / (bright - dark)).clamp(0.0, 1.0);
+        let bright_fraction = self.samples.iter().map(lit).sum::<f64>() / n as f64;
+        let sigma = blur.unwrap_or(0.7).hypot(self.box_minor / 12f64.sqrt()).clamp(self.min_sigma, self.half_width);
+        let offset = self.half_width * (1.0 - 2.0 * bright_fraction);
+        Some(StepParameters::from([offset, 0.0, sigma, dark, 0.0, bright, 0.0]))
+    }
+
+    /// Returns normal equations, right-hand side and cost.
+    fn evaluate(&self, p: &StepParameters) -> (SMatrix<f64, 7, 7>, StepParameters, f64) {
+        let (mut a, mut g, mut cost) = (SMatrix::<f64, 7, 7>::zeros(), StepParameters::zeros(), 0.0);
+        for q in self.samples {
+            let u = (q.s - self.middle) / self.reach;
+            let (step, by_d, by_sigma) = blurred_step(q.d - p[0] - p[1] * u, self.box_width, p[2]);
             let (lo, hi) = (p[3] + p[4] * u, p[5] + p[6] * u);
             let (contrast, r) = (hi - lo, q.value - (lo + (hi - lo) * step));
             let (fall, rise) = (1.0 - step, step);
             let by_offset = -contrast * by_d;
-            let j = SVector::<f64, 7>::from([
-                by_offset,
-                by_offset * u,
-                contrast * by_sigma,
-                fall,
-                fall * u,
-                rise,
-                rise * u,
-            ]);
+            let j =
+                StepParameters::from([by_offset, by_offset * u, contrast * by_sigma, fall, fall * u, rise, rise * u]);
             cost += r * r;
             a.ger(1.0, &j, &j, 1.0);
             g += r * j;
         }
         (a, g, cost)
-    };
-    let mut damping = 1e-4;
-    let (mut a, mut g, mut cost) = evaluate(&p);
-    for _ in 0..30 {
-        let mut m = a;
+    }
+
+    /// Returns the edge where the fit is good, from the parameters accepted last.
+    fn result(&self, p: &StepParameters) -> Option<EdgeFit> {
+        let n = self.samples.len() as f64;
+        let (mut a, _, cost) = self.accepted;
+        let contrast = p[5] - p[3];
+        let variance = (cost / (n - 7.0).max(1.0)).max((1e-4 * contrast).powi(2));
+        let found =
+            contrast >= MIN_CONTRAST && variance.sqrt() < MAX_MISFIT * contrast && p[0].abs() < 0.7 * self.half_width;
+        if !found {
+            return None;
+        }
         for i in 0..7 {
-            m[(i, i)] = m[(i, i)] * (1.0 + damping) + 1e-12 * n;
+            a[(i, i)] += 1e-12 * n;
         }
-        let step = m.cholesky()?.solve(&g);
-        let mut next = p + step;
-        next[2] = next[2].clamp(least, half_width);
-        let (a1, g1, c) = evaluate(&next);
-        let moved = step[0].abs() + step[1].abs();
-        if c < cost {
-            (p, a, g, cost) = (next, a1, g1, c);
-            damping = (damping * 0.1).max(1e-9);
-            // The next step would be smaller by another two orders.
-            if moved < 3e-4 {
-                break;
-            }
-        } else {
-            if damping > 1e3 || moved < 1e-5 {
-                break;
-            }
-            damping *= 10.0;
-        }
+        let covariance = a.try_inverse()?.fixed_view::<2, 2>(0, 0) * variance;
+        // From the middle and per `reach` to the start and per pixel.
+        let to_start = Matrix2::new(1.0, -self.middle / self.reach, 0.0, 1.0 / self.reach);
+        let information = (to_start * covariance * to_start.transpose()).try_inverse()?;
+        let slope = p[1] / self.reach;
+        let blur = (p[2] * p[2] - self.box_minor * self.box_minor / 12.0).max(0.0).sqrt();
+        Some(EdgeFit { offset: p[0] - slope * self.middle, slope, information, blur, bright: p[5] })
     }
-    let contrast = p[5] - p[3];
-    let variance = (cost / (n - 7.0).max(1.0)).max((1e-4 * contrast).powi(2));
-    let found = contrast >= MIN_CONTRAST && variance.sqrt() < MAX_MISFIT * contrast && p[0].abs() < 0.7 * half_width;
-    if !found {
-        return None;
-    }
-    for i in 0..7 {
-        a[(i, i)] += 1e-12 * n;
-    }
-    let covariance = a.try_inverse()?.fixed_view::<2, 2>(0, 0) * variance;
-    // From the middle and per `reach` to the start and per pixel.
-    let to_start = Matrix2::new(1.0, -middle / reach, 0.0, 1.0 / reach);
-    let information = (to_start * covariance * to_start.transpose()).try_inverse()?;
-    let slope = p[1] / reach;
-    let blur = (p[2] * p[2] - box_minor * box_minor / 12.0).max(0.0).sqrt();
-    Some(EdgeFit { offset: p[0] - slope * middle, slope, information, blur, bright: p[5] })
 }
 
-/// The pixels around an expected edge: their distance along it and from it.
+impl Problem for StepFit<'_> {
+    type Parameters = StepParameters;
+
+    fn cost(&mut self, p: &StepParameters) -> f64 {
+        self.tried = self.evaluate(p);
+        self.tried.2
+    }
+
+    /// Takes over the last evaluation, which is that of the start or of an accepted step.
+    fn linearize(&mut self, _: &StepParameters, cost: f64) -> Option<f64> {
+        self.accepted = self.tried;
+        Some(cost)
+    }
+
+    fn step(&mut self, p: &StepParameters, damping: f64) -> Option<StepParameters> {
+        let mut m = self.accepted.0;
+        for i in 0..7 {
+            m[(i, i)] = m[(i, i)] * (1.0 + damping) + 1e-12 * self.samples.len() as f64;
+        }
+        let step = m.cholesky()?.solve(&self.accepted.1);
+        self.shift = step[0].abs() + step[1].abs();
+        let mut next = p + step;
+        next[2] = next[2].clamp(self.min_sigma, self.half_width);
+        Some(next)
+    }
+
+    /// The step after one this small would be smaller by another two orders.
+    fn accept(&mut self, _: f64, _: f64) -> bool {
+        self.accepted = self.tried;
+        self.shift < 3e-4
+    }
+
+    fn gives_up(&self) -> bool {
+        self.shift < 1e-5
+    }
+}
+
+/// Returns the pixels around an expected edge. `None` where it leaves the image, is clipped, or has too few pixels.
 fn samples(image: &Pixels, edge: &Expected, range: [f64; 2], half_width: f64) -> Option<Vec<Sample>> {
     let at = |s: f64, d: f64| -> [f64; 2] {
         std::array::from_fn(|k| edge.start[k] + s * edge.along[k] + d * edge.normal[k])

@@ -2,6 +2,8 @@
 
 use calib_targets_core::GrayImageView;
 
+use crate::statistics::order_statistic;
+
 /// A reduced image of 8 bits, the square root of the linear one: dark parts of a board stay readable.
 pub(super) struct Decimated {
     pub(super) data: Vec<u8>,
@@ -56,6 +58,6 @@ pub(super) fn stretch(gray: &[f32]) -> Option<f32> {
         return None;
     }
     let k = sample.len() * 99 / 100;
-    let top = *sample.select_nth_unstable_by(k, f32::total_cmp).1;
+    let top = order_statistic(&mut sample, k);
     (top > 1e-6).then_some(top.min(1.0))
 }

@@ -2,7 +2,8 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::refine::Pixels;
+use super::pixels::Pixels;
+use crate::statistics::median;
 
 /// The logarithm of the light as a quadratic in pixel coordinates.
 #[derive(Clone, Copy, Debug)]
@@ -41,9 +42,8 @@ impl Light {
             light.coeffs = std::array::from_fn(|i| c[i]);
             if round == 0 {
                 let off = |k: &(SVector<f64, 6>, f64)| (k.1 - k.0.dot(&c)).abs();
-                let mut sorted: Vec<f64> = keep.iter().map(off).collect();
-                sorted.sort_by(f64::total_cmp);
-                let limit = 5.0 * sorted[sorted.len() / 2] + 1e-9;
+                let mut distances: Vec<f64> = keep.iter().map(off).collect();
+                let limit = 5.0 * median(&mut distances).unwrap_or(0.0) + 1e-9;
                 keep.retain(|k| off(k) <= limit);
             }
         }

@@ -3,8 +3,8 @@
 use calib_targets_aruco::{MarkerCell, Matcher, ScanDecodeConfig, scan_decode_markers_in_cells};
 use nalgebra::Point2;
 
-use super::Pair;
 use super::gray::Decimated;
+use super::pair::Pair;
 use super::quads;
 use crate::board::{BoardError, Dictionary, Marker};
 

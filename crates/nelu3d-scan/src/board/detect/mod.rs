@@ -9,6 +9,8 @@ mod edge;
 mod gray;
 mod light;
 mod markers;
+mod pair;
+mod pixels;
 mod quads;
 mod refine;
 mod spec;
@@ -19,7 +21,8 @@ use calib_targets_charuco::CharucoDetector;
 
 use self::check::agreement;
 use self::gray::{Decimated, stretch};
-use self::refine::Pixels;
+use self::pair::Pair;
+use self::pixels::Pixels;
 use self::spec::CornerSpec;
 use self::warp::Warp;
 use super::layout::Layout;
@@ -35,9 +38,6 @@ pub struct Detector {
     charuco: Option<charuco::Finder>,
     matcher: Option<Matcher>,
 }
-
-/// A board point and where it was coarsely seen, px.
-type Pair = ([f64; 2], [f64; 2]);
 
 /// Images are reduced to about this many pixels for the coarse step; the final one works at full resolution.
 const COARSE_PIXELS: usize = 1_500_000;

@@ -5,26 +5,11 @@ use rayon::prelude::*;
 
 use super::edge::{self, EdgeFit, Expected};
 use super::light::Light;
+use super::pixels::Pixels;
 use super::spec::{Arm, CornerSpec};
 use super::warp::Warp;
 use crate::board::Corner;
-
-/// A linear image.
-pub(super) struct Pixels<'a> {
-    pub(super) data: &'a [f32],
-    pub(super) width: usize,
-    pub(super) height: usize,
-}
-
-impl Pixels<'_> {
-    /// The value at the nearest pixel, `None` outside or where it is not finite.
-    pub(super) fn nearest(&self, p: [f64; 2]) -> Option<f32> {
-        let (x, y) = (p[0].round(), p[1].round());
-        let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64;
-        let value = inside.then(|| self.data[y as usize * self.width + x as usize]);
-        value.filter(|v| v.is_finite())
-    }
-}
+use crate::statistics::median;
 
 /// A corner, localized.
 pub(super) struct Localized {
@@ -65,9 +50,8 @@ pub(super) fn corners(image: &Pixels, specs: &[CornerSpec], warp: &Warp, known: 
 /// What a pass tells of the image.
 pub(super) fn conditions(image: &Pixels, found: &[Localized]) -> Option<Conditions> {
     let mut blurs: Vec<f64> = found.iter().map(|c| c.blur).collect();
-    blurs.sort_by(f64::total_cmp);
     let levels: Vec<([f64; 2], f64)> = found.iter().map(|c| (c.corner.px, c.bright)).collect();
-    Some(Conditions { blur: *blurs.get(blurs.len() / 2)?, light: Light::fit(image, &levels) })
+    Some(Conditions { blur: median(&mut blurs)?, light: Light::fit(image, &levels) })
 }
 
 fn corner(image: &Pixels, spec: &CornerSpec, warp: &Warp, known: Option<&Conditions>) -> Option<Localized> {
@@ -102,8 +86,7 @@ fn corner(image: &Pixels, spec: &CornerSpec, warp: &Warp, known: Option<&Conditi
     if !(sigma <= most && px.iter().all(|v| v.is_finite())) {
         return None;
     }
-    blurs.sort_by(f64::total_cmp);
-    Some(Localized { corner: Corner { board_mm: spec.board_mm, px }, blur: blurs[blurs.len() / 2], bright })
+    Some(Localized { corner: Corner { board_mm: spec.board_mm, px }, blur: median(&mut blurs)?, bright })
 }
 
 /// Expects an arm where the warp puts it, and fits the edge there.

@@ -3,8 +3,10 @@
 use nalgebra::Isometry3;
 use serde::Serialize;
 
+use super::calibration::Calibration;
+use super::error::CameraFileError;
 use super::source::Source;
-use super::{Calibration, Camera, CameraFileError};
+use crate::camera::Camera;
 
 pub(super) fn read(source: &Source) -> Result<Calibration, CameraFileError> {
     let optional = |key| if source.has(key) { source.numbers(key).map(Some) } else { Ok(None) };

@@ -6,86 +6,24 @@
 //!
 //! Each turns the file into a [`Calibration`], whose values are checked here, once for all formats.
 
+mod calibration;
+mod error;
 mod lookup3d;
 mod opencv;
 mod ros;
 mod source;
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
+pub use error::CameraFileError;
+
+use self::calibration::Calibration;
 use self::source::Source;
 use super::{Camera, Distortion, Projector};
 use crate::output::write_atomic;
-
-/// Why a camera file could not be used.
-#[derive(Debug, thiserror::Error)]
-pub enum CameraFileError {
-    /// The file is missing, or the operating system would not let it be read.
-    #[error("{}: cannot be read: {source}; put the calibration there, or correct its name in rig.toml", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// Neither JSON nor YAML.
-    #[error("{}: is not valid {format}: {reason}; write the file again with the tool it came from", path.display())]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// JSON or YAML.
-        format: &'static str,
-        /// What the parser said, with line and column.
-        reason: String,
-    },
-    /// A key is missing.
-    #[error("{}: has no `{key}`; {remedy}", path.display())]
-    Missing {
-        /// The file.
-        path: PathBuf,
-        /// The missing key.
-        key: String,
-        /// What to do about it.
-        remedy: String,
-    },
-    /// A value that no camera has.
-    #[error("{}: `{key}` {problem}; {remedy}", path.display())]
-    Invalid {
-        /// The file.
-        path: PathBuf,
-        /// The key.
-        key: String,
-        /// What is wrong with its value.
-        problem: String,
-        /// What to do about it.
-        remedy: String,
-    },
-}
-
-impl CameraFileError {
-    /// The file.
-    pub fn path(&self) -> &Path {
-        match self {
-            CameraFileError::Io { path, .. }
-            | CameraFileError::Syntax { path, .. }
-            | CameraFileError::Missing { path, .. }
-            | CameraFileError::Invalid { path, .. } => path,
-        }
-    }
-}
-
-/// What any of the formats holds, with the keys it was found under.
-struct Calibration {
-    width: (String, usize),
-    height: (String, usize),
-    matrix: (String, Vec<f64>),
-    distortion: (String, Vec<f64>),
-    rotation: Option<(String, Vec<f64>)>,
-    translation: Option<(String, Vec<f64>)>,
-}
 
 /// Reads camera intrinsics. `R` and `T`, if there are any, are checked and not used: the camera's frame is the world.
 ///

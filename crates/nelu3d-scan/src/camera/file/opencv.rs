@@ -1,7 +1,8 @@
 //! OpenCV `FileStorage`: `image_width`, `image_height`, `camera_matrix`, `distortion_coefficients`, optional `R`, `T`.
 
+use super::calibration::Calibration;
+use super::error::CameraFileError;
 use super::source::Source;
-use super::{Calibration, CameraFileError};
 
 pub(super) fn read(source: &Source) -> Result<Calibration, CameraFileError> {
     let optional = |key| if source.has(key) { matrix(source, key).map(Some) } else { Ok(None) };

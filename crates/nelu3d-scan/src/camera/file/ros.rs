@@ -1,8 +1,10 @@
 //! ROS `camera_info`: the calibration file of `camera_calibration` (`image_width`, `camera_matrix`, …), or a recorded
 //! message (`width`, `K` or `k`, `D` or `d`, …). It has no place for a projector's pose: `R` is the rectification.
 
+use super::calibration::Calibration;
+use super::error::CameraFileError;
+use super::opencv;
 use super::source::Source;
-use super::{Calibration, CameraFileError, opencv};
 
 pub(super) fn read(source: &Source) -> Result<Calibration, CameraFileError> {
     let model = source.value("distortion_model")?;

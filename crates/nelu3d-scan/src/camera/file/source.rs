@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_yaml_ng::Value;
 
-use super::CameraFileError;
+use super::error::CameraFileError;
 
 /// A parsed JSON or YAML file. Both are held as YAML values, which can also hold NaN and infinity.
 pub(super) struct Source {

@@ -4,7 +4,9 @@ use std::io::Cursor;
 
 use ::exr::prelude::*;
 
-use super::{File, ImageFileError, Raw, RawData};
+use super::error::ImageFileError;
+use super::file::File;
+use super::raw::{Raw, RawData};
 
 pub(super) fn decode(file: &File<'_>) -> std::result::Result<Raw, ImageFileError> {
     let meta = MetaData::read_from_buffered(Cursor::new(file.bytes), false).map_err(|e| file.damaged(e))?;

@@ -5,7 +5,9 @@ use std::io::Cursor;
 use ::image::codecs::png::PngDecoder;
 use ::image::{ColorType, DynamicImage, ImageDecoder, Limits};
 
-use super::{File, ImageFileError, Raw, RawData};
+use super::error::ImageFileError;
+use super::file::File;
+use super::raw::{Raw, RawData};
 
 pub(super) fn decode(file: &File<'_>) -> Result<Raw, ImageFileError> {
     // The size is checked before any pixel is allocated, which makes the decoder's own limit needless.

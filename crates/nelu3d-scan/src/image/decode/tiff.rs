@@ -6,7 +6,9 @@ use ::tiff::ColorType;
 use ::tiff::decoder::{Decoder, DecodingResult, Limits};
 use ::tiff::tags::Tag;
 
-use super::{File, ImageFileError, Raw, RawData};
+use super::error::ImageFileError;
+use super::file::File;
+use super::raw::{Raw, RawData};
 
 pub(super) fn decode(file: &File<'_>) -> Result<Raw, ImageFileError> {
     // The size is checked before any pixel is allocated, which makes the decoder's own limit needless.

@@ -10,7 +10,7 @@ mod unpack;
 use std::path::Path;
 
 use self::tags::{Directory, Tags};
-use super::frame::Facts;
+use super::facts::Facts;
 use super::frames::ending;
 use crate::image::{Channels, ImageFileError, Raw, RawData};
 

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::*;
 use crate::camera::{Camera, write_camera};
-use crate::image::{Raw, RawData, decode, write_rgb8};
+use crate::image::{Channels, Raw, RawData, decode, write_rgb8};
 use crate::rig::{Need, PatternSet};
 use dng::chronos;
 
@@ -49,8 +49,8 @@ fn words(order: &str) -> Option<Vec<String>> {
 }
 
 /// A request for a new rig in that place.
-fn request(dir: &Path, target: Target) -> Request {
-    Request {
+fn request(dir: &Path, target: ImportTarget) -> ImportRequest {
+    ImportRequest {
         frames: dir.join("frames"),
         rig: dir.join("rig"),
         target,
@@ -69,12 +69,12 @@ fn request(dir: &Path, target: Target) -> Request {
     }
 }
 
-fn import(request: &Request) -> Result<Report, ImportError> {
+fn import(request: &ImportRequest) -> Result<ImportReport, ImportError> {
     run(request, &|_, _| true)
 }
 
-fn sequence(name: &str) -> Target {
-    Target::Sequence(name.into())
+fn sequence(name: &str) -> ImportTarget {
+    ImportTarget::Sequence(name.into())
 }
 
 fn u16s(path: &Path) -> Vec<u16> {
@@ -129,12 +129,14 @@ fn chronos_recordings_become_a_new_rig() {
 fn png_and_tiff_stay_as_they_are() {
     let color = |path: &Path, i: usize| write_rgb8(path, W, H, &[10 * i as u8 + 5; 3 * W * H]).unwrap();
     let rgb = recording(2, "png", color);
-    let report = import(&request(rgb.path(), Target::Scene("cup".into()))).unwrap();
+    let report = import(&request(rgb.path(), ImportTarget::Scene("cup".into()))).unwrap();
     assert_eq!((report.channels.as_str(), report.saturation), ("rgb", 255.0));
     let gray = tiffs(2);
-    let report =
-        import(&Request { channels: Some(Channels::Mono), ..request(gray.path(), Target::Scene("cup".into())) })
-            .unwrap();
+    let report = import(&ImportRequest {
+        channels: Some(Channels::Mono),
+        ..request(gray.path(), ImportTarget::Scene("cup".into()))
+    })
+    .unwrap();
     assert_eq!((report.channels.as_str(), report.saturation), ("mono", 4095.0));
     assert!(report.notes.iter().any(|n| n.contains("a guess")), "{:?}", report.notes);
     for (dir, ending) in [(rgb, "png"), (gray, "tiff")] {
@@ -172,12 +174,12 @@ fn an_old_rig_says_what_the_frames_are() {
         projector: None,
     };
     rig.save().unwrap();
-    let by_set = Request {
+    let by_set = ImportRequest {
         order: None,
         camera: None,
         set: Some("two".into()),
         rig: rig.root.join("rig.toml"),
-        ..request(dir.path(), Target::Calibration)
+        ..request(dir.path(), ImportTarget::Calibration)
     };
     let report = import(&by_set).unwrap();
     assert!(!report.new_rig && report.levels.is_none());
@@ -190,7 +192,7 @@ fn an_old_rig_says_what_the_frames_are() {
         }
     }
     // By words: names with or without their ending; and every second group of two.
-    let by_words = Request {
+    let by_words = ImportRequest {
         order: words("white,skip"),
         every: 2,
         target: sequence("s"),
@@ -208,8 +210,8 @@ fn an_old_rig_says_what_the_frames_are() {
     rig.channels = Channels::Bayer([1, 0, 2, 1]);
     rig.black = "black.tiff".into();
     rig.save().unwrap();
-    let scene = Request { order: words("black,one_a.png"), frames: raw.path().join("frames"), ..by_words };
-    import(&Request { target: Target::Scene("x".into()), every: 1, ..scene }).unwrap();
+    let scene = ImportRequest { order: words("black,one_a.png"), frames: raw.path().join("frames"), ..by_words };
+    import(&ImportRequest { target: ImportTarget::Scene("x".into()), every: 1, ..scene }).unwrap();
     let dark = rig.scene("x").unwrap().dir.join("black.tiff");
     assert!(fs::read(&dark).unwrap().starts_with(b"II"));
     assert_eq!(u16s(&dark), codes(0));
@@ -218,8 +220,11 @@ fn an_old_rig_says_what_the_frames_are() {
 #[test]
 fn groups_are_averaged() {
     let dir = tiffs(6);
-    let mean =
-        Request { mean: true, channels: Some(Channels::Mono), ..request(dir.path(), Target::Scene("still".into())) };
+    let mean = ImportRequest {
+        mean: true,
+        channels: Some(Channels::Mono),
+        ..request(dir.path(), ImportTarget::Scene("still".into()))
+    };
     let report = import(&mean).unwrap();
     assert_eq!((report.groups, report.folders), (3, 1));
     let (a, b, c) = (codes(1), codes(3), codes(5));
@@ -229,8 +234,8 @@ fn groups_are_averaged() {
     assert_eq!(u16s(&dir.path().join("rig/scenes/still/white.tiff")), expected);
     // One position of a burst, with the light off taken apart.
     let dark = tiffs(2);
-    let position = Request {
-        target: Target::Calibration,
+    let position = ImportRequest {
+        target: ImportTarget::Calibration,
         camera: None,
         channels: None,
         black: Some(dark.path().join("frames")),
@@ -248,7 +253,7 @@ fn groups_are_averaged() {
 #[test]
 fn a_range_of_frames_and_options_of_the_sensor() {
     let dir = dngs(9);
-    let ranged = Request {
+    let ranged = ImportRequest {
         first: Some(4),
         last: Some(7),
         black_level: Some(16.0),
@@ -271,10 +276,10 @@ fn earlier_imports_are_replaced_only_by_force() {
     let dir = dngs(4);
     let first = request(dir.path(), sequence("ball"));
     import(&first).unwrap();
-    let again = Request { camera: None, last: Some(2), ..first };
+    let again = ImportRequest { camera: None, last: Some(2), ..first };
     let e = import(&again).unwrap_err().to_string();
     assert!(e.contains("sequences/ball: exists") && e.contains("--force"), "{e}");
-    let forced = Request { force: true, ..again };
+    let forced = ImportRequest { force: true, ..again };
     import(&forced).unwrap();
     assert_eq!(names(&dir.path().join("rig/sequences/ball")), ["0000", "import.json"]);
     // Frames that nobody imported stay.

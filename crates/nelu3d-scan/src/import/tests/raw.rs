@@ -3,7 +3,7 @@
 use super::super::levels::{Codes, of};
 use super::dng::Dng;
 use super::*;
-use crate::import::frame::Facts;
+use crate::import::facts::Facts;
 
 /// Writes one DNG and reads it.
 fn read(dng: &Dng, codes: &[u16], size: (usize, usize)) -> Frame {

@@ -10,7 +10,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::{Buffers, FLOAT, push_mesh, write_file};
-use crate::mesh::Mesh;
+use crate::mesh::model::Mesh;
 use crate::output::write_atomic;
 
 /// An animated `.glb` file in the making: one mesh after the other is pushed, then the file is written. What is kept of a

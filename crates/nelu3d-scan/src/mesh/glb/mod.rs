@@ -13,7 +13,7 @@ use std::io::{self, Write};
 
 use serde_json::{Value, json};
 
-use super::Mesh;
+use super::model::Mesh;
 
 /// glTF's code of `f32` components.
 const FLOAT: u32 = 5126;

@@ -5,9 +5,9 @@ use gltf::mesh::Mode;
 use gltf::{Accessor, Document, Glb, Node, Primitive, Semantic};
 use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
-use super::super::{Mesh, normalized};
+use crate::mesh::model::{Mesh, normalized, push_polygon};
 
-pub(in super::super) fn parse(bytes: &[u8]) -> Result<Mesh, String> {
+pub(in crate::mesh) fn parse(bytes: &[u8]) -> Result<Mesh, String> {
     // The library subtracts the header's length from the file's as it is declared there.
     if bytes.get(8..12).is_none_or(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) < 12) {
         return Err("it ends in its header".into());
@@ -111,7 +111,7 @@ fn read_primitive(primitive: &Primitive, blob: &[u8], transform: &Matrix4<f64>) 
             let triangle = |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
             mesh.faces = corners.windows(3).enumerate().map(triangle).collect();
         }
-        Mode::TriangleFan => super::super::push_polygon(&mut mesh.faces, &corners),
+        Mode::TriangleFan => push_polygon(&mut mesh.faces, &corners),
         Mode::Lines | Mode::LineLoop | Mode::LineStrip => return Ok(None),
     }
     if mirrored {

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use super::frame::{Format, Frame};
 use super::order::{self, Slots};
-use super::{ImportError, Request};
+use super::{ImportError, ImportRequest};
 use crate::camera::{Camera, read_camera};
 use crate::image::Channels;
 use crate::rig::{RIG_FILE, Rig};
 
 /// The rig as it is before the import.
-pub(super) enum Place {
+pub(super) enum Destination {
     Old(Box<Rig>),
     New { root: PathBuf, camera: Box<Camera> },
 }
@@ -21,8 +21,8 @@ pub(super) struct Plan {
     pub slots: Slots,
 }
 
-impl Place {
-    pub(super) fn of(request: &Request) -> Result<Self, ImportError> {
+impl Destination {
+    pub(super) fn of(request: &ImportRequest) -> Result<Self, ImportError> {
         let path = &request.rig;
         let is_file = path.file_name().is_some_and(|n| n == RIG_FILE) && !path.is_dir();
         if is_file || path.join(RIG_FILE).is_file() {
@@ -63,7 +63,7 @@ impl Place {
         }
     }
 
-    pub(super) fn plan(&self, request: &Request, first: &Frame) -> Result<Plan, ImportError> {
+    pub(super) fn plan(&self, request: &ImportRequest, first: &Frame) -> Result<Plan, ImportError> {
         let (words, set) = (request.order.as_deref(), request.set.as_deref());
         match self {
             Self::Old(rig) => Ok(Plan { slots: order::of_rig(words, rig, set)?, rig: (**rig).clone() }),
@@ -99,7 +99,7 @@ impl Place {
 }
 
 /// How the sensor of a new rig delivers color.
-fn channels_of(request: &Request, first: &Frame) -> Result<Channels, ImportError> {
+fn channels_of(request: &ImportRequest, first: &Frame) -> Result<Channels, ImportError> {
     match request.channels.or(first.facts.channels) {
         Some(channels) => Ok(channels),
         None if first.raw.channels == 3 => Ok(Channels::Rgb),

@@ -1,0 +1,59 @@
+//! A file being decoded.
+
+use std::path::Path;
+
+use super::error::ImageFileError;
+use super::raw::{Raw, RawData};
+
+/// A file being decoded: its bytes and how to complain about it.
+pub(super) struct File<'a> {
+    pub(super) path: &'a Path,
+    pub(super) bytes: &'a [u8],
+    pub(super) size: Option<(usize, usize)>,
+}
+
+impl File<'_> {
+    pub(super) fn damaged(&self, reason: impl std::fmt::Display) -> ImageFileError {
+        ImageFileError::Damaged { path: self.path.to_path_buf(), reason: reason.to_string() }
+    }
+
+    pub(super) fn kind(&self, problem: impl Into<String>, remedy: impl Into<String>) -> ImageFileError {
+        ImageFileError::Kind { path: self.path.to_path_buf(), problem: problem.into(), remedy: remedy.into() }
+    }
+
+    pub(super) fn alpha(&self) -> ImageFileError {
+        self.kind("has an alpha channel", "save it without transparency")
+    }
+
+    pub(super) fn check_size(&self, found_width: usize, found_height: usize) -> Result<(), ImageFileError> {
+        match self.size {
+            Some((width, height)) if (width, height) != (found_width, found_height) => {
+                Err(ImageFileError::Size { path: self.path.to_path_buf(), found_width, found_height, width, height })
+            }
+            _ if found_width == 0 || found_height == 0 => Err(self.damaged("it has no pixels")),
+            // A damaged header must not make a decoder ask for all memory there is.
+            _ if found_width.saturating_mul(found_height) > 1 << 28 => {
+                Err(self.damaged(format_args!("it claims {found_width}x{found_height} pixels")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    pub(super) fn raw(
+        &self,
+        width: usize,
+        height: usize,
+        channels: usize,
+        data: RawData,
+    ) -> Result<Raw, ImageFileError> {
+        let len = match &data {
+            RawData::U8(v) => v.len(),
+            RawData::U16(v) => v.len(),
+            RawData::Float(v) => v.len(),
+        };
+        if len != width * height * channels {
+            return Err(self.damaged("it holds another number of pixels than it says"));
+        }
+        Ok(Raw { width, height, channels, data })
+    }
+}

@@ -1,0 +1,100 @@
+//! rig.toml: reading and writing.
+
+mod board;
+mod problems;
+mod schema;
+mod validate;
+
+use std::path::{Path, PathBuf};
+
+pub(super) use schema::RigToml;
+pub(super) use validate::from_toml;
+
+use self::schema::{FORMAT, to_toml};
+use super::{PROJECTOR_FILE, RIG_FILE, Rig, RigError};
+use crate::camera::{read_camera, read_projector, write_camera, write_projector};
+use crate::output::{create_dir, write_atomic};
+
+impl Rig {
+    /// Opens a rig: reads rig.toml, the intrinsics and, where there is one, the projector. No image is read.
+    ///
+    /// `path` is the folder or its rig.toml.
+    ///
+    /// # Errors
+    ///
+    /// No rig is there; rig.toml has an unknown key, a newer format or an impossible value; the camera or projector file
+    /// is bad. The message names the file, the key and a remedy.
+    pub fn open(path: &Path) -> Result<Self, RigError> {
+        let (root, toml) = read_toml(path)?;
+        let camera = read_camera(&root.join(&toml.camera.intrinsics))?;
+        let file = root.join(PROJECTOR_FILE);
+        let projector = if file.exists() { Some(read_projector(&file)?) } else { None };
+        let (rig, problems) = from_toml(&root, toml, camera, projector);
+        match problems.into_iter().next() {
+            Some(first) => Err(first),
+            None => Ok(rig),
+        }
+    }
+
+    /// Writes rig.toml, the intrinsics and, where there is one, the projector into [`Rig::root`], which is created.
+    ///
+    /// # Errors
+    ///
+    /// A file cannot be written, or the rig holds a value that could not be read back.
+    pub fn save(&self) -> Result<(), RigError> {
+        let path = self.root.join(RIG_FILE);
+        let text = toml::to_string(&to_toml(self))
+            .map_err(|e| RigError::Syntax { path: path.clone(), reason: e.to_string() })?;
+        // What cannot be opened again must not be written either.
+        let (_, problems) = from_toml(&self.root, to_toml(self), self.camera.clone(), self.projector.clone());
+        if let Some(first) = problems.into_iter().next() {
+            return Err(first);
+        }
+        create_dir(&self.root)?;
+        write_atomic(&path, |w| w.write_all(text.as_bytes()))?;
+        write_camera(&self.root.join(&self.camera_file), &self.camera)?;
+        if let Some(projector) = &self.projector {
+            write_projector(&self.root.join(PROJECTOR_FILE), projector)?;
+        }
+        Ok(())
+    }
+}
+
+/// Parses the rig.toml at `path` (or in it) without checking its values; also returns the rig's folder.
+pub(in crate::rig) fn read_toml(path: &Path) -> Result<(PathBuf, RigToml), RigError> {
+    let root = match path.file_name() {
+        Some(name) if name == RIG_FILE && !path.is_dir() => match path.parent() {
+            Some(p) if !p.as_os_str().is_empty() => p.to_path_buf(),
+            _ => PathBuf::from("."),
+        },
+        _ => path.to_path_buf(),
+    };
+    let file = root.join(RIG_FILE);
+    if !file.is_file() {
+        return Err(RigError::NotARig { path: path.to_path_buf() });
+    }
+    let bytes = std::fs::read(&file).map_err(|source| RigError::Io { path: file.clone(), source })?;
+    let toml = parse(&file, bytes)?;
+    Ok((root, toml))
+}
+
+/// Parses the content of the rig.toml `file` without checking its values.
+pub(in crate::rig) fn parse(file: &Path, bytes: Vec<u8>) -> Result<RigToml, RigError> {
+    let syntax = |reason| RigError::Syntax { path: file.to_path_buf(), reason };
+    let text = String::from_utf8(bytes).map_err(|e| syntax(format!("it is no text ({})", e.utf8_error())))?;
+    // The version comes first: a newer layout may well have keys that are unknown here.
+    let table: toml::Table = toml::from_str(&text).map_err(|e| syntax(toml_reason(&e, &text)))?;
+    if let Some(found) = table.get("format").and_then(toml::Value::as_integer).filter(|&f| f > FORMAT) {
+        return Err(RigError::NewerFormat { path: file.to_path_buf(), found, known: FORMAT });
+    }
+    toml::from_str(&text).map_err(|e| syntax(toml_reason(&e, &text)))
+}
+
+/// Returns the TOML parser's message in one line: its own draws the place over several.
+fn toml_reason(e: &toml::de::Error, text: &str) -> String {
+    let message = e.message().trim().replace('\n', ", ");
+    match e.span().and_then(|span| text.get(..span.start)) {
+        Some(before) => format!("line {}: {message}", before.matches('\n').count() + 1),
+        None => message,
+    }
+}
