@@ -122,7 +122,7 @@ impl Captured {
                 }
             }
         });
-        let left = (0..n)
+        let status = (0..n)
             .into_par_iter()
             .map(|i| {
                 if brightest[i] >= 1.0 {
@@ -144,7 +144,7 @@ impl Captured {
             contrast,
             black,
             noise,
-            left,
+            status,
             has_black: images.black.is_some(),
         }
     }

@@ -6,7 +6,7 @@ use nelu3d_scan::pattern::{Axis, Stripes};
 use nelu3d_scan::rig::PatternSet;
 use nelu3d_scan::{Image, Projector, Rig};
 
-use super::Error;
+use super::error::DecodeError;
 use super::projector::Response;
 
 /// How much an image may vary across its axis, as a share of full scale: a code of eight bits and a half.
@@ -15,19 +15,19 @@ const FLAT: f32 = 1.5 / 255.0;
 /// How much light a projected value makes.
 #[derive(Clone, Debug, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum Light {
+pub(crate) enum ProjectedLight {
     /// The value to a power.
     Power(f32),
     /// As it was measured.
     Response(Response),
 }
 
-impl Light {
-    /// Light, 0 to 1, of a value 0 to 1.
+impl ProjectedLight {
+    /// ProjectedLight, 0 to 1, of a value 0 to 1.
     fn of(&self, value: f32) -> f32 {
         match self {
-            Light::Power(gamma) => value.max(0.0).powf(*gamma),
-            Light::Response(response) => response.light_of(value),
+            ProjectedLight::Power(gamma) => value.max(0.0).powf(*gamma),
+            ProjectedLight::Response(response) => response.light_of(value),
         }
     }
 }
@@ -41,7 +41,7 @@ pub(crate) struct Line {
     pub(super) channel: usize,
     /// The file.
     pub(super) path: PathBuf,
-    /// Light, 0 to 1, one per column (or row).
+    /// ProjectedLight, 0 to 1, one per column (or row).
     pub(super) values: Vec<f32>,
 }
 
@@ -75,7 +75,7 @@ impl Code {
     /// # Errors
     ///
     /// One is missing, cannot be read, has another size than the projector, or changes along both axes.
-    pub(crate) fn read(rig: &Rig, set: &PatternSet, projector: &Projector, light: &Light) -> Result<Self, Error> {
+    pub(crate) fn read(rig: &Rig, set: &PatternSet, projector: &Projector, light: &ProjectedLight) -> Result<Self, DecodeError> {
         let size = [projector.optics.width, projector.optics.height];
         Self::read_sized(rig, set, Some(size), light)
     }
@@ -85,13 +85,13 @@ impl Code {
         rig: &Rig,
         set: &PatternSet,
         mut size: Option<[usize; 2]>,
-        light: &Light,
-    ) -> Result<Self, Error> {
+        light: &ProjectedLight,
+    ) -> Result<Self, DecodeError> {
         let mut all = Vec::new();
         for (i, name) in set.images.iter().enumerate() {
             let path = rig.projected(name);
             if !path.exists() {
-                return Err(Error::file(
+                return Err(DecodeError::file(
                     path,
                     "is missing, and a decoder learns the code from the projected images",
                     "put the images that were projected into patterns/, named as the captures are",
@@ -100,7 +100,7 @@ impl Code {
             let image = nelu3d_scan::image::read_any(&path).map_err(nelu3d_scan::rig::RigError::from)?;
             let [w, h] = *size.get_or_insert([image.width, image.height]);
             if [image.width, image.height] != [w, h] {
-                return Err(Error::file(
+                return Err(DecodeError::file(
                     path,
                     format!("is {} × {} px, but the projector's image is {w} × {h}", image.width, image.height),
                     "use the images as they were projected, and the projector.json made for them",
@@ -126,7 +126,7 @@ impl Code {
             .filter(|code| !code.lines.is_empty())
             .collect();
         if axes.is_empty() {
-            return Err(Error::file(
+            return Err(DecodeError::file(
                 rig.root.join("patterns"),
                 format!("the images of set `{}` show the same everywhere", set.name),
                 "use the images as they were projected",
@@ -138,7 +138,7 @@ impl Code {
 
 /// The axis along which an image changes (none if it does not change at all) and its values along it, one line per color
 /// channel, or one if the channels are the same.
-fn lines(image: Image, path: &Path, index: usize, light: &Light) -> Result<(Option<Axis>, Vec<Line>), Error> {
+fn lines(image: Image, path: &Path, index: usize, light: &ProjectedLight) -> Result<(Option<Axis>, Vec<Line>), DecodeError> {
     let (w, h, c) = (image.width, image.height, image.channels);
     let gray = image.data.chunks_exact(c).all(|p| p.iter().all(|v| *v == p[0]));
     let channels = if gray { 1 } else { c };
@@ -146,7 +146,7 @@ fn lines(image: Image, path: &Path, index: usize, light: &Light) -> Result<(Opti
         Stripes::Along(axis) => Some(axis),
         Stripes::Constant => None,
         Stripes::Both => {
-            return Err(Error::file(
+            return Err(DecodeError::file(
                 path,
                 "changes along x and along y, and a decoder needs images that change along one of them",
                 "use `nelu3d calibrate` and `nelu3d reconstruct` for patterns of any kind",
@@ -178,8 +178,8 @@ pub(crate) fn value_at(values: &[f32], u: f32) -> f32 {
 mod tests {
     use super::*;
 
-    fn read(image: Image) -> Result<(Option<Axis>, Vec<Line>), Error> {
-        lines(image, Path::new("p.png"), 0, &Light::Power(1.0))
+    fn read(image: Image) -> Result<(Option<Axis>, Vec<Line>), DecodeError> {
+        lines(image, Path::new("p.png"), 0, &ProjectedLight::Power(1.0))
     }
 
     #[test]

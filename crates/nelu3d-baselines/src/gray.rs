@@ -17,7 +17,8 @@ use rayon::prelude::*;
 
 use super::captured::Captured;
 use super::code::{AxisCode, Code};
-use super::{Coordinate, Decoded, Error};
+use super::coordinates::{Coordinate, DecodedCoordinates};
+use super::error::DecodeError;
 use nelu3d::surface::PixelStatus;
 
 /// A bit nearer to its threshold than this many standard deviations of the noise is uncertain.
@@ -49,8 +50,8 @@ enum Columns {
 
 impl Table {
     /// The table of one axis.
-    pub(crate) fn new(code: &AxisCode, set: &PatternSet) -> Result<Self, Error> {
-        let unsuited = |problem: String, remedy: &str| Error::Unsuited {
+    pub(crate) fn new(code: &AxisCode, set: &PatternSet) -> Result<Self, DecodeError> {
+        let unsuited = |problem: String, remedy: &str| DecodeError::Unsuited {
             set: set.name.clone(),
             method: "gray",
             problem,
@@ -99,22 +100,22 @@ impl Table {
 }
 
 /// Decodes all axes of a code.
-pub(crate) fn decode(captured: &Captured, code: &Code, set: &PatternSet) -> Result<Decoded, Error> {
+pub(crate) fn decode(captured: &Captured, code: &Code, set: &PatternSet) -> Result<DecodedCoordinates, DecodeError> {
     if code.colored {
-        return Err(Error::Unsuited {
+        return Err(DecodeError::Unsuited {
             set: set.name.clone(),
             method: "gray",
             problem: "its images are colored".into(),
             remedy: "use --method zncc".into(),
         });
     }
-    let mut left = captured.status.clone();
+    let mut status = captured.status.clone();
     let mut coordinates = Vec::new();
     for axis in &code.axes {
         let table = Table::new(axis, set)?;
         let bits: Vec<Bit<'_>> = axis.lines.iter().map(|l| Bit::new(captured, l.image)).collect();
         let columns = columns(captured, &table, &bits);
-        for (l, c) in left.iter_mut().zip(&columns) {
+        for (l, c) in status.iter_mut().zip(&columns) {
             if *l == PixelStatus::Valid && c[0] > c[1] {
                 *l = PixelStatus::Ambiguous;
             }
@@ -122,7 +123,7 @@ pub(crate) fn decode(captured: &Captured, code: &Code, set: &PatternSet) -> Resu
         let (at, sigma) = refine(captured, &table, &bits, &columns);
         coordinates.push(Coordinate { axis: axis.axis, at, sigma });
     }
-    Ok(Decoded { coordinates, left })
+    Ok(DecodedCoordinates { coordinates, status })
 }
 
 /// One bit's difference from its threshold, in units of white − black: positive is bright.

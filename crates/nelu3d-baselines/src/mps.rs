@@ -15,12 +15,14 @@ use super::code::Code;
 use super::phase::Phase;
 use super::triangulate::Geometry;
 use super::wave::learn;
-use super::{Columns, Coordinate, Decoded, Error};
+use super::coordinates::{Coordinate, DecodedCoordinates};
+use super::error::DecodeError;
+use super::options::Columns;
 use nelu3d::surface::PixelStatus;
 
 use std::f32::consts::TAU;
 
-/// Error of a cosine that noise does not explain: the amplitude is not quite the same for all frequencies.
+/// DecodeError of a cosine that noise does not explain: the amplitude is not quite the same for all frequencies.
 const MODEL: f32 = 0.06;
 
 /// The second best column must explain the cosines worse by this much (χ²).
@@ -36,14 +38,14 @@ pub(crate) fn decode(
     set: &PatternSet,
     geometry: &Geometry<'_>,
     search: Columns,
-) -> Result<Decoded, Error> {
-    let mut left = captured.status.clone();
+) -> Result<DecodedCoordinates, DecodeError> {
+    let mut status = captured.status.clone();
     let mut coordinates = Vec::new();
     for axis in &code.axes {
         let groups = learn(axis, set, "mps")?;
         let shifted: Vec<usize> = (0..groups.len()).filter(|g| groups[*g].waves.len() > 1).collect();
         let (&[first], true) = (&shifted[..], groups.len() > 1) else {
-            return Err(Error::Unsuited {
+            return Err(DecodeError::Unsuited {
                 set: set.name.clone(),
                 method: "mps",
                 problem: format!("{} of its {} frequencies have several shifts", shifted.len(), groups.len()),
@@ -53,7 +55,7 @@ pub(crate) fn decode(
                         .into(),
             });
         };
-        let solver = groups[first].solver().ok_or_else(|| Error::Unsuited {
+        let solver = groups[first].solver().ok_or_else(|| DecodeError::Unsuited {
             set: set.name.clone(),
             method: "mps",
             problem: format!("the shifts of period {:.2} px do not determine a phase", groups[first].period()),
@@ -72,8 +74,8 @@ pub(crate) fn decode(
         let found: Vec<(f32, f32, PixelStatus)> = (0..status.len())
             .into_par_iter()
             .map(|i| {
-                if left[i] != PixelStatus::Valid {
-                    return (f32::NAN, f32::NAN, left[i]);
+                if status[i] != PixelStatus::Valid {
+                    return (f32::NAN, f32::NAN, status[i]);
                 }
                 let within = if search == Columns::All { Some(whole) } else { geometry.interval(i, axis) };
                 let Some(within) = within else { return (f32::NAN, f32::NAN, PixelStatus::OutsideVolume) };
@@ -83,11 +85,11 @@ pub(crate) fn decode(
                 }
             })
             .collect();
-        left = found.iter().map(|f| f.2).collect();
+        status = found.iter().map(|f| f.2).collect();
         let (at, sigma) = found.iter().map(|f| (f.0, f.1)).unzip();
         coordinates.push(Coordinate { axis: axis.axis, at, sigma });
     }
-    Ok(Decoded { coordinates, left })
+    Ok(DecodedCoordinates { coordinates, status })
 }
 
 /// A frequency with one image.

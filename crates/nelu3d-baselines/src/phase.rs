@@ -11,7 +11,8 @@ use super::captured::Captured;
 use super::code::Code;
 use super::triangulate::Geometry;
 use super::wave::{Group, learn, wrap};
-use super::{Coordinate, Decoded, Error};
+use super::coordinates::{Coordinate, DecodedCoordinates};
+use super::error::DecodeError;
 use nelu3d::surface::PixelStatus;
 
 use std::f32::consts::TAU;
@@ -38,12 +39,12 @@ pub(crate) fn decode(
     code: &Code,
     set: &PatternSet,
     geometry: &Geometry<'_>,
-) -> Result<Decoded, Error> {
-    let mut left = captured.status.clone();
+) -> Result<DecodedCoordinates, DecodeError> {
+    let mut status = captured.status.clone();
     let mut coordinates = Vec::new();
     for axis in &code.axes {
         let groups = learn(axis, set, "phase")?;
-        let unsuited = |problem: String, remedy: String| Error::Unsuited {
+        let unsuited = |problem: String, remedy: String| DecodeError::Unsuited {
             set: set.name.clone(),
             method: "phase",
             problem,
@@ -83,8 +84,8 @@ pub(crate) fn decode(
         let found: Vec<(f32, f32, PixelStatus)> = (0..status.len())
             .into_par_iter()
             .map(|i| {
-                if left[i] != PixelStatus::Valid {
-                    return (f32::NAN, f32::NAN, left[i]);
+                if status[i] != PixelStatus::Valid {
+                    return (f32::NAN, f32::NAN, status[i]);
                 }
                 let Some(within) = interval(i) else { return (f32::NAN, f32::NAN, PixelStatus::OutsideVolume) };
                 match unwrap(&phases, i, captured.variance(i, 0.5).sqrt(), within) {
@@ -93,11 +94,11 @@ pub(crate) fn decode(
                 }
             })
             .collect();
-        left = found.iter().map(|f| f.2).collect();
+        status = found.iter().map(|f| f.2).collect();
         let (at, sigma) = found.iter().map(|f| (f.0, f.1)).unzip();
         coordinates.push(Coordinate { axis: axis.axis, at, sigma });
     }
-    Ok(Decoded { coordinates, left })
+    Ok(DecodedCoordinates { coordinates, status })
 }
 
 /// The images of one frequency, ready to give phases.

@@ -8,14 +8,16 @@ use rayon::prelude::*;
 
 use super::captured::Captured;
 use super::code::{AxisCode, Code, value_at};
-use super::{Decoded, Error, Options};
+use super::coordinates::DecodedCoordinates;
+use super::error::DecodeError;
+use super::options::DecodeOptions;
 use nelu3d::from_projector::crossing_depth;
 use nelu3d::color_field::ColorField;
-use nelu3d::surface::PixelStatus;
+use nelu3d::surface::{PixelStatus, SurfaceMaps};
 
 /// Between which depths a surface is looked for.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
-pub(crate) struct Range {
+pub(crate) struct DepthRange {
     /// Nearest and farthest depth, mm.
     pub(super) mm: [f64; 2],
     source: RangeSource,
@@ -33,16 +35,16 @@ enum RangeSource {
     Guess,
 }
 
-impl Range {
+impl DepthRange {
     /// The range of the settings, of the set's color field, or a guess.
-    pub(crate) fn new(rig: &Rig, set: &PatternSet, projector: &Projector, opts: &Options) -> Result<Self, Error> {
+    pub(crate) fn new(rig: &Rig, set: &PatternSet, projector: &Projector, opts: &DecodeOptions) -> Result<Self, DecodeError> {
         match opts.depth.as_deref() {
             Some(&[near, far]) if near > 0.0 && far > near && far.is_finite() => {
                 return Ok(Self { mm: [near, far], source: RangeSource::Given });
             }
             Some(_) => {
                 let problem = "needs two distances in mm, 0 < NEAR < FAR".into();
-                return Err(Error::Setting { setting: "--depth", problem });
+                return Err(DecodeError::Setting { setting: "--depth", problem });
             }
             None => {}
         }
@@ -74,7 +76,7 @@ pub(crate) struct Geometry<'a> {
     plane: &'a [[f32; 2]],
     rotation: nalgebra::Matrix3<f64>,
     translation: Vector3<f64>,
-    pub(super) range: Range,
+    pub(super) range: DepthRange,
 }
 
 /// The path of a camera pixel's ray along one axis of the projected image, from the far end (s = 0) to the near end (s = 1)
@@ -118,7 +120,7 @@ pub(crate) struct Surface {
 
 impl<'a> Geometry<'a> {
     /// For a projector, and the [`image_plane`](nelu3d::surface::image_plane) of the camera.
-    pub(crate) fn new(projector: &'a Projector, plane: &'a [[f32; 2]], range: Range) -> Self {
+    pub(crate) fn new(projector: &'a Projector, plane: &'a [[f32; 2]], range: DepthRange) -> Self {
         Self {
             projector,
             plane,
@@ -193,7 +195,7 @@ impl<'a> Geometry<'a> {
     /// Depth from what is known of the projector pixel: with one coordinate, where the pixel's ray meets the plane of light
     /// of that column (exactly, with both lenses' distortions); with both, the point of the ray whose projection is nearest
     /// in the least-squares sense, each weighted by its variance. Gauss–Newton on the inverse depth.
-    pub(crate) fn triangulate(&self, decoded: &Decoded) -> Surface {
+    pub(crate) fn triangulate(&self, decoded: &DecodedCoordinates) -> SurfaceMaps {
         let [near, far] = self.range.mm;
         let one = |i: usize| -> (f32, f32, PixelStatus) {
             let none = |why| (f32::NAN, f32::NAN, why);
@@ -254,7 +256,14 @@ impl<'a> Geometry<'a> {
             }
             (z as f32, (z * z / information.sqrt()) as f32, PixelStatus::Valid)
         };
-        let mut out = Surface { depth: Vec::new(), sigma: Vec::new(), left: Vec::new() };
+        let n = decoded.status.len();
+        let mut out = SurfaceMaps {
+            depth: Vec::with_capacity(n),
+            sigma: Vec::with_capacity(n),
+            status: Vec::with_capacity(n),
+            residual: Vec::new(),
+            ambient: vec![f32::NAN; n],
+        };
         let all: Vec<(f32, f32, PixelStatus)> = (0..decoded.status.len()).into_par_iter().map(one).collect();
         for (z, s, l) in all {
             out.depth.push(z);

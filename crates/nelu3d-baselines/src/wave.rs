@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nelu3d_scan::rig::PatternSet;
 
-use super::Error;
+use super::error::DecodeError;
 use super::code::{AxisCode, Line};
 
 /// Largest RMS misfit of a sinusoid, as a share of full scale.
@@ -53,13 +53,13 @@ impl Group {
 }
 
 /// Fits a sinusoid to every image and groups them by frequency, the highest first.
-pub(crate) fn learn(code: &AxisCode, set: &PatternSet, method: &'static str) -> Result<Vec<Group>, Error> {
+pub(crate) fn learn(code: &AxisCode, set: &PatternSet, method: &'static str) -> Result<Vec<Group>, DecodeError> {
     let n = code.len() as f64;
     let mut waves: Vec<(&Line, f64, f64)> = Vec::new();
     for line in &code.lines {
         let fitted = nelu3d_scan::pattern::Wave::fit(&line.values)
             .filter(|f| f.rms <= MAX_MISFIT && (LEAST_AMPLITUDE..1.0).contains(&f.amplitude))
-            .ok_or_else(|| Error::Unsuited {
+            .ok_or_else(|| DecodeError::Unsuited {
                 set: set.name.clone(),
                 method,
                 problem: format!("{} is not a sinusoid", line.path.display()),

@@ -1,4 +1,4 @@
-//! Zero-mean normalized cross-correlation (Mirdehghan, Chen & Kutulakos, "Optimal Structured Light à la Carte", CVPR 2018):
+//! Zero-mean normalized cross-correlation (Mirdehghan, Chen & Kutulakos, "Optimal Structured ProjectedLight à la Carte", CVPR 2018):
 //! the column whose codeword, less its mean and divided by its norm, looks most like what a pixel saw. It needs no white
 //! and no black: ambient light goes with the mean, albedo with the norm.
 //!
@@ -15,7 +15,9 @@ use rayon::prelude::*;
 use super::captured::Captured;
 use super::code::{AxisCode, Code};
 use super::triangulate::{Along, Geometry, line_of};
-use super::{Columns, Coordinate, Decoded, Error, Options};
+use super::coordinates::{Coordinate, DecodedCoordinates};
+use super::error::DecodeError;
+use super::options::{Columns, DecodeOptions};
 use nelu3d::surface::PixelStatus;
 
 /// Variance of a normalized intensity that noise does not explain: the projected images' eight bits, and, where three images
@@ -40,15 +42,15 @@ pub(crate) fn decode(
     code: &Code,
     set: &PatternSet,
     geometry: &Geometry<'_>,
-    opts: &Options,
-) -> Result<Decoded, Error> {
-    let mut left = captured.status.clone();
+    opts: &DecodeOptions,
+) -> Result<DecodedCoordinates, DecodeError> {
+    let mut status = captured.status.clone();
     let mut coordinates = Vec::new();
     for axis in &code.axes {
         let planes: Vec<(usize, usize)> =
             (0..captured.planes.len()).filter_map(|p| line_of(axis, captured, p).map(|l| (p, l))).collect();
         if planes.len() < 3 {
-            return Err(Error::Unsuited {
+            return Err(DecodeError::Unsuited {
                 set: set.name.clone(),
                 method: "zncc",
                 problem: format!("it has {} image(s) along one axis", planes.len()),
@@ -67,13 +69,13 @@ pub(crate) fn decode(
         let table = Table::new(axis, &planes, blur);
         let window = opts.patch.unwrap_or(if planes.len() >= 6 || opts.columns == Columns::All { 1 } else { 9 });
         let (at, sigma) = if window > 1 {
-            windowed(&seen, &table, axis, geometry, captured, opts.min_score, window / 2, &mut left)
+            windowed(&seen, &table, axis, geometry, captured, opts.min_score, window / 2, &mut status)
         } else {
-            single(&seen, &table, axis, geometry, captured, opts, &mut left)
+            single(&seen, &table, axis, geometry, captured, opts, &mut status)
         };
         coordinates.push(Coordinate { axis: axis.axis, at, sigma });
     }
-    Ok(Decoded { coordinates, left })
+    Ok(DecodedCoordinates { coordinates, status })
 }
 
 /// What every pixel saw, `n × k`, and how to compare it.
@@ -104,7 +106,7 @@ impl Seen {
 struct Table {
     /// Columns.
     n: usize,
-    /// Light, k lines of n columns.
+    /// ProjectedLight, k lines of n columns.
     lines: Vec<Vec<f32>>,
     /// The same less the mean over the lines and divided by the norm: zero where a column has no contrast.
     normalized: Vec<Vec<f32>>,
@@ -264,13 +266,13 @@ fn single(
     axis: &AxisCode,
     geometry: &Geometry<'_>,
     captured: &Captured,
-    opts: &Options,
+    opts: &DecodeOptions,
     status: &mut [PixelStatus],
 ) -> (Vec<f32>, Vec<f32>) {
     let k = seen.k;
-    let one = |(code, scores, refiner): &mut (Vec<f32>, Vec<f32>, Refiner), (i, left): (usize, &mut PixelStatus)| {
+    let one = |(code, scores, refiner): &mut (Vec<f32>, Vec<f32>, Refiner), (i, status): (usize, &mut PixelStatus)| {
         let mut none = |why| {
-            *left = why;
+            *status = why;
             (f32::NAN, f32::NAN)
         };
         if captured.status[i] != PixelStatus::Valid {
@@ -290,7 +292,7 @@ fn single(
         }
     };
     let found: Vec<(f32, f32)> =
-        left.par_iter_mut().enumerate().map_init(|| (vec![0.0; k], Vec::new(), Refiner::new(k)), one).collect();
+        status.par_iter_mut().enumerate().map_init(|| (vec![0.0; k], Vec::new(), Refiner::new(k)), one).collect();
     found.into_iter().unzip()
 }
 
@@ -309,7 +311,7 @@ struct Refiner {
     p: Vec<f32>,
     c: Vec<f32>,
     d: Vec<f32>,
-    /// Sum of squares that the last codeword left unexplained.
+    /// Sum of squares that the last codeword status unexplained.
     misfit: f32,
 }
 
@@ -433,9 +435,9 @@ fn windowed(
 
     // A plane in inverse depth through the window's pixels that belong together.
     let gate = 3.0 / (labels - 1) as f32;
-    let one = |(i, left): (usize, &mut PixelStatus)| {
+    let one = |(i, status): (usize, &mut PixelStatus)| {
         let mut none = |why| {
-            *left = why;
+            *status = why;
             (f32::NAN, f32::NAN)
         };
         let Some(a) = &along[i] else {
@@ -474,7 +476,7 @@ fn windowed(
         }
         (u, sigma * a.slope(s).abs())
     };
-    let found: Vec<(f32, f32)> = left.par_iter_mut().enumerate().map(one).collect();
+    let found: Vec<(f32, f32)> = status.par_iter_mut().enumerate().map(one).collect();
     found.into_iter().unzip()
 }
 

@@ -5,25 +5,25 @@
 //! where a projector is known, angles between normals, and whether the 1σ that came with the depth is honest.
 
 pub mod cad;
+mod ground_truth;
 mod jumps;
 mod regions;
 mod stats;
 mod table;
 mod trace;
-mod truth;
 
+pub use ground_truth::{GroundTruth, GroundTruthError};
 pub use jumps::depth_jumps;
 pub use regions::{BODY_MARGIN_PX, GRAZING_DEG, Regions, normals_from_depth};
 pub use stats::{Errors, percentile};
 pub use trace::{Trace, TracePoint};
-pub use truth::{Truth, TruthError};
 
 use nelu3d_scan::{Camera, Projector};
 use rayon::prelude::*;
 
 /// A result to be judged. Maps are `height × width`, row by row.
 #[derive(Clone, Copy, Debug)]
-pub struct Judged<'a> {
+pub struct EvaluatedMaps<'a> {
     /// Camera z, mm; NaN where there is none.
     pub depth: &'a [f32],
     /// Unit normals.
@@ -79,13 +79,13 @@ pub struct SigmaCheck {
     pub median_mm: f64,
 }
 
-/// Judges a result against the truth. `regions` are [`Truth::regions`] with the same camera.
+/// Judges a result against the truth. `regions` are [`GroundTruth::regions`] with the same camera.
 ///
 /// # Panics
 /// When a map has another size than the truth.
 pub fn evaluate(
-    ours: &Judged<'_>,
-    truth: &Truth,
+    ours: &EvaluatedMaps<'_>,
+    truth: &GroundTruth,
     regions: &Regions,
     camera: &Camera,
     projector: Option<&Projector>,
@@ -135,8 +135,8 @@ pub fn compare(first: &[f32], second: &[f32]) -> Comparison {
 }
 
 fn judge(
-    ours: &Judged<'_>,
-    truth: &Truth,
+    ours: &EvaluatedMaps<'_>,
+    truth: &GroundTruth,
     regions: &Regions,
     columns: Option<&[f64]>,
     inside: &[bool],
@@ -166,7 +166,7 @@ fn judge(
 }
 
 /// Projector column of our point minus that of the truth's, px; NaN where one of them is missing.
-fn column_errors(depth: &[f32], truth: &Truth, camera: &Camera, projector: &Projector) -> Vec<f64> {
+fn column_errors(depth: &[f32], truth: &GroundTruth, camera: &Camera, projector: &Projector) -> Vec<f64> {
     let column = |px: usize, z: f32| {
         let ray = camera.ray([(px % truth.width) as f64, (px / truth.width) as f64]);
         projector.project(&ray.at(f64::from(z) / ray.dir.z)).map_or(f64::NAN, |p| p[0])
@@ -194,11 +194,11 @@ mod tests {
     use nalgebra::{Isometry3, Vector3};
 
     /// A plane at z = 500 that fills the image.
-    fn plane(width: usize, height: usize) -> (Truth, Camera) {
+    fn plane(width: usize, height: usize) -> (GroundTruth, Camera) {
         let depth = vec![500.0; width * height];
         let mask = vec![true; width * height];
         let camera = Camera::pinhole(width, height, 400.0, 400.0, width as f64 / 2.0, height as f64 / 2.0);
-        (Truth { width, height, depth, mask }, camera)
+        (GroundTruth { width, height, depth, mask }, camera)
     }
 
     #[test]
@@ -210,7 +210,7 @@ mod tests {
         depth[..4].fill(f32::NAN);
         let sigma = vec![0.75; 800];
         let normals = vec![[0.0, -0.6, -0.8]; 800];
-        let ours = Judged { depth: &depth, normals: Some(&normals), sigma: Some(&sigma) };
+        let ours = EvaluatedMaps { depth: &depth, normals: Some(&normals), sigma: Some(&sigma) };
         let m = evaluate(&ours, &truth, &regions, &camera, None).whole;
         assert_eq!((m.n_region, m.n), (800, 796));
         assert_eq!(m.coverage, 796.0 / 800.0);
@@ -234,7 +234,7 @@ mod tests {
         // plus f (x'/z' − x/z), which is zero along a camera ray.
         let projector = Projector { optics: camera.clone(), proj_from_cam: Isometry3::translation(100.0, 0.0, 0.0) };
         let depth = vec![510.0; 800];
-        let ours = Judged { depth: &depth, normals: None, sigma: None };
+        let ours = EvaluatedMaps { depth: &depth, normals: None, sigma: None };
         let m = evaluate(&ours, &truth, &regions, &camera, Some(&projector)).whole;
         let expected = 400.0 * 100.0 * (1.0 / 510.0 - 1.0 / 500.0);
         let d = m.disparity_px.unwrap();
@@ -277,7 +277,7 @@ mod tests {
                     (t * ray.dir.z) as f32
                 })
                 .collect();
-            let truth = Truth { width, height, depth, mask: vec![true; width * height] };
+            let truth = GroundTruth { width, height, depth, mask: vec![true; width * height] };
             let regions = truth.regions(&camera);
             let center = 20 * width + 30;
             assert!(angle_deg(regions.normals[center], [normal.x as f32, 0.0, normal.z as f32]) < 0.1);
@@ -291,7 +291,7 @@ mod tests {
         let (truth, camera) = plane(8, 8);
         let regions = truth.regions(&camera);
         let depth = vec![f32::NAN; 64];
-        let ours = Judged { depth: &depth, normals: None, sigma: None };
+        let ours = EvaluatedMaps { depth: &depth, normals: None, sigma: None };
         let m = evaluate(&ours, &truth, &regions, &camera, None);
         assert_eq!((m.whole.n, m.whole.coverage), (0, 0.0));
         assert!(m.whole.depth_mm.mae.is_nan() && m.grazing.coverage.is_nan());

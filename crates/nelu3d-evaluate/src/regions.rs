@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use nelu3d_scan::Camera;
 use rayon::prelude::*;
 
-use super::{Truth, depth_jumps};
+use super::{GroundTruth, depth_jumps};
 
 /// Pixels next to a silhouette, a shadow border or a depth jump that do not count as body (Chebyshev distance).
 pub const BODY_MARGIN_PX: usize = 3;
@@ -24,7 +24,7 @@ pub struct Regions {
     pub normals: Vec<[f32; 3]>,
 }
 
-impl Truth {
+impl GroundTruth {
     /// The regions to judge a result by.
     pub fn regions(&self, camera: &Camera) -> Regions {
         assert_eq!((camera.width, camera.height), (self.width, self.height), "camera and truth differ in size");

@@ -5,12 +5,12 @@ use std::time::{Duration, Instant};
 use cpu_time::ProcessTime;
 use nelu3d_scan::{Camera, Projector};
 
-use super::{Judged, Regions, Truth, evaluate};
+use super::{EvaluatedMaps, GroundTruth, Regions, evaluate};
 use nelu3d::reconstruct::{Observer, Stage};
 
 /// Records the error of every intermediate surface of a reconstruction. Its own time is left out of the times it records.
 pub struct Trace<'a> {
-    truth: &'a Truth,
+    truth: &'a GroundTruth,
     regions: Regions,
     camera: &'a Camera,
     wall: Instant,
@@ -45,7 +45,7 @@ pub struct TracePoint {
 
 impl<'a> Trace<'a> {
     /// A trace that begins now.
-    pub fn new(truth: &'a Truth, camera: &'a Camera) -> Self {
+    pub fn new(truth: &'a GroundTruth, camera: &'a Camera) -> Self {
         let (wall, cpu) = (Instant::now(), ProcessTime::now());
         let regions = truth.regions(camera);
         let mut trace = Self {
@@ -77,7 +77,7 @@ impl Observer for Trace<'_> {
         let (wall, cpu) = (Instant::now(), ProcessTime::now());
         let cpu_secs = cpu.as_duration().saturating_sub(self.own_cpu).as_secs_f64();
         let wall_secs = (wall - self.wall).saturating_sub(self.own_wall).as_secs_f64();
-        let judged = Judged { depth, normals: None, sigma: None };
+        let judged = EvaluatedMaps { depth, normals: None, sigma: None };
         let m = evaluate(&judged, self.truth, &self.regions, self.camera, None::<&Projector>);
         let whole = m.whole.depth_mm;
         let body_median = m.body.depth_mm.median;
@@ -106,7 +106,7 @@ mod tests {
     fn records_errors_in_order_and_leaves_its_own_time_out() {
         let (width, height) = (300, 200);
         let camera = Camera::pinhole(width, height, 400.0, 400.0, 150.0, 100.0);
-        let truth = Truth { width, height, depth: vec![500.0; width * height], mask: vec![true; width * height] };
+        let truth = GroundTruth { width, height, depth: vec![500.0; width * height], mask: vec![true; width * height] };
         let mut trace = Trace::new(&truth, &camera);
         let begun = trace.wall;
         for (iteration, error) in [4.0, 2.0, 1.0].into_iter().enumerate() {

@@ -4,12 +4,12 @@ use nelu3d_scan::Rig;
 use nelu3d_scan::rig::PatternSet;
 use rayon::prelude::*;
 
-use super::file::MOST_STRIDE;
+use super::file::MAX_STRIDE;
 use super::{Error, FullTable, Shape};
 use nelu3d::sensor::DarkLevel;
 use nelu3d::sensor::{NoiseEstimator, NoiseModel};
-use nelu3d::calibrate::sweep::Position;
-use nelu3d::calibrate::{self, place};
+use nelu3d::calibrate::Position;
+use nelu3d::calibrate;
 use nelu3d::progress::Progress;
 use nelu3d::progress::StageClock;
 
@@ -36,23 +36,23 @@ pub fn build(
     rig: &Rig,
     set: &PatternSet,
     step: usize,
-    opts: &calibrate::Options,
+    opts: &calibrate::CalibrationOptions,
     progress: &Progress,
     clock: &mut StageClock<'_>,
 ) -> Result<Built, Error> {
     let (w, h) = (rig.camera.width, rig.camera.height);
-    if step == 0 || step > MOST_STRIDE.min(w.min(h) - 1) {
+    if step == 0 || step > MAX_STRIDE.min(w.min(h) - 1) {
         return Err(Error::Step(step));
     }
     // Told before the work, from the number of folders.
     let k = rig.channels_of(set);
-    let n_folders = rig.positions().map_err(calibrate::Error::from)?.len();
+    let n_folders = rig.positions().map_err(calibrate::CalibrationError::from)?.len();
     let needed = |step| memory_bytes(&Shape::of_picture(w, h, step, n_folders, k)) as f64;
     if let Some(free) = free_memory().map(|free| free * MOST_OF_FREE)
         && needed(step) > free
     {
         let mb = |bytes: f64| (bytes / 1e6).round() as u64;
-        let fits = (step + 1..=MOST_STRIDE).find(|s| needed(*s) <= free).unwrap_or(MOST_STRIDE);
+        let fits = (step + 1..=MAX_STRIDE).find(|s| needed(*s) <= free).unwrap_or(MAX_STRIDE);
         return Err(Error::Memory { needed_mb: mb(needed(step)), available_mb: mb(free), step: fits });
     }
     let (placed, _, dark) = place(rig, set, opts, progress, clock)?;
@@ -116,7 +116,7 @@ pub fn build(
     if !found {
         let reason = "no pixel of the board is usable in any position: its images are clipped or too dark; check the \
                       exposure, `saturation` and `black_level`";
-        return Err(calibrate::Error::NoSamples { path: placed.sweep.folder(), reason: reason.into() }.into());
+        return Err(calibrate::CalibrationError::NoSamples { path: placed.sweep.folder(), reason: reason.into() }.into());
     }
     Ok(Built { table, noise, dark })
 }

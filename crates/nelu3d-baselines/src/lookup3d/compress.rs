@@ -73,7 +73,7 @@ pub fn compress(table: &FullTable, rank: Rank) -> Compressed {
         let right = &mut out.right_depth[i * p..][..p];
         right.iter_mut().enumerate().for_each(|(q, r)| *r = spectra[k].vectors[(q, i)] as f32);
     }
-    let rows = out.status.par_chunks_mut(row_len * CHUNK).zip(out.ranges.par_chunks_mut(CHUNK)).enumerate();
+    let rows = out.left.par_chunks_mut(row_len * CHUNK).zip(out.ranges.par_chunks_mut(CHUNK)).enumerate();
     rows.for_each(|(c, (left, ranges))| {
         let mut row = vec![0.0; p];
         for (i, (left, range)) in left.chunks_exact_mut(row_len).zip(ranges).enumerate() {

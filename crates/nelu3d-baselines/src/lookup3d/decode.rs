@@ -48,7 +48,7 @@ pub struct Settings {
     /// How the depth between positions of the lookup table is found
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Interpolation::Cubic))]
     pub interpolation: Interpolation,
-    /// Residual above which a pixel is left out, in standard deviations of the noise (0: keep all)
+    /// Residual above which a pixel is status out, in standard deviations of the noise (0: keep all)
     #[cfg_attr(feature = "clap", arg(long, value_name = "SIGMAS", default_value_t = 6.0))]
     pub max_residual: f32,
     /// Coarse to fine: every Nth pixel and row is decoded first
@@ -79,7 +79,7 @@ impl Interpolation {
 
 /// What a decoding found, for every pixel of the camera.
 #[derive(Clone, Debug)]
-pub struct SurfaceMaps {
+pub struct LookupMaps {
     /// Camera z, mm; NaN where there is none.
     pub depth: Vec<f32>,
     /// 1σ of the depth, mm, from the noise of scene and table and the slope of the code; NaN where there is no depth.
@@ -105,14 +105,14 @@ impl Memory {
     }
 
     /// Nothing found yet, in pixels of which those that are not `Kept` are out already.
-    fn maps(self, status: Vec<PixelStatus>) -> SurfaceMaps {
+    fn maps(self, status: Vec<PixelStatus>) -> LookupMaps {
         let [depth, sigma, residual] = self.0.map(|mut map| {
             map.clear();
-            map.resize(left.len(), f32::NAN);
+            map.resize(status.len(), f32::NAN);
             map
         });
-        let index = vec![u32::MAX; left.len()];
-        SurfaceMaps { depth, sigma, residual, left, index, n_fallbacks: 0 }
+        let index = vec![u32::MAX; status.len()];
+        LookupMaps { depth, sigma, residual, status, index, n_fallbacks: 0 }
     }
 }
 
@@ -120,7 +120,7 @@ impl Memory {
 ///
 /// # Panics
 /// If the scene has another size or other channels than the table.
-pub fn decode(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, memory: Memory) -> SurfaceMaps {
+pub fn decode(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, memory: Memory) -> LookupMaps {
     let windows = match settings.search {
         Search::Brute => None,
         Search::CoarseToFine => Some(Windows::coarse_to_fine(table, &|i, q| query(table, m, i, q), settings)),
@@ -140,7 +140,7 @@ pub fn decode_near(
     settings: &Settings,
     memory: Memory,
     previous: &[f32],
-) -> SurfaceMaps {
+) -> LookupMaps {
     assert_eq!(previous.len(), m.n());
     let before = |pixel: usize| previous[pixel_of_camera(table, m, pixel)];
     let windows = Windows::near(table, &before, settings.window);
@@ -172,15 +172,15 @@ fn run(
     settings: &Settings,
     windows: Option<&Windows>,
     memory: Memory,
-) -> SurfaceMaps {
+) -> LookupMaps {
     let shape = *table.shape();
     let sizes = [m.width, m.height].map(|n| n.div_ceil(shape.step));
     assert!(m.k == shape.k && sizes == [shape.width, shape.height], "a scene of another size than the table");
-    let left = match shape.step {
+    let status = match shape.step {
         1 => m.status.clone(),
         _ => (0..shape.n_pixels()).map(|i| m.status[pixel_of_camera(table, m, i)]).collect(),
     };
-    let mut maps = memory.maps(left);
+    let mut maps = memory.maps(status);
     let tasks = (
         maps.depth.par_chunks_mut(TASK),
         maps.sigma.par_chunks_mut(TASK),
@@ -192,8 +192,8 @@ fn run(
     maps.n_fallbacks = tasks
         .into_par_iter()
         .enumerate()
-        .map_init(decoder, |decoder, (task, (depth, sigma, residual, left, index))| {
-            decoder.decode(task * TASK, Part { depth, sigma, residual, left, index })
+        .map_init(decoder, |decoder, (task, (depth, sigma, residual, status, index))| {
+            decoder.decode(task * TASK, Part { depth, sigma, residual, status, index })
         })
         .sum();
     if shape.step > 1 { between(maps, table, m, camera) } else { maps }
@@ -204,12 +204,12 @@ const TASK: usize = 32 * BLOCK;
 /// Pixels that are searched, then judged, while their rows of the table are in the first cache.
 const BLOCK: usize = 32;
 
-/// SurfaceMaps of some neighboring pixels.
+/// LookupMaps of some neighboring pixels.
 struct Part<'a> {
     depth: &'a mut [f32],
     sigma: &'a mut [f32],
     residual: &'a mut [f32],
-    left: &'a mut [PixelStatus],
+    status: &'a mut [PixelStatus],
     index: &'a mut [u32],
 }
 
@@ -345,8 +345,8 @@ impl<'a> Decoder<'a> {
 const MAX_SLOPE: f32 = 4.0;
 
 /// Every pixel of the camera from every `step`th: bilinear in inverse depth inside of four that belong to one surface; a
-/// pixel next to one that was left out is left out for its reason, one between two surfaces as an edge.
-fn between(coarse: SurfaceMaps, table: &Table, m: &Measurements, camera: &Camera) -> SurfaceMaps {
+/// pixel next to one that was status out is status out for its reason, one between two surfaces as an edge.
+fn between(coarse: LookupMaps, table: &Table, m: &Measurements, camera: &Camera) -> LookupMaps {
     let s = *table.shape();
     let one = |i: usize| -> Result<Placed, PixelStatus> {
         if m.status[i] != PixelStatus::Valid {
@@ -381,11 +381,11 @@ fn between(coarse: SurfaceMaps, table: &Table, m: &Measurements, camera: &Camera
     };
     let found: Vec<Result<Placed, PixelStatus>> = (0..m.n()).into_par_iter().map(one).collect();
     let map = |of: fn(&Placed) -> f32| found.iter().map(|f| f.as_ref().map_or(f32::NAN, of)).collect();
-    SurfaceMaps {
+    LookupMaps {
         depth: map(|p| p.depth),
         sigma: map(|p| p.sigma),
         residual: map(|p| p.residual),
-        left: found.iter().map(|f| f.as_ref().err().copied().unwrap_or(PixelStatus::Valid)).collect(),
+        status: found.iter().map(|f| f.as_ref().err().copied().unwrap_or(PixelStatus::Valid)).collect(),
         ..coarse
     }
 }

@@ -76,7 +76,7 @@ pub enum FileError {
 }
 
 /// Larger strides are taken for another camera's table: nearly any small picture would be every nth pixel of a large one.
-pub(crate) const MOST_STRIDE: usize = 16;
+pub(crate) const MAX_STRIDE: usize = 16;
 const AGAIN: &str = "export it again with `nelu3d table export`, or from numpy as float32";
 
 /// What a table must fit.
@@ -117,7 +117,7 @@ pub fn write_npz(table: &LowRank, path: &Path) -> Result<(), FileError> {
         for j in 0..=s.k {
             let at = j * table.rank;
             let (rank, name) = if j < s.k { (table.rank, (j + 1).to_string()) } else { (table.depth_rank, "d".into()) };
-            let left = table.status.chunks_exact(row_len).flat_map(|row| &row[at..at + rank]).copied();
+            let left = table.left.chunks_exact(row_len).flat_map(|row| &row[at..at + rank]).copied();
             start(&mut zip, &format!("L_{name}"))?;
             write_array(&mut zip, "<f4", &[n, rank], left)?;
             let right = (0..rank * p).map(|i| match j < s.k {
@@ -255,7 +255,7 @@ impl Reader<'_> {
         if let Some(e) = self.expected {
             let fits = |s: &usize| e.width.div_ceil(*s) == width && e.height.div_ceil(*s) == height;
             // Of strides that give the same size the one that ends closest to the border.
-            match (1..=MOST_STRIDE).find(fits).filter(|_| e.k == shape.k) {
+            match (1..=MAX_STRIDE).find(fits).filter(|_| e.k == shape.k) {
                 Some(step) => shape.step = step,
                 None => {
                     return Err(FileError::Other {
@@ -381,7 +381,7 @@ impl Reader<'_> {
             let file = self.entry(&mut zip, &format!("L_{name}"))?;
             self.floats(file, |i, v| {
                 finite &= v.is_finite();
-                table.status[i / r * row_len + j * rank + i % r] = v;
+                table.left[i / r * row_len + j * rank + i % r] = v;
             })?;
             let file = self.entry(&mut zip, &format!("R_{name}"))?;
             self.floats(file, |i, v| {

@@ -48,7 +48,7 @@ impl LowRank {
 
     /// Memory of the factors.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.status[..])
+        size_of_val(&self.left[..])
             + size_of_val(&self.right[..])
             + size_of_val(&self.right_depth[..])
             + size_of_val(&self.ranges[..])
@@ -72,7 +72,7 @@ impl LowRank {
     /// Channel `j` of a sample that is held.
     fn entry(&self, pixel: usize, j: usize, position: usize) -> f32 {
         let (r, stride) = (self.rank, self.shape.stride());
-        let left = &self.status[pixel * self.row_len() + j * r..][..r];
+        let left = &self.left[pixel * self.row_len() + j * r..][..r];
         let right = &self.right[j * r * stride..][..r * stride];
         left.iter().enumerate().map(|(i, l)| l * right[i * stride + position]).sum()
     }
@@ -92,7 +92,7 @@ impl LowRank {
         if !self.holds(pixel, position) {
             return f32::NAN;
         }
-        let left = &self.status[pixel * self.row_len() + self.shape.k * self.rank..][..self.depth_rank];
+        let left = &self.left[pixel * self.row_len() + self.shape.k * self.rank..][..self.depth_rank];
         let right = self.right_depth.chunks_exact(self.shape.n_positions);
         left.iter().zip(right).map(|(l, right)| l * right[position]).sum()
     }
@@ -105,7 +105,7 @@ impl LowRank {
             Some(asked) => held.iter().zip(asked).map(|(h, a)| [h[0].max(a[0]), h[1].min(a[1])]).collect(),
         };
         let row_len = self.row_len();
-        let left = &self.status[first * row_len..][..hits.len() * row_len];
+        let left = &self.left[first * row_len..][..hits.len() * row_len];
         let codes = Codes::LowRank { left, row_len, right: &self.right, rank: self.rank };
         nearest::cpu::nearest(self.shape.for_kernel(), codes, queries, Some(&ranges), hits);
     }

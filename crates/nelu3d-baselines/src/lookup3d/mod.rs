@@ -43,13 +43,13 @@ use nelu3d::calibrate;
 pub enum Error {
     /// The sweep cannot be used.
     #[error(transparent)]
-    Calibrate(#[from] calibrate::Error),
+    Calibrate(#[from] calibrate::CalibrationError),
     /// The file of a table.
     #[error(transparent)]
     File(#[from] file::FileError),
     /// The result to start from.
     #[error(transparent)]
-    Previous(#[from] crate::result::ReadError),
+    Previous(#[from] nelu3d::result::ReadError),
     /// The result to start from is of another camera.
     #[error("{}: a result of {found} pixels, but the camera has {wanted}; give a result of the same rig to --previous", path.display())]
     PreviousSize {

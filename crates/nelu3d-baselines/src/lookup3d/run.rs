@@ -12,13 +12,13 @@ use super::{Error, Memory, Rank, Settings, Table, build, compress, decode, decod
 use nelu3d::calibrate;
 use nelu3d::sensor::{DarkEstimator, DarkLevel};
 use nelu3d::sensor::{NoiseEstimator, NoiseModel};
-use nelu3d::calibrate::sweep::Sweep;
+use nelu3d::calibrate::Sweep;
 use crate::{Error as DecodeError, Method, why_nothing};
 use nelu3d::progress::Progress;
-use nelu3d::surface::{SurfaceMaps, assemble, drop_small, image_plane};
+use nelu3d::surface::{SurfaceMaps, assemble, reject_small_components, image_plane};
 use nelu3d::sensor::Measurements;
 use nelu3d::progress::StageClock;
-use nelu3d::result::Saved;
+use nelu3d::result::SavedResult;
 use nelu3d::surface::Reconstruction;
 
 /// What LookUp3D needs to know.
@@ -69,7 +69,7 @@ pub fn run(
             (file::read(path, Some(expected)).map_err(Error::from)?, None)
         }
         None => {
-            let sweep = calibrate::Options { min_contrast: opts.min_contrast, ..Default::default() };
+            let sweep = calibrate::CalibrationOptions { min_contrast: opts.min_contrast, ..Default::default() };
             let built = build(rig, set, own.stride.unwrap_or(1), &sweep, progress, &mut clock)?;
             (Table::Full(built.table), Some((built.noise, built.dark)))
         }
@@ -98,7 +98,7 @@ pub fn run(
 
     clock.begin("build the surface");
     let (mut depth, mut left) = (found.depth, found.status);
-    drop_small(&mut depth, &mut left, &rig.camera, opts.min_component);
+    reject_small_components(&mut depth, &mut left, &rig.camera, opts.min_component);
     if depth.iter().all(|z| z.is_nan()) {
         return Err(DecodeError::Nothing { path: shot.dir.clone(), reason: why_nothing(&left) });
     }
@@ -145,7 +145,7 @@ fn dark_of(
         _ => return Ok(Vec::new()),
     };
     let sweep = Sweep::new(rig, set, shots, min_contrast);
-    let parts = sweep.flashes(progress, |_, white, black| {
+    let parts = sweep.map_white_black(progress, |_, white, black| {
         let mut dark = DarkEstimator::default();
         dark.add(white, black, min_contrast);
         dark
@@ -157,7 +157,7 @@ fn dark_of(
 
 /// The depth of an earlier result of the same camera.
 fn depth_of(path: &Path, rig: &Rig) -> Result<Vec<f32>, Error> {
-    let saved = Saved::read(path)?;
+    let saved = SavedResult::read(path)?;
     let size = |w: usize, h: usize| format!("{w} × {h}");
     let (found, wanted) = (size(saved.camera.width, saved.camera.height), size(rig.camera.width, rig.camera.height));
     if found != wanted {

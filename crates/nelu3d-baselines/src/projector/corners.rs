@@ -7,7 +7,8 @@ use rayon::prelude::*;
 
 use crate::captured::Captured;
 use crate::code::Code;
-use crate::{Error, gray};
+use crate::error::DecodeError;
+use crate::gray;
 use nelu3d::surface::PixelStatus;
 
 /// Fewest decoded pixels around a corner.

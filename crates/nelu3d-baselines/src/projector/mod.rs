@@ -24,7 +24,7 @@ use nelu3d_scan::{Projector, Rig};
 use serde::{Deserialize, Serialize};
 
 use super::captured::{Captured, Images};
-use super::code::{Code, Light};
+use super::code::{Code, ProjectedLight};
 use super::{Error as DecodeError, gray};
 use nelu3d::progress::Progress;
 use nelu3d::progress::{StageClock, StageTime};
@@ -131,7 +131,7 @@ pub struct Report {
     pub center_mm: [f64; 3],
     /// Its standard deviation, from the residuals alone, mm.
     pub center_sigma_mm: [f64; 3],
-    /// Light per projected value, where the sweep has images with values between black and white.
+    /// ProjectedLight per projected value, where the sweep has images with values between black and white.
     pub response: Option<Response>,
     /// What took how long.
     pub stages: Vec<StageTime>,
@@ -278,7 +278,7 @@ pub fn calibrate(
 /// The set to decode, its code, and the size of the projected image.
 fn coded_set<'a>(rig: &'a Rig, name: Option<&str>) -> Result<(&'a PatternSet, Code, [usize; 2]), Error> {
     let both = |set: &'a PatternSet| -> Result<(&'a PatternSet, Code, [usize; 2]), Error> {
-        let code = Code::read_sized(rig, set, None, &Light::Power(1.0))?;
+        let code = Code::read_sized(rig, set, None, &ProjectedLight::Power(1.0))?;
         let [x, y] = &code.axes[..] else {
             return Err(Error::needs(
                 rig.root.join(RIG_FILE),

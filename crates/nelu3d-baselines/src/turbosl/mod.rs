@@ -18,13 +18,14 @@ use nelu3d_scan::{Camera, Image, Projector};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::Error;
-use super::captured::Captured;
-use super::code::Code;
+use crate::error::DecodeError;
+use crate::captured::Captured;
+use crate::code::Code;
 use nelu3d::progress::Progress;
 use nelu3d::surface::SurfaceMaps;
 use nelu3d::surface::PixelStatus;
-use nelu3d::reconstruct::neural::sdf::{self, Start, view};
+use nelu3d::reconstruct::neural::start::Start;
+use nelu3d::reconstruct::neural::{TrainingRecord, config, view};
 use blur::Blur;
 use scene::Scene;
 use step::Model;
@@ -78,29 +79,29 @@ pub(crate) fn decode(
     code: &Code,
     opts: &Options,
     progress: &Progress,
-) -> Result<Found, Error> {
+) -> Result<Found, DecodeError> {
     let scene = Scene::new(camera, projector, plane, depth, patterns, captured, code)?;
-    let loss = SurfaceLoss { mask_weight: sdf::MASK_WEIGHT, ..SurfaceLoss::default() };
+    let loss = SurfaceLoss { mask_weight: config::MASK_WEIGHT, ..SurfaceLoss::default() };
     let image_field = |seed| {
-        let config = sdf::image_field_config(scene.n_channels, opts.steps);
+        let config = config::image_field_config(scene.n_channels, opts.steps);
         HashField::new(config, seed).expect("the published configuration is valid")
     };
     let mut model = Model {
-        surface: opts.start.surface(sdf::surface_config(loss, opts.steps), opts.seed),
+        surface: opts.start.surface(config::surface_config(loss, opts.steps), opts.seed),
         albedo: image_field(opts.seed.wrapping_add(1)),
         ambient: image_field(opts.seed.wrapping_add(2)),
         blur: [Blur::new(), Blur::new()],
     };
-    let mut grid = OccupancyGrid::new(sdf::occupancy_config(), |q| scene.reaches(q));
+    let mut grid = OccupancyGrid::new(config::occupancy_config(), |q| scene.reaches(q));
     // Of 10,000 iterations: from the 1,000th on; the cosine's annealing would take 20,000.
     let reverse_from = opts.steps / 10;
-    let mut n_rays = sdf::FIRST_RAYS;
+    let mut n_rays = config::FIRST_RAYS;
     let mut records = Vec::new();
     for step in 0..opts.steps {
         if progress.cancelled() {
-            return Err(Error::Cancelled);
+            return Err(DecodeError::Cancelled);
         }
-        sdf::update_occupancy(&mut grid, &model.surface, step as u64, opts.seed);
+        config::update_occupancy(&mut grid, &model.surface, step as u64, opts.seed);
         let reverse = !opts.no_reverse && step >= reverse_from;
         let anneal = step as f32 / (2 * opts.steps) as f32;
         let seed = opts.seed.wrapping_mul(0x9E37_79B9).wrapping_add(step as u64);
@@ -121,10 +122,10 @@ pub(crate) fn decode(
             }));
             if !losses.total.is_finite() {
                 let problem = format!("led to a loss that is no number at iteration {}; try another", step + 1);
-                return Err(Error::Setting { setting: "--seed", problem });
+                return Err(DecodeError::Setting { setting: "--seed", problem });
             }
         }
-        n_rays = sdf::next_ray_count(n_rays, n_samples, opts.samples);
+        n_rays = config::next_ray_count(n_rays, n_samples, opts.samples);
         progress.tick(step + 1, opts.steps);
     }
     let mut found = see(&scene, &model, &grid, captured);
@@ -140,7 +141,7 @@ fn see(scene: &Scene<'_>, model: &Model, grid: &OccupancyGrid, captured: &Captur
     let (k, c) = (scene.k(), scene.n_channels);
     let lit: Vec<usize> = scene.lit.iter().map(|&i| i as usize).collect();
     let marches: Vec<_> = lit.iter().map(|&i| scene.camera_march(i, 0.5)).collect();
-    let seen = view::view(&model.surface, &scene.bounds, grid, &marches);
+    let seen = view::render(&model.surface, &scene.bounds, grid, &marches);
     let slopes = view::normals(&model.surface, &scene.bounds, &marches, &seen.t);
     let places: Vec<[f32; 2]> =
         lit.iter().map(|&i| scene.place([(i % scene.camera.width) as f32, (i / scene.camera.width) as f32])).collect();
@@ -152,7 +153,7 @@ fn see(scene: &Scene<'_>, model: &Model, grid: &OccupancyGrid, captured: &Captur
     let mut maps = SurfaceMaps {
         depth: vec![f32::NAN; n],
         sigma: vec![f32::NAN; n],
-        left: captured.status.clone(),
+        status: captured.status.clone(),
         residual: vec![f32::NAN; n],
         ambient: vec![f32::NAN; n],
     };

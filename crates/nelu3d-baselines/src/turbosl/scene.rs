@@ -4,12 +4,12 @@ use nalgebra::{Point3, Vector3};
 use nelu3d_scan::pattern::Axis;
 use nelu3d_scan::{Camera, Image, Projector};
 
-use crate::Error;
+use crate::error::DecodeError;
 use crate::captured::Captured;
 use crate::code::Code;
 use crate::triangulate::line_of;
 use nelu3d::surface::PixelStatus;
-use nelu3d::reconstruct::neural::sdf::Bounds;
+use nelu3d::reconstruct::neural::bounds::Bounds;
 use nelu3d::reconstruct::neural::march::March;
 
 /// The scene; maps are of the camera's pixels unless they say otherwise.
@@ -44,7 +44,7 @@ impl<'a> Scene<'a> {
         patterns: &[Image],
         captured: &Captured,
         code: &'a Code,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, DecodeError> {
         let n_channels = captured.channels;
         let k = captured.planes.len();
         let lines = (0..k)
@@ -62,7 +62,7 @@ impl<'a> Scene<'a> {
             let [x, y] = plane[i as usize].map(f64::from);
             depth.map(|z| Point3::new(x * z, y * z, z))
         });
-        let bounds = Bounds::around(ends).ok_or(Error::Setting {
+        let bounds = Bounds::around(ends).ok_or(DecodeError::Setting {
             setting: "--min-contrast",
             problem: "leaves no pixel; check that white.png shows the scene lit".into(),
         })?;

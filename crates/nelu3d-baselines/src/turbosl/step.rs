@@ -12,7 +12,8 @@ use super::blur::{self, Blur, HALF};
 use super::ray::{self, Along, Gradient, Kind, Weights};
 use super::scene::Scene;
 use nelu3d::reconstruct::neural::march::{March, Samples, march};
-use nelu3d::reconstruct::neural::sdf::{self, SIDE, STEPS_PER_DIAGONAL};
+use nelu3d::reconstruct::neural::bounds::SIDE;
+use nelu3d::reconstruct::neural::config::{self, STEPS_PER_DIAGONAL};
 
 /// Everything that is learned.
 pub(crate) struct Model {
@@ -208,7 +209,7 @@ impl RayLoss for Loss<'_> {
         let (kind, n_rays, mask) = if r < n_camera {
             let own = r * c..(r + 1) * c;
             let (albedo, ambient) = (&self.albedo[own.clone()], &self.ambient[own]);
-            let mask = (sdf::MASK_WEIGHT / n_camera as f64) as f32;
+            let mask = (config::MASK_WEIGHT / n_camera as f64) as f32;
             (Kind::Camera { colors: values, albedo, ambient, measured: wanted }, n_camera, mask)
         } else {
             let before = n_camera + here.start - batch.samples.offsets[n_camera];

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use nelu3d::evaluate::{Metrics, TracePoint, Truth, percentile};
-use nelu3d::result::picture::{DEPTH_COLORS, Picture, status_color, limits};
+use nelu3d::result::picture::{DEPTH_COLORS, Picture, limits, status_color};
 use nelu3d::result::{PixelStatus, Reconstruction, Summary};
 use nelu3d_scan::Image;
 use serde_json::Value;

@@ -27,7 +27,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use nelu3d_scan::{Camera, Mesh};
 use rayon::prelude::*;
 
-use super::{Errors, Truth};
+use super::{Errors, GroundTruth};
 use nelu3d::progress::Progress;
 use sample::Oriented;
 use score::Score;
@@ -180,7 +180,7 @@ pub fn compare_with_cad(
     let surface = CadSurface::new(mesh, options.scale).ok_or(CadError::EmptyMesh)?;
     // The scan as if it were a truth: its regions are those of what was measured.
     let mask: Vec<bool> = scan.depth.iter().map(|z| z.is_finite()).collect();
-    let regions = Truth { width, height, depth: scan.depth.to_vec(), mask }.regions(scan.camera);
+    let regions = GroundTruth { width, height, depth: scan.depth.to_vec(), mask }.regions(scan.camera);
     let own;
     let normals = match scan.normals {
         Some(normals) => normals,

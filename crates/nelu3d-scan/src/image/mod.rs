@@ -5,14 +5,14 @@
 //! pictures that move.
 
 mod apng;
-mod box_mean;
 mod bayer;
+mod box_mean;
 mod decode;
 mod write;
 
 pub use apng::Apng;
-pub use box_mean::box_mean;
 pub use bayer::demosaic;
+pub use box_mean::box_mean;
 pub(crate) use decode::decode_bytes;
 pub use decode::{Depth, ImageFileError, Raw, RawData, decode, read_any};
 pub(crate) use write::write_png;

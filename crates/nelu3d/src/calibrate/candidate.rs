@@ -2,11 +2,11 @@
 
 use nalgebra::Point3;
 
+use super::error::CalibrationError;
 use super::held_out::HeldOutErrors;
+use super::options::{CalibrationOptions, FormKind};
 use super::placed_sweep::PlacedSweep;
 use super::sweep::Position;
-use super::error::CalibrationError;
-use super::options::{CalibrationOptions, FormKind};
 use crate::color_field::bins::{Bins, Gathered};
 use crate::color_field::fit::{Smoothness, fit};
 use crate::color_field::frame::{Center, FieldFrame};
@@ -207,7 +207,8 @@ fn pass(
     let blank = Validity::new(placed.camera.width, placed.camera.height, validity.shape.tile_px, validity.shape.cells);
     let gathered = bins.gathered();
     let map = |p: usize, (): (), position: &Position| {
-        let mut out = Passed { gathered: gathered.clone(), validity: blank.clone(), n: 0, errors: HeldOutErrors::default() };
+        let mut out =
+            Passed { gathered: gathered.clone(), validity: blank.clone(), n: 0, errors: HeldOutErrors::default() };
         let width = placed.camera.width;
         placed.for_each(p, position, |i, t, v, w| {
             out.n += 1;
@@ -255,8 +256,11 @@ fn resolution(placed: &PlacedSweep<'_>, frame: &FieldFrame, center: Center, cell
         Center::Light => (n_positions / 4).clamp(1, CELLS_ALONG_LIGHT),
         Center::Camera => n_positions - 1,
     };
-    let mut cells =
-        [(span(0) / pitch_a).ceil() as usize * cells_per_pixel, (span(1) / pitch_b).ceil() as usize * cells_per_pixel, along];
+    let mut cells = [
+        (span(0) / pitch_a).ceil() as usize * cells_per_pixel,
+        (span(1) / pitch_b).ceil() as usize * cells_per_pixel,
+        along,
+    ];
     let nodes = |c: [usize; 3]| c.iter().map(|c| c + 3).product::<usize>() * placed.sweep.k;
     let shrink = (MAX_COEFFS as f64 / nodes(cells) as f64).sqrt().min(1.0);
     for c in &mut cells[..2] {

@@ -34,8 +34,7 @@ pub(super) fn fit_best_frame(
             tried.push(Candidate::fit(fit, frame(), Center::Light, FINE_CELLS_PER_PIXEL, &held)?);
         }
     }
-    let finer_is_better =
-        tried.len() == 2 && tried[1].quality.psnr_db > tried[0].quality.psnr_db + MAX_SHORTFALL_DB;
+    let finer_is_better = tried.len() == 2 && tried[1].quality.psnr_db > tried[0].quality.psnr_db + MAX_SHORTFALL_DB;
     let light_holds = tried.iter().any(is_good) || finer_is_better;
     if tried.is_empty() || (opts.frame == FrameKind::Auto && !light_holds) {
         tried.iter_mut().for_each(Candidate::drop_bins);

@@ -32,7 +32,14 @@ pub(super) struct HeldOutErrors {
 }
 
 impl HeldOutErrors {
-    pub(super) fn of(placed: &PlacedSweep<'_>, frame: &FieldFrame, grid: &Grid, p: usize, position: &Position, stride: usize) -> Self {
+    pub(super) fn of(
+        placed: &PlacedSweep<'_>,
+        frame: &FieldFrame,
+        grid: &Grid,
+        p: usize,
+        position: &Position,
+        stride: usize,
+    ) -> Self {
         let (k, channels) = (placed.sweep.k, placed.sweep.channels);
         let mut s = Self::default();
         let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);

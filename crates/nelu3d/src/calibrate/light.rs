@@ -21,8 +21,6 @@ pub(super) struct LightCenter {
     pub along: Vector3<f64>,
     /// One over the distance to the center, 1/mm.
     pub kappa: f64,
-    /// Root mean square difference of codewords that should be equal (robust).
-    pub residual: f64,
 }
 
 /// The views and the unknowns' units.
@@ -105,7 +103,7 @@ pub(super) fn find_center(views: Views, camera: &Camera, progress: &Progress) ->
         arm *= 2;
     }
     let (along, kappa) = frame.direction(best.0);
-    best.1.is_finite().then_some(LightCenter { origin: t.origin, along, kappa: kappa / t.scale, residual: best.1 })
+    best.1.is_finite().then_some(LightCenter { origin: t.origin, along, kappa: kappa / t.scale })
 }
 
 /// A chart of directions around a base direction.

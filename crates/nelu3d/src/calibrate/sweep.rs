@@ -215,7 +215,7 @@ impl Position {
 }
 
 /// Builds a [`Position`] image by image, so that only white, black and one pattern are in memory at a time.
-pub struct PositionBuilder {
+pub(super) struct PositionBuilder {
     black: Image,
     filled: usize,
     position: Position,
@@ -223,7 +223,7 @@ pub struct PositionBuilder {
 
 impl PositionBuilder {
     /// Starts a position from its white and black images; `threshold` is the least usable white − black.
-    pub fn new(white: &Image, black: Image, k: usize, threshold: f32) -> Self {
+    pub(super) fn new(white: &Image, black: Image, k: usize, threshold: f32) -> Self {
         let (width, height, channels) = (white.width, white.height, white.channels);
         let mut contrast = white.data.clone();
         for (w, b) in contrast.iter_mut().zip(&black.data) {
@@ -235,7 +235,7 @@ impl PositionBuilder {
     }
 
     /// Adds the next pattern image. A clipped pixel is unusable in that channel.
-    pub fn add(&mut self, pattern: &Image) {
+    pub(super) fn add(&mut self, pattern: &Image) {
         let p = &mut self.position;
         let (c, k) = (p.channels, p.k);
         assert_eq!(pattern.data.len(), self.black.data.len());
@@ -255,7 +255,7 @@ impl PositionBuilder {
     }
 
     /// The finished position.
-    pub fn finish(self) -> Position {
+    pub(super) fn finish(self) -> Position {
         assert_eq!(self.filled, self.position.k);
         self.position
     }

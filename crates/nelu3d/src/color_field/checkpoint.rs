@@ -11,13 +11,13 @@ use nelu3d_scan::output::write_atomic;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
+use super::field::{ColorField, Form};
 use super::frame::FieldFrame;
 use super::frequency::{FrequencyForm, FrequencyShape};
 use super::grid::Grid;
 use super::hash::{HashForm, HashShape};
-use super::validity::{Validity, ValidityShape};
-use super::field::{ColorField, Form};
 use super::metadata::FieldMetadata;
+use super::validity::{Validity, ValidityShape};
 
 /// Version of the layout.
 const FORMAT: u32 = 2;
@@ -254,9 +254,9 @@ mod tests {
     use nalgebra::{Point3, Vector3};
     use nelu3d_scan::Camera;
 
+    use super::super::frame::Center;
     use super::super::frequency::{FrequencySettings, Octaves};
     use super::super::hash::HashSettings;
-    use super::super::frame::Center;
     use super::super::metadata::Quality;
     use super::*;
     use crate::color_field::compatibility::camera_key;

@@ -52,12 +52,7 @@ pub fn check_field(rig: &Rig, set: &PatternSet, field: &ColorField) -> Result<()
 /// # Errors
 ///
 /// A pattern has another number of channels than it had in the sweep.
-pub fn check_mono(
-    capture: &Capture,
-    set: &PatternSet,
-    shot: &Shot,
-    field: &ColorField,
-) -> Result<(), FieldMismatch> {
+pub fn check_mono(capture: &Capture, set: &PatternSet, shot: &Shot, field: &ColorField) -> Result<(), FieldMismatch> {
     // A field computed from projected images has not seen any capture.
     let made_of_captures = field.metadata.source == "sweep";
     for (name, mono) in set.images.iter().zip(&capture.mono) {

@@ -51,8 +51,7 @@ impl FieldMetadata {
     /// never vanish.
     pub fn model_sigma(&self, min: f32) -> f32 {
         let q = self.quality.as_ref();
-        let excess =
-            q.map_or(1e-4, |q| (10f64.powf(-q.psnr_db / 10.0) - 10f64.powf(-q.ceiling_db / 10.0)).max(0.0));
+        let excess = q.map_or(1e-4, |q| (10f64.powf(-q.psnr_db / 10.0) - 10f64.powf(-q.ceiling_db / 10.0)).max(0.0));
         (excess.sqrt() as f32).max(min)
     }
 }

@@ -13,14 +13,14 @@ use rayon::prelude::*;
 
 use crate::calibrate::{CalibrationError, CalibrationReport};
 use crate::color_field::camera_key;
-use crate::sensor::{NoiseEstimator, quantization_step};
 use crate::color_field::frame::{Center, FieldFrame};
 use crate::color_field::grid::Grid;
 use crate::color_field::validity::Validity;
 use crate::color_field::{ColorField, FieldMetadata, Form};
 use crate::progress::Progress;
-use crate::reconstruct::{Codeword, decode_codewords};
 use crate::progress::StageClock;
+use crate::reconstruct::{Codeword, decode_codewords};
+use crate::sensor::{NoiseEstimator, quantization_step};
 
 /// What the light does to a projected value v in `[0, 1]`: blur, then `offset + scale · v^gamma`.
 #[derive(Clone, Copy, Debug, serde::Serialize)]

@@ -14,7 +14,7 @@ pub struct Context<'a> {
     pub clock: StageClock<'a>,
     /// Where the heavy work is done.
     pub device: Device,
-    observer: Option<&'a mut dyn Observer>,
+    observer: Option<&'a mut (dyn Observer + 'a)>,
 }
 
 impl<'a> Context<'a> {
@@ -28,7 +28,7 @@ impl<'a> Context<'a> {
     }
 
     /// Shows every intermediate surface to an observer.
-    pub fn with_observer(self, observer: Option<&'a mut dyn Observer>) -> Self {
+    pub fn with_observer(self, observer: Option<&'a mut (dyn Observer + 'a)>) -> Self {
         Self { observer, ..self }
     }
 

@@ -78,7 +78,5 @@ pub(crate) fn filter(
 /// The failure of a scene in which every pixel is rejected.
 pub(crate) fn nothing_left(status: &[PixelStatus]) -> Failure {
     let rejected = PixelStatus::describe_rejections(status, "the calibrated volume");
-    Failure::Nothing(format!(
-        "{rejected}; check the exposure and that the object stands where the board was swept"
-    ))
+    Failure::Nothing(format!("{rejected}; check the exposure and that the object stands where the board was swept"))
 }

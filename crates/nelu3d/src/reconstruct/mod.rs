@@ -31,16 +31,21 @@ use crate::progress::{Progress, StageTime};
 use crate::surface::{Surface, SurfaceMaps, assemble};
 pub(crate) use codewords::{Codeword, decode_codewords};
 pub use context::Context;
+pub use cost_volume::CostVolumeSettings;
 pub use diagnostics::{Diagnostics, FieldOrigin, RecipeDiagnostics};
 use diagnostics::{FastDiagnostics, Start};
 pub use effort::{Effort, EffortSettings};
 pub use error::{Failure, ReconstructionError};
+pub use filter::FilterSettings;
 use filter::filter;
+pub use initialize::{CrosstalkSettings, PropagationSettings};
 use initialize::{Initial, initialize};
+pub use light_fractions::LightFractionPrior;
 pub(crate) use maps::interpolate_within;
 pub use observer::{Observer, Stage};
 pub use options::{CrosstalkMode, Recipe, ReconstructionOptions};
 pub use previous::PreviousFrame;
+pub use refine::RefineSettings;
 use refine::{Refined, refine};
 use scene::Scene;
 pub use settings::FastSettings;
@@ -79,14 +84,14 @@ pub fn reconstruct(
 /// # Errors
 ///
 /// Those of [`reconstruct`].
-pub fn reconstruct_observed(
+pub fn reconstruct_observed<'a>(
     rig: &Rig,
     set: &PatternSet,
     shot: &Shot,
     field: &ColorField,
     opts: &ReconstructionOptions,
-    progress: &Progress,
-    observer: Option<&mut dyn Observer>,
+    progress: &'a Progress,
+    observer: Option<&'a mut (dyn Observer + 'a)>,
 ) -> Result<Reconstruction, ReconstructionError> {
     check_field(rig, set, field)?;
     let mut cx = Context::new(progress, opts.device)?.with_observer(observer);
@@ -160,7 +165,8 @@ fn diagnose(initial: &Initial, refined: &Refined, depth: &[f32], fast: FastSetti
 /// Links, normals and mesh of the valid depths.
 fn build_surface(scene: Scene<'_>, refined: Refined, depth: Vec<f32>) -> Surface {
     // From 1/z to z.
-    let sigma = depth.iter().zip(&refined.sigma).map(|(z, s)| if z.is_finite() { s * z * z } else { f32::NAN }).collect();
+    let sigma =
+        depth.iter().zip(&refined.sigma).map(|(z, s)| if z.is_finite() { s * z * z } else { f32::NAN }).collect();
     let status = scene.measurements.status;
     let maps = SurfaceMaps { depth, sigma, status, residual: refined.residual, ambient: refined.ambient };
     assemble(maps, scene.camera, &scene.rays.plane, scene.white)

@@ -3,10 +3,9 @@
 use serde::Serialize;
 
 use super::cost_volume::CostVolumeSettings;
-use super::crosstalk::CrosstalkSettings;
 use super::effort::EffortSettings;
 use super::filter::FilterSettings;
-use super::initialize::PropagationSettings;
+use super::initialize::{CrosstalkSettings, PropagationSettings};
 use super::light_fractions::LightFractionPrior;
 use super::options::ReconstructionOptions;
 use super::refine::RefineSettings;
@@ -45,11 +44,7 @@ impl FastSettings {
             min_model_sigma: 0.005,
             max_decoded_pixels: decoded_pixels,
             min_component: opts.min_component,
-            cost_volume: CostVolumeSettings {
-                max_hypotheses: opts.max_labels.max(16),
-                p_jump: 0.01,
-                p_step: 0.2,
-            },
+            cost_volume: CostVolumeSettings { max_hypotheses: opts.max_labels.max(16), p_jump: 0.01, p_step: 0.2 },
             propagation: PropagationSettings::default(),
             crosstalk: CrosstalkSettings::default(),
             light_fractions: LightFractionPrior { sigma_ambient: 0.05, sigma_indirect: 0.2 },

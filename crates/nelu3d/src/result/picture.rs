@@ -43,7 +43,7 @@ impl Picture {
 
     /// A capture: linear light to sRGB, its 99.5th percentile as white.
     pub fn of_image(capture: &Image) -> Self {
-        let white = percentile(capture.data.iter().step_by(7).map(|&v| f64::from(v)).collect(), 99.5);
+        let white = percentile(&mut capture.data.iter().step_by(7).map(|&v| f64::from(v)).collect::<Vec<_>>(), 99.5);
         let gain = if white > 0.0 { 1.0 / white as f32 } else { 1.0 };
         Self::from_fn(capture.width, capture.height, |i| {
             let p = &capture.data[i * capture.channels..(i + 1) * capture.channels];
@@ -134,11 +134,11 @@ pub fn status_color(left: PixelStatus) -> [u8; 3] {
 /// Robust limits of a map, for its colors: the `low`-th and `high`-th percentile of its finite values; `[0, 1]` when it
 /// has none.
 pub fn limits(map: &[f32], low: f64, high: f64) -> [f64; 2] {
-    let finite: Vec<f64> = map.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).collect();
+    let mut finite: Vec<f64> = map.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).collect();
     if finite.is_empty() {
         return [0.0, 1.0];
     }
-    let [a, b] = [percentile(finite.clone(), low), percentile(finite, high)];
+    let [a, b] = [percentile(&mut finite, low), percentile(&mut finite, high)];
     if b > a { [a, b] } else { [a - 0.5, a + 0.5] }
 }
 

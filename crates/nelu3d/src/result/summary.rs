@@ -197,7 +197,7 @@ impl Summary {
         about: &ResultMetadata,
     ) -> Self {
         let finite = |map: &[f32]| map.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).collect::<Vec<_>>();
-        let depth = finite(&r.depth);
+        let mut depth = finite(&r.depth);
         let counts = r.status_counts();
         let rejected = PixelStatus::ALL[1..].iter().map(|&s| (s.key().to_owned(), counts[s as usize].into())).collect();
         Self {
@@ -211,10 +211,10 @@ impl Summary {
             inputs: about.inputs.clone(),
             pixels: PixelCounts { total: r.depth.len(), valid: depth.len(), rejected },
             depth_mm: DepthRange {
-                min: percentile(depth.clone(), 0.0),
-                max: percentile(depth.clone(), 100.0),
-                median: percentile(depth, 50.0),
-                median_sigma: percentile(finite(&r.sigma), 50.0),
+                min: percentile(&mut depth, 0.0),
+                max: percentile(&mut depth, 100.0),
+                median: percentile(&mut depth, 50.0),
+                median_sigma: percentile(&mut finite(&r.sigma), 50.0),
             },
             mesh: MeshSize { vertices: r.mesh.vertices.len(), faces: r.mesh.faces.len() },
             method: serde_json::to_value(method).expect("diagnostics are plain data"),

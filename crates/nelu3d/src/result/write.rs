@@ -5,7 +5,7 @@ use std::path::Path;
 
 use nelu3d_scan::mesh::{MeshFileError, write_points};
 use nelu3d_scan::output::{OutputDir, write_atomic};
-use nelu3d_scan::{Camera, image, npy};
+use nelu3d_scan::{image, npy};
 use rayon::prelude::*;
 
 use super::picture::{Picture, preview};

@@ -136,7 +136,9 @@ mod tests {
             let identity = correction.board_from_object(white) * correction.object_from_board(white);
             assert!((identity - Matrix3::identity()).abs().max() < 1e-4, "{identity}");
             // White stays white: rows sum to one.
-            assert!((correction.object_from_board(white) * Vector3::repeat(1.0) - Vector3::repeat(1.0)).abs().max() < 1e-5);
+            assert!(
+                (correction.object_from_board(white) * Vector3::repeat(1.0) - Vector3::repeat(1.0)).abs().max() < 1e-5
+            );
         }
     }
 

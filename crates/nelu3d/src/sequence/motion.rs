@@ -11,10 +11,10 @@ use nelu3d_scan::rig::Capture;
 use rayon::prelude::*;
 
 use super::flow::{bilinear, flow};
-use crate::sensor::DarkLevel;
 use crate::color_field::ColorField;
-use crate::reconstruct::interpolate_within;
 use crate::color_field::{CameraRays, SplineEvaluator};
+use crate::reconstruct::interpolate_within;
+use crate::sensor::DarkLevel;
 use nelu3d_scan::image::box_mean;
 
 /// How the points of a flash image move.
@@ -309,7 +309,7 @@ pub struct PatternTime {
 
 /// Finds the time of the patterns, near `near` if that is known, for a surface of camera z `depth` (NaN where there is none) in their image. `capture` has the flash as it
 /// was taken. `None` if fewer than a hundred pixels can tell.
-pub fn pattern_time(
+pub(super) fn pattern_time(
     motion: &Motion,
     near: Option<f32>,
     capture: &Capture,

@@ -73,7 +73,9 @@ mod tests {
         let ones = vec![1.0; n];
         let maps = SurfaceMaps { depth, sigma: ones.clone(), status, residual: ones.clone(), ambient: ones };
         let r = assemble(maps, &camera, &image_plane(&camera), &Image::new(20, 10, 1));
-        for (i, why) in [(3, PixelStatus::Ambiguous), (4, PixelStatus::DepthDiscontinuity), (199, PixelStatus::Ambiguous)] {
+        for (i, why) in
+            [(3, PixelStatus::Ambiguous), (4, PixelStatus::DepthDiscontinuity), (199, PixelStatus::Ambiguous)]
+        {
             assert_eq!(r.status[i], why);
             assert!(r.depth[i].is_nan() && r.sigma[i].is_nan() && r.residual[i].is_nan() && r.ambient[i].is_nan());
         }

@@ -10,7 +10,12 @@ fn point(dirs: &[[f32; 2]], i: usize, z: f32) -> [f32; 3] {
 }
 
 /// Unit normals facing the camera from the points of linked neighbors; NaN where there are too few.
-pub(super) fn normals_from_links(depth: &[f32], links: &Links, undistorted: &[[f32; 2]], width: usize) -> Vec<[f32; 3]> {
+pub(super) fn normals_from_links(
+    depth: &[f32],
+    links: &Links,
+    undistorted: &[[f32; 2]],
+    width: usize,
+) -> Vec<[f32; 3]> {
     let n = depth.len();
     let sub = |a: [f32; 3], b: [f32; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     (0..n)
@@ -42,7 +47,13 @@ pub(super) fn normals_from_links(depth: &[f32], links: &Links, undistorted: &[[f
 }
 
 /// Triangles between linked pixels: one sheet, open at its border and at depth jumps, nothing behind it.
-pub(super) fn triangulate(depth: &[f32], normals: &[[f32; 3]], links: &Links, undistorted: &[[f32; 2]], white: &Image) -> Mesh {
+pub(super) fn triangulate(
+    depth: &[f32],
+    normals: &[[f32; 3]],
+    links: &Links,
+    undistorted: &[[f32; 2]],
+    white: &Image,
+) -> Mesh {
     let width = white.width;
     let mut out = Mesh::default();
     let mut index = vec![u32::MAX; depth.len()];

@@ -59,8 +59,7 @@ impl PixelStatus {
     /// Shares of saturated, underexposed, outside and ambiguous pixels in words, for a message that says why nothing was
     /// reconstructed; `volume` names what the pixels are outside of.
     pub fn describe_rejections(status: &[PixelStatus], volume: &str) -> String {
-        let percent =
-            |s: PixelStatus| status.iter().filter(|v| **v == s).count() as f64 / status.len() as f64 * 100.0;
+        let percent = |s: PixelStatus| status.iter().filter(|v| **v == s).count() as f64 / status.len() as f64 * 100.0;
         format!(
             "{:.0} % of the pixels are too dark, {:.0} % clipped, {:.0} % outside {volume}, {:.0} % without a \
              consistent code",

@@ -14,10 +14,10 @@ use nelu3d_field::device::Device;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::color_field::{SplineEvaluator, CameraRays};
 use super::light_fractions::{LightFractionEquations, LightFractionPrior};
-use crate::sensor::Measurements;
 use crate::color_field::validity::Validity;
+use crate::color_field::{CameraRays, SplineEvaluator};
+use crate::sensor::Measurements;
 use crate::surface::PixelStatus;
 
 /// Settings of the decoding.
@@ -32,7 +32,7 @@ pub struct CostVolumeSettings {
 }
 
 /// A decoded image.
-pub struct DecodedDepth {
+pub(super) struct DecodedDepth {
     /// Inverse depth 1/z per pixel, 1/mm; NaN where nothing was decoded.
     pub inv_z: Vec<f32>,
     /// How much worse (χ²) the best clearly different depth is, after aggregation.
@@ -79,7 +79,12 @@ impl DepthHypotheses {
     }
 
     /// For the kept pixels. Those whose rays miss the calibrated volume are marked [`PixelStatus::OutsideVolume`]; `None` if all do.
-    pub(crate) fn new(m: &mut Measurements, rays: &CameraRays, grid: &SplineEvaluator<'_>, most: usize) -> Option<Self> {
+    pub(crate) fn new(
+        m: &mut Measurements,
+        rays: &CameraRays,
+        grid: &SplineEvaluator<'_>,
+        most: usize,
+    ) -> Option<Self> {
         let (mut lo, mut hi) = (f32::INFINITY, 0.0f32);
         for i in 0..m.n() {
             if m.status[i] != PixelStatus::Valid {
@@ -104,7 +109,7 @@ impl DepthHypotheses {
 
 /// Decodes every kept pixel, on a device or, if it fails, on the CPU. Pixels whose rays miss the calibrated volume are
 /// marked [`PixelStatus::OutsideVolume`].
-pub fn decode(
+pub(super) fn decode(
     m: &mut Measurements,
     rays: &CameraRays,
     grid: &SplineEvaluator<'_>,
@@ -121,7 +126,8 @@ pub fn decode(
     };
     let kept: Vec<usize> = (0..n).filter(|i| m.status[*i] == PixelStatus::Valid).collect();
     let penalties = Penalties::new(s, labels.count);
-    let found = (!device.is_cpu()).then(|| problem::solve(m, rays, grid, valid, prior, &labels, &penalties, &kept, device));
+    let found =
+        (!device.is_cpu()).then(|| problem::solve(m, rays, grid, valid, prior, &labels, &penalties, &kept, device));
     let found = found.and_then(|found| {
         // A GPU that fails is no reason to have no result.
         found.inspect_err(|e| tracing::warn!("{e}; decoded on the CPU instead")).ok()

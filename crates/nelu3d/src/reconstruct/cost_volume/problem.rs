@@ -4,10 +4,10 @@ use nelu3d_field::cost_volume::{self, Lit, Problem, Ray, Winner};
 use nelu3d_field::device::{Device, DeviceError};
 use rayon::prelude::*;
 
-use super::crate::color_field::{SplineEvaluator, CameraRays};
-use super::crate::sensor::Measurements;
 use super::{DepthHypotheses, Penalties, saturation};
 use crate::color_field::validity::Validity;
+use crate::color_field::{CameraRays, SplineEvaluator};
+use crate::sensor::Measurements;
 
 /// The labels of pixel `i` in the field. They are even in v = 1/z and t = 1/(v · dir_z), so that v · h(t) is linear in v.
 fn ray(i: usize, rays: &CameraRays, labels: &DepthHypotheses) -> Ray {

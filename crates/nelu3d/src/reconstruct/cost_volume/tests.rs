@@ -128,7 +128,8 @@ fn agrees_with_the_engines_reference() {
         let winners =
             problem::solve(&m, &scene.rays, &grid, &scene.valid, &SETTINGS, &labels, &penalties, &kept, &Device::Cpu)
                 .unwrap();
-        let mut plain = DecodedDepth { inv_z: vec![f32::NAN; m.n()], margin: vec![0.0; m.n()], hypothesis_step: labels.step };
+        let mut plain =
+            DecodedDepth { inv_z: vec![f32::NAN; m.n()], margin: vec![0.0; m.n()], hypothesis_step: labels.step };
         for (i, winner) in kept.into_iter().zip(winners) {
             if winner.label.is_nan() {
                 m.status[i] = PixelStatus::OutsideVolume;

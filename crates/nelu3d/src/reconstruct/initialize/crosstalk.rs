@@ -6,28 +6,10 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 use rayon::prelude::*;
-use serde::Serialize;
 
 use super::decoder::{Decoder, InitialDepth};
 use crate::color_field::{CameraRays, SplineEvaluator};
 use crate::sensor::{CrosstalkCorrection, CrosstalkMatrix, Measurements, relative_white};
-
-/// When an estimated crosstalk matrix is accepted.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct CrosstalkSettings {
-    /// Largest number of times that surface and matrix are found by turns.
-    pub max_rounds: usize,
-    /// Least part of the misfit that crosstalk must explain.
-    pub min_explained: f32,
-    /// Largest change of an entry at which the matrix has settled.
-    pub settled: f32,
-}
-
-impl Default for CrosstalkSettings {
-    fn default() -> Self {
-        Self { max_rounds: 3, min_explained: 0.1, settled: 0.01 }
-    }
-}
 
 /// Prior standard deviation of what a channel measures of another color.
 const PRIOR: f64 = 0.1;
@@ -142,11 +124,7 @@ impl Problem {
     }
 
     /// Matrix and right-hand side of the normal equations at `free`, whose residuals are `r`.
-    fn normal_equations(
-        &self,
-        free: &[f64; 6],
-        r: &[Vector3<f64>],
-    ) -> Option<(SMatrix<f64, 6, 6>, SVector<f64, 6>)> {
+    fn normal_equations(&self, free: &[f64; 6], r: &[Vector3<f64>]) -> Option<(SMatrix<f64, 6, 6>, SVector<f64, 6>)> {
         const H: f64 = 1e-4;
         let mut slopes = Vec::with_capacity(6);
         for p in 0..6 {

@@ -64,8 +64,7 @@ impl Decoder<'_> {
     /// Decodes measurements of one resolution.
     fn decode_at(&self, m: &mut Measurements, rays: &CameraRays, camera: &Camera) -> InitialDepth {
         let s = self.settings;
-        let found =
-            decode(m, rays, self.spline, &self.field.validity, &s.cost_volume, &s.light_fractions, self.device);
+        let found = decode(m, rays, self.spline, &self.field.validity, &s.cost_volume, &s.light_fractions, self.device);
         let mut inv_z = found.inv_z;
         SmallComponents { decoder: self, m, rays, camera, step: found.hypothesis_step }.settle(&mut inv_z);
         InitialDepth { inv_z, step: found.hypothesis_step }

@@ -4,6 +4,7 @@
 mod crosstalk;
 mod decoder;
 mod propagate;
+mod settings;
 mod small_components;
 
 use super::context::Context;
@@ -16,9 +17,8 @@ use super::scene::Scene;
 use super::settings::FastSettings;
 use crate::color_field::SplineEvaluator;
 use crate::sensor::CrosstalkMatrix;
-pub use crosstalk::CrosstalkSettings;
 pub(crate) use decoder::{Decoder, InitialDepth};
-pub use propagate::PropagationSettings;
+pub use settings::{CrosstalkSettings, PropagationSettings};
 
 /// The initial surface of a scene.
 pub(crate) struct Initial {

@@ -3,37 +3,12 @@
 
 use nelu3d_scan::image::box_mean;
 use rayon::prelude::*;
-use serde::Serialize;
 
 use super::decoder::{Decoder, InitialDepth};
 use crate::reconstruct::cost_volume::{DepthHypotheses, chi2_of_codeword, saturation};
 use crate::reconstruct::maps::fill_from_neighbors;
 use crate::sensor::Measurements;
 use crate::surface::PixelStatus;
-
-/// How the previous frame's surface is propagated.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct PropagationSettings {
-    /// Number of depth hypotheses on either side of the previous surface.
-    pub search_range: i32,
-    /// Radius of the squares that move alike, px; larger where one pixel says little.
-    pub radius: usize,
-    /// Radius over which the previous surface moves as a whole, px: it keeps its shape, and the noise of one pixel's
-    /// offset is averaged out.
-    pub smoothing_radius: usize,
-    /// Mean χ² per measurement above which the previous surface is wrong, as a multiple of the typical one.
-    pub max_chi2_ratio: f32,
-    /// Radius by which wrong regions are widened, px.
-    pub margin: usize,
-    /// Fraction of the pixels without a depth near the previous surface above which all are decoded anew.
-    pub max_decoded: f32,
-}
-
-impl Default for PropagationSettings {
-    fn default() -> Self {
-        Self { search_range: 10, radius: 2, smoothing_radius: 5, max_chi2_ratio: 3.0, margin: 4, max_decoded: 0.4 }
-    }
-}
 
 /// The initial surface from that of the previous frame, `previous` (camera z per pixel, mm; NaN where there was none), and
 /// the fraction of its pixels that were decoded in the whole volume all the same. `None` if the previous surface says too

@@ -37,8 +37,7 @@ impl SmallComponents<'_> {
     /// Moves or removes small components of an inverse depth map, 1/mm.
     pub(super) fn settle(&self, inv_z: &mut [f32]) {
         let depth: Vec<f32> = inv_z.iter().map(|v| 1.0 / v).collect();
-        let (component, sizes) =
-            Links::new(&depth, self.camera, MAX_SLOPE).components(&depth, self.camera.width);
+        let (component, sizes) = Links::new(&depth, self.camera, MAX_SLOPE).components(&depth, self.camera.width);
         let n_decoded: u32 = sizes.iter().sum();
         let is_small: Vec<bool> = sizes.iter().map(|s| *s < n_decoded / SMALL_PART).collect();
         let mut around: Vec<f32> = inv_z.to_vec();

@@ -3,8 +3,8 @@
 use nelu3d_field::HashField;
 use serde::{Deserialize, Serialize};
 
-use crate::sensor::Measurements;
 use super::config;
+use crate::sensor::Measurements;
 
 /// The ambient term (paper, Eq. 1, and Fig. 7).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -9,12 +9,12 @@ use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 
 use super::ambient::{AmbientField, place};
+use super::bounds::Bounds;
+use super::march::{March, Samples, march};
 use super::options::Background;
 use crate::color_field::{CameraRays, SplineEvaluator};
 use crate::sensor::Measurements;
 use crate::surface::PixelStatus;
-use super::bounds::Bounds;
-use super::march::{March, Samples, march};
 
 /// The pixels that rays are drawn from.
 pub(super) struct Pixels {

@@ -6,19 +6,19 @@ use nelu3d_field::gpu::{AmbientUse, Gpu, Lattice, RayScene, ScenePixel, SurfaceT
 use nelu3d_field::occupancy::OccupancyGrid;
 use std::sync::Arc;
 
+use super::ambient::Ambient;
 use super::ambient::{AmbientField, MIN_WHITE, place};
 use super::batch::Pixels;
 use super::bounds::SIDE;
-use super::ambient::Ambient;
-use super::options::PaperOptions;
-use super::record::{diverged, is_observed_after};
-use crate::reconstruct::error::Failure;
-use crate::sensor::Measurements;
-use crate::reconstruct::context::Context;
-use crate::reconstruct::observer::Stage;
-use crate::reconstruct::scene::Scene;
 use super::config;
 use super::march::step_mm;
+use super::options::PaperOptions;
+use super::record::{diverged, is_observed_after};
+use crate::reconstruct::context::Context;
+use crate::reconstruct::error::Failure;
+use crate::reconstruct::observer::Stage;
+use crate::reconstruct::scene::Scene;
+use crate::sensor::Measurements;
 
 /// Iterations after which the state is fetched: what a lost device costs.
 const CHECKPOINT: usize = 1000;
@@ -54,12 +54,7 @@ pub(super) struct DeviceScene<'a> {
 }
 
 impl<'a> DeviceScene<'a> {
-    pub(super) fn new(
-        pixels: &Pixels,
-        scene: &'a Scene<'_>,
-        settings: &PaperOptions,
-        seed: u64,
-    ) -> Self {
+    pub(super) fn new(pixels: &Pixels, scene: &'a Scene<'_>, settings: &PaperOptions, seed: u64) -> Self {
         let Scene { field, grid, rays, measurements: m, .. } = scene;
         let bounds = &pixels.bounds;
         let side = bounds.side_mm();
@@ -164,7 +159,8 @@ impl<'a> DeviceScene<'a> {
             // The records are of the iterations after each hundredth, and of the last.
             let done = training.done();
             let record = done / 100 * 100 + 1 + if done % 100 == 0 { 0 } else { 100 };
-            let look = (done + 1..=n_steps).find(|&d| cx.is_observed() && is_observed_after(d, n_steps)).unwrap_or(n_steps);
+            let look =
+                (done + 1..=n_steps).find(|&d| cx.is_observed() && is_observed_after(d, n_steps)).unwrap_or(n_steps);
             let until = record.min(look).min(n_steps).min((done / CHECKPOINT + 1) * CHECKPOINT);
             let report = training.run(until)?;
             cx.progress.tick(until, n_steps);
@@ -226,7 +222,8 @@ mod tests {
         let mut surface = Start::Plane.surface(surface_config, 1);
         let before = surface.field().params().to_vec();
         let mut ambient = AmbientField::new(Ambient::Bounded, 1, 300, 1);
-        let mut occupancy = OccupancyGrid::new(OccupancyConfig { resolution: 8, ..config::occupancy_config() }, |_| true);
+        let mut occupancy =
+            OccupancyGrid::new(OccupancyConfig { resolution: 8, ..config::occupancy_config() }, |_| true);
         let nodes = vec![0.5; 4 * 4 * 4 * 2];
         let pixel = ScenePixel { dir: [0.0, 0.0, 1.0], near: 1.0, place: [0.5; 2], far: 2.0, mask: 1.0 };
         let scene = DeviceScene {
@@ -262,8 +259,7 @@ mod tests {
         };
         let (progress, mut observer) = (Progress::none(), LastIteration(0));
         let mut cx = Context::new(&progress, Choice::Cpu).unwrap().with_observer(Some(&mut observer));
-        let (done, n_rays) =
-            scene.train(&gpu, &mut parts, 300, &mut cx, &mut on_report, &|_| Vec::new()).unwrap();
+        let (done, n_rays) = scene.train(&gpu, &mut parts, 300, &mut cx, &mut on_report, &|_| Vec::new()).unwrap();
         drop(cx);
         // Observed after 100 iterations, lost after 101.
         assert_eq!((reports.as_slice(), observer.0, done), ([1, 101].as_slice(), 100, 100));

@@ -41,7 +41,8 @@ pub struct RenderedRays {
 pub fn render(surface: &NeuralSurface, bounds: &Bounds, grid: &OccupancyGrid, rays: &[March]) -> RenderedRays {
     const CHUNK: usize = 8192;
     let n = rays.len();
-    let mut out = RenderedRays { t: Vec::with_capacity(n), spread: Vec::with_capacity(n), opacity: Vec::with_capacity(n) };
+    let mut out =
+        RenderedRays { t: Vec::with_capacity(n), spread: Vec::with_capacity(n), opacity: Vec::with_capacity(n) };
     for rays in rays.chunks(CHUNK) {
         let samples = march(rays, bounds, grid);
         let mut sdf = vec![0.0; samples.points.len()];

@@ -13,9 +13,9 @@
 
 use rayon::prelude::*;
 
+use super::window::Window;
 use crate::color_field::CameraRays;
 use crate::sensor::Measurements;
-use super::window::Window;
 
 /// Interreflection light per pixel of a window.
 pub(super) struct Interreflection {

@@ -10,10 +10,10 @@
 use rayon::prelude::*;
 
 use super::interreflection::Interreflection;
+use super::window::Window;
 use crate::reconstruct::light_fractions::{LightFractionEquations, LightFractionPrior};
 use crate::sensor::Measurements;
 use nelu3d_scan::image::box_mean;
-use super::window::Window;
 
 /// LightFractions of one pixel in one color channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

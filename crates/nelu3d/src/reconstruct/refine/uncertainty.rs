@@ -17,8 +17,8 @@ use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
-use nelu3d_scan::image::box_mean;
 use super::thin_plate::ThinPlatePrior;
+use nelu3d_scan::image::box_mean;
 
 /// Radius over which a pixel's weight and information are pooled, px.
 const LOCAL_RADIUS: usize = 1;

@@ -12,16 +12,16 @@ use serde::{Deserialize, Serialize};
 
 use super::Error;
 use crate::captured::{Captured, Images};
-use crate::code::{Code, Light, Line, value_at};
+use crate::code::{Code, ProjectedLight, Line, value_at};
 use nelu3d_scan::statistics::percentile;
 use nelu3d::surface::PixelStatus;
 
-/// Light as a function of the projected value: piecewise linear, monotone, both from 0 to 1 (light 1 is the flash).
+/// ProjectedLight as a function of the projected value: piecewise linear, monotone, both from 0 to 1 (light 1 is the flash).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
     /// Projected values, rising.
     pub value: Vec<f32>,
-    /// Light at each.
+    /// ProjectedLight at each.
     pub light: Vec<f32>,
     /// The power γ of `value^γ` that is nearest to it.
     pub gamma: f64,
@@ -45,7 +45,7 @@ impl Response {
         Ok(())
     }
 
-    /// Light of a projected value.
+    /// ProjectedLight of a projected value.
     pub fn light_of(&self, value: f32) -> f32 {
         let last = self.value.len() - 1;
         let at = self.value.partition_point(|v| *v <= value).clamp(1, last);
@@ -86,7 +86,7 @@ pub(crate) fn measure(
     let size = Some([projector.optics.width, projector.optics.height]);
     let mut lines: Vec<(String, Axis, Line)> = Vec::new();
     for name in names {
-        let Ok(code) = Code::read_sized(rig, &set_of(vec![name.clone()]), size, &Light::Power(1.0)) else { continue };
+        let Ok(code) = Code::read_sized(rig, &set_of(vec![name.clone()]), size, &ProjectedLight::Power(1.0)) else { continue };
         let [axis] = &code.axes[..] else { continue };
         let between = axis.lines[0].values.iter().filter(|v| (0.1..0.9).contains(*v)).count();
         if !code.colored && between * 4 > axis.len() {
@@ -202,7 +202,7 @@ mod tests {
                 (0..100).map(|i| (k as f64 + (i as f64 + 0.5) / 100.0) / BINS as f64).map(|v| v.powf(1.2)).collect()
             })
             .collect();
-        // Light per value v^1.2 is light v^2.2.
+        // ProjectedLight per value v^1.2 is light v^2.2.
         let r = curve(bins, Vec::new()).unwrap();
         assert!((r.gamma - 2.2).abs() < 0.05, "{}", r.gamma);
         for v in [0.1f32, 0.33, 0.5, 0.77, 0.95] {

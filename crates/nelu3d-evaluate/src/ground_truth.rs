@@ -8,7 +8,7 @@ use nelu3d_scan::npy::{self, NpyError};
 
 /// What the scene really is: the content of a `truth/` folder. Maps are `height × width`, row by row.
 #[derive(Clone, Debug)]
-pub struct Truth {
+pub struct GroundTruth {
     /// Width of the maps, pixels.
     pub width: usize,
     /// Height of the maps, pixels.
@@ -21,7 +21,7 @@ pub struct Truth {
 
 /// A truth folder that cannot be used.
 #[derive(Debug, thiserror::Error)]
-pub enum TruthError {
+pub enum GroundTruthError {
     /// No truth here.
     #[error("{}: is no truth folder: it has no {missing}; give a folder with depth.npy and mask.png", path.display())]
     NotATruth {
@@ -53,23 +53,23 @@ pub enum TruthError {
     },
 }
 
-impl Truth {
+impl GroundTruth {
     /// Reads a truth folder: `depth.npy`, `mask.png`. A pixel of the mask whose depth is not finite is not counted.
     ///
     /// # Errors
     ///
     /// A file is missing, broken or has another size than the camera's images.
-    pub fn read(dir: &Path, camera: &Camera) -> Result<Self, TruthError> {
+    pub fn read(dir: &Path, camera: &Camera) -> Result<Self, GroundTruthError> {
         for missing in ["depth.npy", "mask.png"] {
             if !dir.join(missing).is_file() {
-                return Err(TruthError::NotATruth { path: dir.to_owned(), missing });
+                return Err(GroundTruthError::NotATruth { path: dir.to_owned(), missing });
             }
         }
         let (width, height) = (camera.width, camera.height);
         let path = dir.join("depth.npy");
         let depth = npy::read(&path)?;
         if depth.shape != [height, width] {
-            return Err(TruthError::Shape { path, found: depth.shape, width, height });
+            return Err(GroundTruthError::Shape { path, found: depth.shape, width, height });
         }
         let path = dir.join("mask.png");
         let mask = decode(&path, Some((width, height)))?.linearize(&path, Channels::Mono, 0.0, 255.0)?;
@@ -86,7 +86,7 @@ mod tests {
     fn a_truth_folder_is_read_and_its_faults_are_named() {
         let dir = tempfile::tempdir().unwrap();
         let camera = Camera::pinhole(3, 2, 10.0, 10.0, 1.0, 0.5);
-        let read = || Truth::read(dir.path(), &camera);
+        let read = || GroundTruth::read(dir.path(), &camera);
         assert!(read().unwrap_err().to_string().contains("no depth.npy"));
         let depth = [1.0, 2.0, f32::NAN, 4.0, 5.0, 6.0];
         npy::write(&dir.path().join("depth.npy"), &[2, 3], &depth).unwrap();

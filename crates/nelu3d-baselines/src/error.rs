@@ -1,0 +1,65 @@
+//! Why a scene was not decoded.
+
+use std::path::PathBuf;
+
+use nelu3d_scan::rig::RigError;
+
+use super::lookup3d;
+
+/// Why a scene was not decoded.
+#[derive(Debug, thiserror::Error)]
+pub enum DecodeError {
+    /// The rig folder or one of its images.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// The lookup table.
+    #[error(transparent)]
+    Lookup3d(#[from] lookup3d::LookupTableError),
+    /// A file that the decoder needs is missing or does not fit.
+    #[error("{}: {problem}; {remedy}", path.display())]
+    File {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+        /// What to do about it.
+        remedy: String,
+    },
+    /// A setting that makes no sense.
+    #[error("{setting} {problem}")]
+    Setting {
+        /// As it is typed.
+        setting: &'static str,
+        /// What is wrong, and what to do about it.
+        problem: String,
+    },
+    /// The images of a set are no code of the method's kind.
+    #[error("pattern set `{set}` cannot be decoded with --method {method}: {problem}; {remedy}")]
+    Unsuited {
+        /// The set.
+        set: String,
+        /// The method.
+        method: &'static str,
+        /// Why not.
+        problem: String,
+        /// What to do about it.
+        remedy: String,
+    },
+    /// Nothing was decoded.
+    #[error("{}: no pixel could be decoded: {reason}", path.display())]
+    Nothing {
+        /// The scene's folder.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The user stopped it.
+    #[error("stopped before the scene was decoded; nothing was written")]
+    Cancelled,
+}
+
+impl DecodeError {
+    pub(crate) fn file(path: impl Into<PathBuf>, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::File { path: path.into(), problem: problem.into(), remedy: remedy.into() }
+    }
+}
