@@ -4,7 +4,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
-use nelu3d::decode::lookup3d::Rank;
+use nelu3d_baselines::lookup3d::Rank;
 use nelu3d_field::device::Choice;
 use nelu3d_scan::image::Channels;
 use nelu3d_scan::pattern::{
@@ -426,9 +426,15 @@ pub(crate) struct Calibrate {
     /// scenes with little color then need not tell it themselves.
     #[arg(long, value_name = "SCENE")]
     pub colors: Option<String>,
+    /// Compute the field from the calibrated projector and the projected images instead of a sweep
+    #[arg(long)]
+    pub from_projector: bool,
+    /// Settings of that.
+    #[command(flatten)]
+    pub projector: nelu3d::from_projector::FromProjectorOptions,
     /// Settings of the method.
     #[command(flatten)]
-    pub options: nelu3d::calibrate::Options,
+    pub options: nelu3d::CalibrationOptions,
 }
 
 /// `nelu3d reconstruct`
@@ -458,7 +464,7 @@ pub(crate) struct Reconstruct {
     pub mesh: Vec<MeshFormat>,
     /// Settings of the method.
     #[command(flatten)]
-    pub options: nelu3d::reconstruct::Options,
+    pub options: nelu3d::ReconstructionOptions,
 }
 
 /// `nelu3d sequence`
@@ -500,7 +506,7 @@ pub(crate) struct Sequence {
     pub motion: nelu3d::sequence::MotionOptions,
     /// Settings of the method.
     #[command(flatten)]
-    pub options: nelu3d::reconstruct::Options,
+    pub options: nelu3d::ReconstructionOptions,
 }
 
 fn fps(text: &str) -> Result<f64, String> {
@@ -531,7 +537,7 @@ pub(crate) struct Decode {
     pub mesh: Vec<MeshFormat>,
     /// Settings of the method.
     #[command(flatten)]
-    pub options: nelu3d::decode::Options,
+    pub options: nelu3d_baselines::DecodeOptions,
 }
 
 /// `nelu3d projector`
@@ -550,7 +556,7 @@ pub(crate) struct Projector {
     pub force: bool,
     /// Settings of the calibration.
     #[command(flatten)]
-    pub options: nelu3d::decode::projector::Options,
+    pub options: nelu3d_baselines::projector::ProjectorOptions,
 }
 
 /// Mesh files besides mesh.ply.

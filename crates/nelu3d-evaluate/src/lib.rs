@@ -15,9 +15,10 @@ mod trace;
 pub use ground_truth::{GroundTruth, GroundTruthError};
 pub use jumps::depth_jumps;
 pub use regions::{BODY_MARGIN_PX, GRAZING_DEG, Regions, normals_from_depth};
-pub use stats::{Errors, percentile};
+pub use stats::Errors;
 pub use trace::{Trace, TracePoint};
 
+use nelu3d_scan::statistics::percentile;
 use nelu3d_scan::{Camera, Projector};
 use rayon::prelude::*;
 
@@ -160,7 +161,7 @@ fn judge(
         sigma: ours.sigma.map(|sigma| SigmaCheck {
             within_1: share(&|i| error(i).abs() <= f64::from(sigma[i])),
             within_2: share(&|i| error(i).abs() <= 2.0 * f64::from(sigma[i])),
-            median_mm: percentile(pixels.iter().map(|&i| f64::from(sigma[i])).collect(), 50.0),
+            median_mm: percentile(&mut pixels.iter().map(|&i| f64::from(sigma[i])).collect::<Vec<_>>(), 50.0),
         }),
     }
 }

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
-use nelu3d::calibrate::{self, Options, Report};
-use nelu3d::reconstruct::{self, Mixing};
+use nelu3d::from_projector::{FromProjectorOptions, calibrate_from_projector};
+use nelu3d::sensor::CrosstalkMatrix;
+use nelu3d::{CalibrationOptions, CalibrationReport, ReconstructionOptions, calibrate, reconstruct};
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::Place;
 use nelu3d_scan::rig::PatternSet;
@@ -19,7 +20,9 @@ pub(crate) fn run(args: args::Calibrate, context: &Context) -> Result<ExitCode> 
     let set = rig.pattern_set(args.set.as_deref())?;
     context.open_device(args.options.device)?;
     let output: PathBuf = args.output.unwrap_or_else(|| default_field(&rig, &set.name));
-    let (report, mixing) = calibrate_with(&rig, set, &args.options, args.colors.as_deref(), &output, context)?;
+    let from_projector = args.from_projector.then_some(&args.projector);
+    let (report, crosstalk) =
+        calibrate_with(&rig, set, &args.options, from_projector, args.colors.as_deref(), &output, context)?;
     let bytes = std::fs::metadata(&output).map(|m| m.len()).ok();
     let cpu_secs: f64 = report.stages.iter().map(|s| s.cpu_secs).sum();
     let answer = serde_json::json!({
@@ -28,14 +31,14 @@ pub(crate) fn run(args: args::Calibrate, context: &Context) -> Result<ExitCode> 
         "cpu_secs": cpu_secs,
         "peak_memory_bytes": nelu3d::result::peak_memory_bytes(),
         "report": report,
-        "mixing": mixing,
+        "mixing": crosstalk,
     });
     context.answer(&answer, || {
-        let mixing = mixing.map(|m| {
+        let crosstalk = crosstalk.map(|m| {
             let row = |r: &[f32; 3]| r.map(|v| format!("{v:.3}")).join(" ");
-            format!("mixing    {}\n", m.0.iter().map(row).collect::<Vec<_>>().join(" | "))
+            format!("crosstalk {}\n", m.0.iter().map(row).collect::<Vec<_>>().join(" | "))
         });
-        format!("{}{}field     {}", text(&report), mixing.unwrap_or_default(), shown(&output))
+        format!("{}{}field     {}", text(&report), crosstalk.unwrap_or_default(), shown(&output))
     })?;
     Ok(ExitCode::SUCCESS)
 }
@@ -44,45 +47,48 @@ pub(crate) fn run(args: args::Calibrate, context: &Context) -> Result<ExitCode> 
 pub(crate) fn calibrate_to(
     rig: &Rig,
     set: &PatternSet,
-    options: &Options,
+    options: &CalibrationOptions,
     output: &Path,
     context: &Context,
-) -> Result<Report> {
-    Ok(calibrate_with(rig, set, options, None, output, context)?.0)
+) -> Result<CalibrationReport> {
+    Ok(calibrate_with(rig, set, options, None, None, output, context)?.0)
 }
 
-/// The same, with the cross-talk of the camera's channels measured on a scene.
+/// The same, with the crosstalk of the camera's channels measured on a scene.
 fn calibrate_with(
     rig: &Rig,
     set: &PatternSet,
-    options: &Options,
+    options: &CalibrationOptions,
+    from_projector: Option<&FromProjectorOptions>,
     colors: Option<&str>,
     output: &Path,
     context: &Context,
-) -> Result<(Report, Option<Mixing>)> {
+) -> Result<(CalibrationReport, Option<CrosstalkMatrix>)> {
     // Before the work: it must not end at a file that cannot be written.
     let _place = Place::new(output)?;
     let scene = colors.map(|name| rig.scene(name)).transpose()?;
     if scene.is_some() && rig.channels.count() != 3 {
         bail!("{}: --colors is for color cameras, but this one has one channel", shown(&rig.root));
     }
-    let (mut field, report) = calibrate::run(rig, set, options, &context.progress)?;
+    let (mut field, report) = match from_projector {
+        Some(settings) => calibrate_from_projector(rig, set, settings, &context.progress)?,
+        None => calibrate(rig, set, options, &context.progress)?,
+    };
     if let Some(scene) = scene {
-        let options = reconstruct::Options { device: options.device, ..Default::default() };
-        let result = reconstruct::run(rig, set, &scene, &field, &options, &context.progress)?;
-        let found = result.info.get("mixing").cloned().and_then(|m| serde_json::from_value(m).ok());
-        if found.is_none_or(|m| m == Mixing::NONE) {
+        let options = ReconstructionOptions { device: options.device, ..Default::default() };
+        let found = reconstruct(rig, set, &scene, &field, &options, &context.progress)?.diagnostics.crosstalk();
+        if found.is_none_or(|m| m == CrosstalkMatrix::NONE) {
             context.progress.warn(format!("{}: shows no cross-talk, or too few saturated colors", shown(&scene.dir)));
         }
-        field.about.mixing = found;
+        field.metadata.crosstalk = found;
     }
     context.stop_if_asked()?;
     field.save(output)?;
-    Ok((report, field.about.mixing))
+    Ok((report, field.metadata.crosstalk))
 }
 
 /// The report for people.
-fn text(report: &Report) -> String {
+fn text(report: &CalibrationReport) -> String {
     let mut text = format!("frame     {}\n", report.frame);
     if let Some([x, y, z]) = report.light_mm {
         text += &format!("light     at ({x:.0}, {y:.0}, {z:.0}) mm\n");

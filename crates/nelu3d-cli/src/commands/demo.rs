@@ -4,12 +4,12 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail};
-use nelu3d::reconstruct;
 use nelu3d::result::MeshFiles;
+use nelu3d::{CalibrationOptions, ReconstructionOptions};
 use nelu3d_scan::Rig;
 
 use super::calibrate::calibrate_to;
-use super::job::{Job, Work};
+use super::job::{Job, Work, Written};
 use super::{Context, default_field, default_result, shown};
 use crate::args;
 
@@ -27,7 +27,7 @@ pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
     let rig = Rig::open(&rig_dir)?;
     let set = rig.pattern_set(None)?;
     let field = default_field(&rig, &set.name);
-    let options = nelu3d::calibrate::Options { device: args.device, ..Default::default() };
+    let options = CalibrationOptions { device: args.device, ..Default::default() };
     calibrate_to(&rig, set, &options, &field, context)?;
     let mut answers = Vec::new();
     for shot in rig.scenes()? {
@@ -40,28 +40,28 @@ pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
             mesh_files: MeshFiles::default(),
             work: Work::Reconstruct {
                 field: field.clone(),
-                options: reconstruct::Options { device: args.device, ..Default::default() },
+                options: ReconstructionOptions { device: args.device, ..Default::default() },
                 trace: true,
             },
         };
-        let summary = job.run(context)?;
-        answers.push((job.output, summary));
+        let written = job.run(context)?;
+        answers.push((job.output, written));
     }
 
     let json: Vec<_> = answers
         .iter()
-        .map(|(result, summary)| {
+        .map(|(result, Written { summary, .. })| {
             serde_json::json!({ "result": result, "report": result.join("report.html"), "summary": summary })
         })
         .collect();
     context.answer(&serde_json::json!({ "rig": rig_dir, "results": json }), || {
         let mut text = String::new();
-        for (result, summary) in &answers {
-            let metrics = summary.metrics.as_ref().map(ToString::to_string).unwrap_or_default();
+        for (result, Written { summary, metrics }) in &answers {
+            let metrics = metrics.as_ref().map(ToString::to_string).unwrap_or_default();
             text += &format!(
                 "{}: {} points in {:.1} s\n\n{metrics}\nopen  {}\n",
                 summary.scene,
-                summary.pixels.kept,
+                summary.pixels.valid,
                 summary.wall_secs,
                 shown(&result.join("report.html"))
             );

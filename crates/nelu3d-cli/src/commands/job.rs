@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use nelu3d::evaluate::{Judged, Trace, Truth, evaluate};
-use nelu3d::reconstruct::{self, Observer};
-use nelu3d::result::{self, About, Input, MeshFiles, Summary};
-use nelu3d::{Reconstruction, decode};
+use nelu3d::reconstruct::{Observer, reconstruct_observed};
+use nelu3d::result::{self, Input, MeshFiles, ResultMetadata, Summary};
+use nelu3d::{Reconstruction, ReconstructionOptions, Surface};
+use nelu3d_baselines::{DecodeOptions, Decoding, decode};
+use nelu3d_evaluate::{EvaluatedMaps, GroundTruth, Metrics, Trace, evaluate};
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::rig::{Need, PatternSet, Shot};
@@ -22,12 +23,12 @@ pub(crate) enum Work {
         /// The color field to use.
         field: PathBuf,
         /// Settings of the method.
-        options: reconstruct::Options,
+        options: ReconstructionOptions,
         /// Whether to record the error after every iteration.
         trace: bool,
     },
     /// With a decoder, from a calibrated projector.
-    Decode(decode::Options),
+    Decode(DecodeOptions),
 }
 
 /// One result, with everything decided.
@@ -48,45 +49,84 @@ pub(crate) struct Job<'a> {
     pub work: Work,
 }
 
+/// What a method made.
+enum Made {
+    Reconstruction(Reconstruction),
+    Decoding(Decoding),
+}
+
+impl Made {
+    fn surface(&self) -> &Surface {
+        match self {
+            Made::Reconstruction(r) => &r.surface,
+            Made::Decoding(d) => &d.surface,
+        }
+    }
+
+    fn summary(&self, rig: &Rig, about: &ResultMetadata) -> Summary {
+        match self {
+            Made::Reconstruction(r) => Summary::new(&r.surface, &r.diagnostics, &r.stages, &rig.camera, about),
+            Made::Decoding(d) => Summary::new(&d.surface, &d.diagnostics, &d.stages, &rig.camera, about),
+        }
+    }
+}
+
+/// A result that was written.
+pub(crate) struct Written {
+    /// What its result.json says.
+    pub summary: Summary,
+    /// Its errors, if there is a ground truth.
+    pub metrics: Option<Metrics>,
+}
+
 impl Job<'_> {
     /// Runs the method and writes the result folder.
-    pub(crate) fn run(&self, context: &Context) -> Result<Summary> {
+    pub(crate) fn run(&self, context: &Context) -> Result<Written> {
         // Begun first: hours of work must not end at a folder that cannot be written.
         let folder = OutputDir::create(&self.output, "result.json")?;
-        // The same for a truth that cannot be read; the reconstruction never sees it.
-        let truth = self.truth.as_deref().map(|dir| Truth::read(dir, &self.rig.camera)).transpose()?;
+        // Nor at a ground truth that cannot be read; the reconstruction never sees it.
+        let truth = self.truth.as_deref().map(|dir| GroundTruth::read(dir, &self.rig.camera)).transpose()?;
         let mut trace = None;
-        let result = match &self.work {
+        let made = match &self.work {
             Work::Reconstruct { field, options, trace: wanted } => {
                 trace = truth.as_ref().filter(|_| *wanted).map(|t| Trace::new(t, &self.rig.camera));
                 let observer = trace.as_mut().map(|t| t as &mut dyn Observer);
-                self.reconstruct(field, options, observer, context)?
+                let field = load_field(self.rig, self.set, field)?;
+                let (rig, set, progress) = (self.rig, self.set, &context.progress);
+                Made::Reconstruction(reconstruct_observed(rig, set, &self.shot, &field, options, progress, observer)?)
             }
-            Work::Decode(options) => decode::run(self.rig, self.set, &self.shot, options, &context.progress)?,
+            Work::Decode(options) => {
+                Made::Decoding(decode(self.rig, self.set, &self.shot, options, &context.progress)?)
+            }
         };
         context.stop_if_asked()?;
 
         context.progress.stage("write the result");
+        let surface = made.surface();
         let metrics = truth.as_ref().map(|truth| {
-            let judged = Judged { depth: &result.depth, normals: Some(&result.normals), sigma: Some(&result.sigma) };
+            let maps =
+                EvaluatedMaps { depth: &surface.depth, normals: Some(&surface.normals), sigma: Some(&surface.sigma) };
             let regions = truth.regions(&self.rig.camera);
-            evaluate(&judged, truth, &regions, &self.rig.camera, self.rig.projector.as_ref())
+            evaluate(&maps, truth, &regions, &self.rig.camera, self.rig.projector.as_ref())
         });
-        let about = About {
+        let trace = trace.map(Trace::points);
+        let about = ResultMetadata {
             rig: self.rig.root.clone(),
             rig_name: self.rig.name.clone(),
             scene: self.shot.name.clone(),
             set: self.set.name.clone(),
             inputs: self.inputs()?,
-            metrics,
-            trace: trace.map(Trace::points),
-        };
-        let summary = Summary::new(&result, &self.rig.camera, &about);
-        result::write_into(folder.path(), &result, &summary, self.mesh_files)?;
+            ..ResultMetadata::default()
+        }
+        .with_evaluation(metrics.as_ref(), trace.as_ref());
+        let summary = made.summary(self.rig, &about);
+        result::write_into(folder.path(), surface, &summary, self.mesh_files)?;
         let (captures, black) = self.captures()?;
         let page = Page {
-            result: &result,
+            surface,
             summary: &summary,
+            metrics: metrics.as_ref(),
+            trace: trace.as_deref(),
             captures: &captures,
             black: black.as_ref(),
             truth: truth.as_ref(),
@@ -95,18 +135,7 @@ impl Job<'_> {
         write_atomic(&report, |w| w.write_all(page.html().as_bytes()))?;
         context.stop_if_asked()?;
         folder.commit()?;
-        Ok(summary)
-    }
-
-    fn reconstruct(
-        &self,
-        path: &Path,
-        options: &reconstruct::Options,
-        observer: Option<&mut dyn Observer>,
-        context: &Context,
-    ) -> Result<Reconstruction> {
-        let field = load_field(self.rig, self.set, path)?;
-        Ok(reconstruct::run_observed(self.rig, self.set, &self.shot, &field, options, &context.progress, observer)?)
+        Ok(Written { summary, metrics })
     }
 
     /// The files that were read, hashed.
@@ -155,12 +184,12 @@ pub(crate) fn mesh_files(formats: &[MeshFormat]) -> MeshFiles {
 
 /// Runs a job and prints its answer.
 pub(crate) fn answer(job: &Job<'_>, context: &Context) -> Result<()> {
-    let summary = job.run(context)?;
+    let Written { summary, metrics } = job.run(context)?;
     context.answer(&serde_json::json!({ "result": job.output, "summary": summary }), || {
-        let metrics = summary.metrics.as_ref().map(|m| format!("\n{m}")).unwrap_or_default();
+        let metrics = metrics.as_ref().map(|m| format!("\n{m}")).unwrap_or_default();
         format!(
             "{} of {} pixels have a depth\n{metrics}result  {}\nreport  {}",
-            summary.pixels.kept,
+            summary.pixels.valid,
             summary.pixels.total,
             shown(&job.output),
             shown(&job.output.join("report.html"))

@@ -23,7 +23,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::Result;
 use nelu3d::Progress;
 use nelu3d::color_field::ColorField;
-use nelu3d::reconstruct::check_field;
+use nelu3d::color_field::check_field;
 use nelu3d_field::device::{self, Choice, Device};
 use nelu3d_scan::Rig;
 use nelu3d_scan::rig::PatternSet;

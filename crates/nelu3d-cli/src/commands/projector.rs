@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
-use nelu3d::decode::projector::{self, Report};
+use nelu3d_baselines::projector::{self, Report};
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::Place;
 use nelu3d_scan::rig::PROJECTOR_FILE;

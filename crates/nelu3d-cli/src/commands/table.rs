@@ -3,9 +3,10 @@
 use std::process::ExitCode;
 
 use anyhow::Result;
-use nelu3d::calibrate::Options;
-use nelu3d::decode::lookup3d::{build, compress, file};
-use nelu3d::result::{StageClock, peak_memory_bytes};
+use nelu3d::CalibrationOptions;
+use nelu3d::progress::StageClock;
+use nelu3d::result::peak_memory_bytes;
+use nelu3d_baselines::lookup3d::{build, compress, file};
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::Place;
 use serde_json::json;

@@ -3,9 +3,10 @@
 use std::fmt::Write;
 
 use anyhow::Result;
-use nelu3d::evaluate::{Truth, percentile};
-use nelu3d::result::Saved;
+use nelu3d::result::SavedResult;
 use nelu3d::result::picture::{DEPTH_COLORS, Picture, limits};
+use nelu3d_evaluate::GroundTruth;
+use nelu3d_scan::statistics::percentile;
 
 use super::plan::Cell;
 use super::table::{Marked, Numbers};
@@ -83,9 +84,9 @@ fn pictures(numbers: &Numbers<'_>, cells: &[Cell]) -> Result<String> {
             cells.iter().filter(|c| c.case * n_values + c.value == row && c.document.is_ok()).collect();
         let Some(seed) = mine.iter().map(|c| c.seed).min() else { continue };
         mine.retain(|c| c.seed == seed);
-        let results: Vec<Saved> = mine.iter().map(|c| Saved::read(&c.folder)).collect::<Result<_, _>>()?;
+        let results: Vec<Saved> = mine.iter().map(|c| SavedResult::read(&c.folder)).collect::<Result<_, _>>()?;
         let truth_dir = mine[0].scene.join("truth");
-        let truth = if truth_dir.exists() { Some(Truth::read(&truth_dir, &results[0].camera)?) } else { None };
+        let truth = if truth_dir.exists() { Some(GroundTruth::read(&truth_dir, &results[0].camera)?) } else { None };
         // One scale for the whole row: that of the first method's depth, and of the best one's error.
         let [near, far] = limits(truth.as_ref().map_or(&results[0].depth, |t| &t.depth), 1.0, 99.0);
         let errors: Vec<Vec<f32>> =
@@ -114,6 +115,6 @@ fn pictures(numbers: &Numbers<'_>, cells: &[Cell]) -> Result<String> {
     Ok(html)
 }
 
-fn error(result: &Saved, truth: &Truth) -> Vec<f32> {
+fn error(result: &SavedResult, truth: &GroundTruth) -> Vec<f32> {
     (0..truth.mask.len()).map(|i| if truth.mask[i] { result.depth[i] - truth.depth[i] } else { f32::NAN }).collect()
 }

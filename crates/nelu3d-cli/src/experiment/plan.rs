@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
-use nelu3d::evaluate::compare;
-use nelu3d::result::Saved;
+use nelu3d::result::SavedResult;
+use nelu3d_evaluate::compare;
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::{create_dir, write_atomic};
 use nelu3d_sim::Spec;
@@ -300,11 +300,11 @@ fn link(rig: &Path, dir: &Path) -> Result<()> {
 /// How the results of a scene differ from that of one method.
 fn compare_with(label: &str, experiment: &Experiment, cells: &mut [Cell]) -> Result<()> {
     let reference = cells.iter().find(|c| experiment.methods[c.method].label == label && c.document.is_ok());
-    let Some(reference) = reference.map(|c| Saved::read(&c.folder)).transpose()? else { return Ok(()) };
+    let Some(reference) = reference.map(|c| SavedResult::read(&c.folder)).transpose()? else { return Ok(()) };
     for cell in cells {
         let folder = cell.folder.clone();
         if let Ok(document) = &mut cell.document {
-            let ours = Saved::read(&folder)?;
+            let ours = SavedResult::read(&folder)?;
             if ours.depth.len() == reference.depth.len() {
                 document["against"] = json!(compare(&ours.depth, &reference.depth));
             }

@@ -2,10 +2,12 @@
 
 use std::fmt::Write;
 
-use nelu3d::evaluate::{Metrics, TracePoint, Truth, percentile};
+use nelu3d::result::Summary;
 use nelu3d::result::picture::{DEPTH_COLORS, Picture, limits, status_color};
-use nelu3d::result::{PixelStatus, Reconstruction, Summary};
+use nelu3d::surface::{PixelStatus, Surface};
+use nelu3d_evaluate::{GroundTruth, Metrics, TracePoint};
 use nelu3d_scan::Image;
+use nelu3d_scan::statistics::percentile;
 use serde_json::Value;
 
 use super::chart::{Axis, Chart, Mark, Series, curve};
@@ -18,16 +20,20 @@ const CAPTURE_WIDTH: usize = 320;
 
 /// What a page shows.
 pub(crate) struct Page<'a> {
-    /// The result.
-    pub result: &'a Reconstruction,
+    /// The surface.
+    pub surface: &'a Surface,
     /// What its `result.json` says.
     pub summary: &'a Summary,
+    /// Its errors, when there is a ground truth.
+    pub metrics: Option<&'a Metrics>,
+    /// Its error over time, when it was traced.
+    pub trace: Option<&'a [TracePoint]>,
     /// The captures it was made from, with their names; white first.
     pub captures: &'a [(String, Image)],
     /// The scene without the pattern light, when there is such an image.
     pub black: Option<&'a Image>,
     /// The truth, when there is one.
-    pub truth: Option<&'a Truth>,
+    pub truth: Option<&'a GroundTruth>,
 }
 
 impl Page<'_> {
@@ -37,19 +43,19 @@ impl Page<'_> {
         let title = format!("{} · {}", s.scene, s.set);
         let subtitle = format!(
             "rig {} · {} × {} px · nelu3d {} · {} {}",
-            s.rig_name, self.result.width, self.result.height, s.version, s.machine.os, s.machine.arch
+            s.rig_name, self.surface.width, self.surface.height, s.version, s.machine.os, s.machine.arch
         );
         let colorings =
             [viewer::Coloring::Clay, viewer::Coloring::Photo, viewer::Coloring::Depth, viewer::Coloring::Normals];
         let body = [
             self.tiles(),
-            viewer::viewer(&self.result.mesh, &colorings),
-            s.metrics.as_ref().map(metrics_table).unwrap_or_default(),
+            viewer::viewer(&self.surface.mesh, &colorings),
+            self.metrics.map(metrics_table).unwrap_or_default(),
             self.curves(),
             page::section("Maps", &format!("<div class=grid>{}</div>", self.maps())),
             format!(
                 "<section class=columns><div><h2>Pixels</h2>{}</div><div><h2>Time</h2>{}</div></section>",
-                left_table(s),
+                status_table(s),
                 stages_table(s)
             ),
             page::section("Captures", &format!("<div class='grid small'>{}</div>", self.captures())),
@@ -64,11 +70,11 @@ impl Page<'_> {
     fn tiles(&self) -> String {
         let s = self.summary;
         let mut numbers = vec![
-            (grouped(s.pixels.kept), "points".to_owned()),
-            (percent(s.pixels.kept as f64 / s.pixels.total as f64), "of all pixels".to_owned()),
+            (grouped(s.pixels.valid), "points".to_owned()),
+            (percent(s.pixels.valid as f64 / s.pixels.total as f64), "of all pixels".to_owned()),
             (with_unit(s.depth_mm.median_sigma, 2, "mm"), "median 1σ of depth".to_owned()),
         ];
-        if let Some(m) = &s.metrics {
+        if let Some(m) = self.metrics {
             numbers.push((with_unit(m.body.depth_mm.median, 2, "mm"), "median error, body".to_owned()));
             numbers.push((with_unit(m.whole.depth_mm.mae, 2, "mm"), "mean error, whole".to_owned()));
         }
@@ -80,7 +86,7 @@ impl Page<'_> {
     }
 
     fn maps(&self) -> String {
-        let r = self.result;
+        let r = self.surface;
         let (w, h) = (r.width, r.height);
         let mut html = String::new();
         let mut add = |name: &str, note: &str, picture: Picture, legend: String| {
@@ -96,8 +102,9 @@ impl Page<'_> {
         if let Some(truth) = self.truth {
             let error: Vec<f32> =
                 (0..w * h).map(|i| if truth.mask[i] { r.depth[i] - truth.depth[i] } else { f32::NAN }).collect();
-            let magnitudes: Vec<f64> = error.iter().filter(|e| e.is_finite()).map(|&e| f64::from(e).abs()).collect();
-            let p95 = percentile(magnitudes, 95.0);
+            let mut magnitudes: Vec<f64> =
+                error.iter().filter(|e| e.is_finite()).map(|&e| f64::from(e).abs()).collect();
+            let p95 = percentile(&mut magnitudes, 95.0);
             let range = if p95 > 0.0 { [-p95, p95] } else { [-1.0, 1.0] };
             let picture = Picture::of_map(&error, w, h, range, colorous::RED_BLUE);
             add("Error", "depth − truth", picture, color_bar(colorous::RED_BLUE, range, "mm"));
@@ -124,7 +131,7 @@ impl Page<'_> {
             let range = [0.0, limits(map, 1.0, 98.0)[1].max(1e-6)];
             add(name, note, Picture::of_map(map, w, h, range, colors), color_bar(colors, range, unit));
         }
-        add("Left out", "why pixels have no depth", Picture::of_left(&r.status, w, h), left_legend());
+        add("Left out", "why pixels have no depth", Picture::of_status(&r.status, w, h), status_legend());
         html
     }
 
@@ -142,7 +149,7 @@ impl Page<'_> {
         let zero = |i: usize| self.black.map_or(0.0, |b| b.data[i]);
         // Where the flash is darker, noise divided by next to nothing would be all there is to see.
         let spans: Vec<f64> = (0..white.data.len()).map(|i| f64::from(white.data[i] - zero(i))).collect();
-        let least = 0.02 * percentile(spans.clone(), 99.0).max(1e-6);
+        let least = 0.02 * percentile(&mut spans.clone(), 99.0).max(1e-6);
         let picture = |pattern: &Image| {
             let (channels, data) = (pattern.channels, &pattern.data);
             Picture::from_fn(pattern.width, pattern.height, |i| {
@@ -163,7 +170,7 @@ impl Page<'_> {
         page::section("Normalized images", &format!("{note}<div class='grid small'>{pictures}</div>"))
     }
 
-    /// Loss and error by iteration and time, and whether 1σ is honest: what of it there is.
+    /// Loss and error by iteration and time, and whether 1σ is calibrated: what of it there is.
     fn curves(&self) -> String {
         let mut html = String::new();
         let mut add = |name: &str, note: &str, chart: Chart| {
@@ -175,7 +182,7 @@ impl Page<'_> {
             let y = Axis::log_if_wide("loss", values(), 20.0);
             add("Loss", "by iteration", Chart { x: Axis::linear("iteration"), y, series: losses.clone() });
         }
-        if let Some(trace) = self.summary.trace.as_ref().filter(|t| t.len() > 1) {
+        if let Some(trace) = self.trace.filter(|t| t.len() > 1) {
             let series = |label: &str, value: &dyn Fn(&TracePoint) -> f64| Series {
                 label: label.to_owned(),
                 points: trace.iter().map(|p| [p.wall_secs, value(p)]).collect(),
@@ -190,15 +197,15 @@ impl Page<'_> {
             let y = Axis::log_if_wide("error, mm", values(), 10.0);
             add("Error", "by time since the start", Chart { x: Axis::linear("s"), y, series: series.clone() });
         }
-        if let Some(chart) = self.truth.and_then(|truth| calibration(self.result, truth)) {
-            add("Is 1σ honest?", "share of errors within so many σ", chart);
+        if let Some(chart) = self.truth.and_then(|truth| calibration(self.surface, truth)) {
+            add("Is 1σ calibrated?", "share of errors within so many σ", chart);
         }
         if html.is_empty() { html } else { page::section("Curves", &format!("<div class=grid>{html}</div>")) }
     }
 }
 
 /// The losses on record: a list of numbers, one an iteration, or of records that have an `iteration` and several losses.
-fn losses(method: &serde_json::Map<String, Value>) -> Vec<Series> {
+fn losses(method: &Value) -> Vec<Series> {
     let line = |label: &str, points: Vec<[f64; 2]>| Series { label: label.to_owned(), points, mark: Mark::Line };
     let numbers = |label: &str, list: &[Value]| {
         let point = |(i, v): (usize, &Value)| Some([i as f64 + 1.0, v.as_f64()?]);
@@ -220,7 +227,7 @@ fn losses(method: &serde_json::Map<String, Value>) -> Vec<Series> {
 }
 
 /// The share of errors within n σ against n, with what Gaussian errors would give; `None` without errors.
-fn calibration(result: &Reconstruction, truth: &Truth) -> Option<Chart> {
+fn calibration(result: &Surface, truth: &GroundTruth) -> Option<Chart> {
     let ratio = |i: usize| f64::from((result.depth[i] - truth.depth[i]).abs() / result.sigma[i]);
     let mut ratios: Vec<f64> =
         (0..result.depth.len()).filter(|&i| truth.mask[i]).map(ratio).filter(|r| r.is_finite()).collect();
@@ -257,10 +264,10 @@ fn metrics_table(metrics: &Metrics) -> String {
     page::section("Error against the truth", &(table(&metrics.headings(), &metrics.rows()) + legend))
 }
 
-fn left_table(s: &Summary) -> String {
+fn status_table(s: &Summary) -> String {
     let count = |l: PixelStatus| match l {
-        PixelStatus::Valid => s.pixels.kept as u64,
-        _ => s.pixels.status[l.key()].as_u64().unwrap_or(0),
+        PixelStatus::Valid => s.pixels.valid as u64,
+        _ => s.pixels.rejected[l.key()].as_u64().unwrap_or(0),
     };
     let rows: Vec<Vec<String>> = PixelStatus::ALL
         .iter()
@@ -285,12 +292,12 @@ fn inputs_table(s: &Summary) -> String {
     table(&["file", "bytes", "SHA-256"], &s.inputs.iter().map(row).collect::<Vec<_>>())
 }
 
-fn left_legend() -> String {
+fn status_legend() -> String {
     legend(&PixelStatus::ALL.map(|l| (status_color(l), l.label())))
 }
 
 /// Whatever the method put on record, one line a value; long lists of numbers as curves.
-fn value_table(values: &serde_json::Map<String, Value>) -> String {
+fn value_table(values: &Value) -> String {
     fn lines(path: &str, value: &Value, out: &mut String) {
         let mut line = |cell: &str| {
             let _ = write!(out, "<tr><td>{}</td><td>{cell}</td></tr>", escape(path));
@@ -310,19 +317,20 @@ fn value_table(values: &serde_json::Map<String, Value>) -> String {
         }
     }
     let mut out = String::new();
-    lines("", &Value::Object(values.clone()), &mut out);
+    lines("", values, &mut out);
     format!("<div class=scroll><table class=values>{out}</table></div>")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nelu3d::evaluate::{Judged, evaluate};
-    use nelu3d::result::{About, StageTime};
+    use nelu3d::progress::StageTime;
+    use nelu3d::result::ResultMetadata;
+    use nelu3d_evaluate::{EvaluatedMaps, evaluate};
     use nelu3d_scan::{Camera, Mesh};
 
     /// A ball of 100 mm before a wall, seen by a small camera, as its own truth plus a ripple of 0.2 mm.
-    fn ball() -> (Reconstruction, Camera, Truth) {
+    fn ball() -> (Surface, Camera, GroundTruth) {
         let (width, height) = (320, 240);
         let camera = Camera::pinhole(width, height, 400.0, 400.0, 159.5, 119.5);
         let n = width * height;
@@ -338,12 +346,12 @@ mod tests {
                 normals[i] = [normal.x as f32, normal.y as f32, normal.z as f32];
             }
         }
-        let truth = Truth { width, height, depth: depth.clone(), mask: vec![true; n] };
-        let mut left = vec![PixelStatus::Valid; n];
+        let truth = GroundTruth { width, height, depth: depth.clone(), mask: vec![true; n] };
+        let mut status = vec![PixelStatus::Valid; n];
         for i in 0..n {
             depth[i] += 0.2 * ((i % width) as f32 * 0.2).sin();
             if i % width < 20 {
-                left[i] = if i / width < 120 { PixelStatus::Underexposed } else { PixelStatus::DepthDiscontinuity };
+                status[i] = if i / width < 120 { PixelStatus::Underexposed } else { PixelStatus::DepthDiscontinuity };
                 depth[i] = f32::NAN;
                 normals[i] = [f32::NAN; 3];
             }
@@ -367,7 +375,7 @@ mod tests {
         let colors = (0..n as u32)
             .map(|i| if (i / 16 + i / w / 16).is_multiple_of(2) { [230, 120, 60] } else { [70; 3] })
             .collect();
-        let result = Reconstruction {
+        let result = Surface {
             width,
             height,
             sigma: depth.iter().map(|z| 0.0002 * z).collect(),
@@ -375,17 +383,9 @@ mod tests {
             ambient: depth.iter().map(|z| 0.1 + 0.0 * z).collect(),
             depth,
             normals,
-            left,
+            status,
             white,
             mesh: Mesh { vertices, normals: Vec::new(), colors, faces },
-            stages: vec![StageTime { name: "guess & <check>".to_owned(), wall_secs: 1.5, cpu_secs: 2.5 }],
-            info: serde_json::json!({
-                "seed": 7,
-                "losses": { "image": (0..200).map(|i| (-0.02 * f64::from(i)).exp()).collect::<Vec<_>>() },
-            })
-            .as_object()
-            .unwrap()
-            .clone(),
         };
         (result, camera, truth)
     }
@@ -393,14 +393,25 @@ mod tests {
     #[test]
     fn a_page_needs_nothing_else_and_is_small() {
         let (result, camera, truth) = ball();
-        let judged = Judged { depth: &result.depth, normals: Some(&result.normals), sigma: Some(&result.sigma) };
-        let metrics = evaluate(&judged, &truth, &truth.regions(&camera), &camera, None);
-        let about = About { scene: "<ball>".to_owned(), metrics: Some(metrics), ..About::default() };
-        let summary = Summary::new(&result, &camera, &about);
+        let maps = EvaluatedMaps { depth: &result.depth, normals: Some(&result.normals), sigma: Some(&result.sigma) };
+        let metrics = evaluate(&maps, &truth, &truth.regions(&camera), &camera, None);
+        let about = ResultMetadata { scene: "<ball>".to_owned(), ..ResultMetadata::default() };
+        let losses: Vec<f64> = (0..200).map(|i| (-0.02 * f64::from(i)).exp()).collect();
+        let method = serde_json::json!({ "seed": 7, "losses": { "image": losses } });
+        let stages = [StageTime { name: "guess & <check>".to_owned(), wall_secs: 1.5, cpu_secs: 2.5 }];
+        let summary = Summary::new(&result, &method, &stages, &camera, &about);
         let half = Image { data: result.white.data.iter().map(|v| 0.5 * v).collect(), ..result.white.clone() };
         let captures = [("white.png".to_owned(), result.white.clone()), ("stripes.png".to_owned(), half)];
-        let html =
-            Page { result: &result, summary: &summary, captures: &captures, black: None, truth: Some(&truth) }.html();
+        let page = Page {
+            surface: &result,
+            summary: &summary,
+            metrics: Some(&metrics),
+            trace: None,
+            captures: &captures,
+            black: None,
+            truth: Some(&truth),
+        };
+        let html = page.html();
         for outside in ["http://", "https://", "@import", "src=\"/", "<link"] {
             assert!(!html.contains(outside), "{outside}");
         }
@@ -418,7 +429,7 @@ mod tests {
             "white.png",
             "Normalized",
             "Loss",
-            "honest",
+            "calibrated",
             "Gaussian",
             "stripes.png",
         ] {
@@ -428,7 +439,7 @@ mod tests {
 
     #[test]
     fn losses_of_every_method_are_found() {
-        let of = |v: Value| losses(serde_json::json!({ "losses": v }).as_object().unwrap());
+        let of = |v: Value| losses(&serde_json::json!({ "losses": v }));
         assert_eq!(of(serde_json::json!([3.0, 2.0, 1.0]))[0].points, [[1.0, 3.0], [2.0, 2.0], [3.0, 1.0]]);
         let record =
             |i: i32, image: f64| serde_json::json!({ "iteration": i, "image": image, "eikonal": 0.5, "rays": 7 });

@@ -110,8 +110,8 @@ impl<'a> Search<'a> {
             let c = self.surface.closest(&(cad_from_cam * o.point), self.tolerance)?;
             (!c.on_border).then_some(c.distance.abs())
         };
-        let distances: Vec<f64> = points.par_iter().filter_map(distance).collect();
-        (distances.len() > 10).then(|| 1.4826 * crate::percentile(distances, 50.0))
+        let mut distances: Vec<f64> = points.par_iter().filter_map(distance).collect();
+        (distances.len() > 10).then(|| 1.4826 * nelu3d_scan::statistics::percentile(&mut distances, 50.0))
     }
 }
 

@@ -33,6 +33,20 @@ pub struct ResultMetadata {
     pub trace: Option<serde_json::Value>,
 }
 
+impl ResultMetadata {
+    /// Adds errors against the ground truth and the error over time, which other crates compute.
+    ///
+    /// # Panics
+    ///
+    /// If they cannot be represented in JSON (a map with keys that are no strings).
+    pub fn with_evaluation<M: Serialize, T: Serialize>(self, metrics: Option<&M>, trace: Option<&T>) -> Self {
+        fn json(value: &impl Serialize) -> serde_json::Value {
+            serde_json::to_value(value).expect("metrics are plain data")
+        }
+        Self { metrics: metrics.map(json), trace: trace.map(json), ..self }
+    }
+}
+
 /// A file that was read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Input {

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use nalgebra::Isometry3;
-use nelu3d::evaluate::cad::{CadError, CadMetrics, CadOptions, Scan, Start, compare_with_cad, read_pose};
-use nelu3d::result::Saved;
+use nelu3d::result::SavedResult;
+use nelu3d_evaluate::cad::{CadError, CadMetrics, CadOptions, Scan, Start, compare_with_cad, read_pose};
 use nelu3d_scan::Mesh;
 
 use super::folder;
@@ -13,7 +13,7 @@ use crate::args;
 use crate::commands::{Context, shown};
 use crate::report::Differences;
 
-pub(super) fn run(args: &args::Evaluate, path: &Path, result: &Saved, context: &Context) -> Result<()> {
+pub(super) fn run(args: &args::Evaluate, path: &Path, result: &SavedResult, context: &Context) -> Result<()> {
     let mesh = Mesh::read(path)?;
     let pose = args.initial_pose.as_deref().map(read_pose).transpose()?;
     let start = match (pose, args.no_align) {

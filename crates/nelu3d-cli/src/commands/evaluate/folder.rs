@@ -11,9 +11,9 @@
 use std::path::Path;
 
 use anyhow::Result;
-use nelu3d::evaluate::percentile;
 use nelu3d::result::picture::color_at;
 use nelu3d_scan::output::{OutputDir, write_atomic};
+use nelu3d_scan::statistics::percentile;
 use nelu3d_scan::{Mesh, npy};
 use serde_json::Value;
 

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
-use nelu3d::evaluate::{Judged, Truth, compare, evaluate};
-use nelu3d::result::Saved;
+use nelu3d::result::SavedResult;
+use nelu3d_evaluate::{EvaluatedMaps, GroundTruth, compare, evaluate};
 use nelu3d_scan::camera::read_projector;
 use nelu3d_scan::{Projector, Rig};
 
@@ -17,7 +17,7 @@ mod folder;
 
 /// Runs the command.
 pub(crate) fn run(args: args::Evaluate, context: &Context) -> Result<ExitCode> {
-    let result = Saved::read(&args.result)?;
+    let result = SavedResult::read(&args.result)?;
     let output = args.output.as_deref();
     match (&args.truth, &args.against, &args.cad) {
         (Some(truth), ..) => {
@@ -33,13 +33,14 @@ pub(crate) fn run(args: args::Evaluate, context: &Context) -> Result<ExitCode> {
 
 fn against_truth(
     path: &Path,
-    result: &Saved,
+    result: &SavedResult,
     truth_dir: &Path,
     projector: Option<&Projector>,
     context: &Context,
 ) -> Result<()> {
-    let truth = Truth::read(truth_dir, &result.camera)?;
-    let judged = Judged { depth: &result.depth, normals: result.normals.as_deref(), sigma: result.sigma.as_deref() };
+    let truth = GroundTruth::read(truth_dir, &result.camera)?;
+    let judged =
+        EvaluatedMaps { depth: &result.depth, normals: result.normals.as_deref(), sigma: result.sigma.as_deref() };
     let metrics = evaluate(&judged, &truth, &truth.regions(&result.camera), &result.camera, projector);
     context
         .answer(&serde_json::json!({ "result": path, "truth": truth_dir, "metrics": metrics }), || metrics.to_string())
@@ -47,13 +48,13 @@ fn against_truth(
 
 fn against_result(
     path: &Path,
-    result: &Saved,
+    result: &SavedResult,
     other_path: &Path,
     output: Option<&Path>,
     context: &Context,
 ) -> Result<()> {
-    let other = Saved::read(other_path)?;
-    let size = |r: &Saved| (r.camera.width, r.camera.height);
+    let other = SavedResult::read(other_path)?;
+    let size = |r: &SavedResult| (r.camera.width, r.camera.height);
     if size(result) != size(&other) {
         let ((w, h), (ow, oh)) = (size(result), size(&other));
         bail!(

@@ -8,22 +8,22 @@ use std::sync::mpsc::SyncSender;
 
 use anyhow::{Context as _, Result};
 use nelu3d::Progress;
-use nelu3d::evaluate::Truth;
 use nelu3d::result::Input;
 use nelu3d::sequence::{MotionMode, Neighbors, Plan};
+use nelu3d_evaluate::GroundTruth;
 use nelu3d_scan::rig::{Capture, PatternSet, Shot, ShotReader};
 use nelu3d_scan::{Image, Rig};
 
 use super::super::shown;
 
 /// All that a frame is made from, but for what the frame before it leaves.
-pub(super) struct Frame {
+pub(super) struct ReadFrame {
     pub(super) capture: Capture,
     pub(super) neighbors: Neighbors,
     /// The files of its capture, hashed.
     pub(super) inputs: Vec<Input>,
     /// Where it was asked for.
-    pub(super) truth: Option<Truth>,
+    pub(super) truth: Option<GroundTruth>,
 }
 
 /// Reads frames one after the other.
@@ -37,11 +37,11 @@ pub(super) struct Ahead<'a> {
     /// Whether frames come with their truth.
     pub(super) with_truth: bool,
     /// Flashes that a frame to come needs, with the reader that goes on with the other images of their folder.
-    pub(super) flashes: BTreeMap<usize, Flash<'a>>,
+    pub(super) flashes: BTreeMap<usize, ReadWhite<'a>>,
 }
 
 /// A flash that was read.
-pub(super) struct Flash<'a> {
+pub(super) struct ReadWhite<'a> {
     image: Image,
     rest: ShotReader<'a>,
 }
@@ -49,7 +49,7 @@ pub(super) struct Flash<'a> {
 impl<'a> Ahead<'a> {
     /// Reads the frames of these numbers, which rise, and hands each over with its number. It ends early when nobody takes them anymore, or
     /// the user stops the work.
-    pub(super) fn run(mut self, todo: &[usize], to: &SyncSender<(usize, Result<Frame>)>, progress: &Progress) {
+    pub(super) fn run(mut self, todo: &[usize], to: &SyncSender<(usize, Result<ReadFrame>)>, progress: &Progress) {
         for (n, &i) in todo.iter().enumerate() {
             let frame = self.frame(i, progress);
             // Before it is handed over, which is when this thread waits.
@@ -62,10 +62,11 @@ impl<'a> Ahead<'a> {
     }
 
     /// One frame.
-    fn frame(&mut self, i: usize, progress: &Progress) -> Result<Frame> {
+    fn frame(&mut self, i: usize, progress: &Progress) -> Result<ReadFrame> {
         let shot = &self.frames[i];
-        let truth = self.with_truth.then(|| Truth::read(&shot.dir.join("truth"), &self.rig.camera)).transpose()?;
-        let Flash { image: white, mut rest } = match self.flashes.remove(&i) {
+        let truth =
+            self.with_truth.then(|| GroundTruth::read(&shot.dir.join("truth"), &self.rig.camera)).transpose()?;
+        let ReadWhite { image: white, mut rest } = match self.flashes.remove(&i) {
             Some(flash) => flash,
             None => self.flash(i)?,
         };
@@ -96,9 +97,9 @@ impl<'a> Ahead<'a> {
         }
         if self.motion != MotionMode::Off {
             // For the frame after this one.
-            self.flashes.insert(i, Flash { image: white.clone(), rest });
+            self.flashes.insert(i, ReadWhite { image: white.clone(), rest });
         }
-        Ok(Frame { capture: Capture { white, black, patterns, mono }, neighbors, inputs, truth })
+        Ok(ReadFrame { capture: Capture { white, black, patterns, mono }, neighbors, inputs, truth })
     }
 
     /// The flash of a neighboring frame; a neighbor that cannot be read is none, and fails by itself when its turn comes.
@@ -111,9 +112,9 @@ impl<'a> Ahead<'a> {
     }
 
     /// Reads a frame's flash.
-    fn flash(&self, i: usize) -> Result<Flash<'a>> {
+    fn flash(&self, i: usize) -> Result<ReadWhite<'a>> {
         let mut rest = self.rig.reader(&self.frames[i]);
-        Ok(Flash { image: rest.read(&self.rig.white)?, rest })
+        Ok(ReadWhite { image: rest.read(&self.rig.white)?, rest })
     }
 }
 
@@ -176,7 +177,7 @@ mod tests {
                 for &i in &todo {
                     let (number, frame) = read.recv().unwrap();
                     assert_eq!(number, i);
-                    match (frame, rig.read_shot(&frames[i], set, Need::Frame)) {
+                    match (frame, rig.read_shot(&frames[i], set, Need::ReadFrame)) {
                         (Ok(frame), Ok(capture)) => {
                             assert!(frame.capture == capture && i != 1 && i != 3, "{i}");
                             assert_eq!((capture.black.is_some(), frame.inputs.len()), (i == 4, 3), "{i}");

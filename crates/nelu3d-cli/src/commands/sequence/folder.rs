@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use nelu3d::result::Saved;
-use nelu3d::sequence::Memory;
+use nelu3d::result::read_frame_state;
+use nelu3d::sequence::FrameState;
 use nelu3d_scan::output::{OutputDir, create_dir, write_atomic};
 use nelu3d_scan::rig::Shot;
 use serde_json::Value;
@@ -73,12 +73,8 @@ impl Folder {
     }
 
     /// What a frame left for the next; `None` if it failed.
-    pub(super) fn memory(&self, frame: &Shot) -> Result<Option<Memory>> {
-        if !self.is_done(frame) {
-            return Ok(None);
-        }
-        let saved = Saved::read(&self.frame(frame))?;
-        Ok(Some(Memory::of(saved.depth, self.summary(frame)?["method"].as_object().unwrap_or(&serde_json::Map::new()))))
+    pub(super) fn state(&self, frame: &Shot) -> Result<Option<FrameState>> {
+        Ok(if self.is_done(frame) { Some(read_frame_state(&self.frame(frame))?) } else { None })
     }
 
     /// The result.json of a frame that is done.

@@ -17,16 +17,17 @@ use std::thread::ScopedJoinHandle;
 
 use anyhow::{Context as _, Result};
 use nelu3d::color_field::ColorField;
-use nelu3d::evaluate::{Judged, Truth, evaluate};
-use nelu3d::reconstruct::check_mono;
-use nelu3d::result::{self, About, Input, MeshFiles, Reconstruction, StageClock, Summary};
-use nelu3d::sequence::{self, Memory, Plan};
+use nelu3d::color_field::check_mono;
+use nelu3d::reconstruct::Context as ReconstructionContext;
+use nelu3d::result::{self, Input, MeshFiles, ResultMetadata, Summary};
+use nelu3d::sequence::{FrameInput, FrameReconstruction, FrameState, Plan, reconstruct_frame};
+use nelu3d_evaluate::{EvaluatedMaps, GroundTruth, evaluate};
 use nelu3d_field::device::Device;
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::OutputDir;
 use nelu3d_scan::rig::{PatternSet, Shot};
 
-use self::ahead::{Ahead, Frame};
+use self::ahead::{Ahead, ReadFrame};
 use self::folder::Folder;
 use super::{Context, default_field, default_result, load_field, shown};
 use crate::args;
@@ -107,19 +108,11 @@ pub(crate) fn run(args: &args::Sequence, context: &Context) -> Result<ExitCode> 
 /// A frame that is computed and not yet on disk.
 struct Computed {
     frame: usize,
-    result: Reconstruction,
-    truth: Option<Truth>,
+    result: FrameReconstruction,
+    truth: Option<GroundTruth>,
     /// The files of its capture, hashed.
     inputs: Vec<Input>,
     output: OutputDir,
-}
-
-impl Computed {
-    /// What the next frame is told, as it would find it on disk.
-    fn memory(&self) -> Result<Memory> {
-        let info = serde_json::from_slice(&serde_json::to_vec(&self.result.info)?)?;
-        Ok(Memory::of(self.result.depth.clone(), &info))
-    }
 }
 
 impl Work<'_> {
@@ -156,7 +149,7 @@ impl Work<'_> {
                 context.stop_if_asked()?;
                 context.progress.stage(&format!("frame {}", self.frames[i].name));
                 context.progress.tick(done, todo.len());
-                let memory = before.take().filter(|(frame, _)| frame + 1 == i).map(|(_, memory)| memory);
+                let state = before.take().filter(|(frame, _)| frame + 1 == i).map(|(_, state)| state);
                 let begun = early.take();
                 let own = if begun.is_none() { Some(receive(i, &read)?) } else { None };
                 // A keyframe needs nothing of the frame before it: its cost volume is on the device while that one is refined here.
@@ -166,7 +159,7 @@ impl Work<'_> {
                 }
                 let computed = match (begun, own) {
                     (Some(begun), _) => joined(begun),
-                    (None, Some(frame)) => self.compute(i, memory, frame, progress),
+                    (None, Some(frame)) => self.compute(i, state, frame, progress),
                     (None, None) => unreachable!("a frame is received before it is computed"),
                 };
                 // Frames appear in their order: a kill leaves none that the one before it is missing for.
@@ -175,7 +168,7 @@ impl Work<'_> {
                 }
                 match computed {
                     Ok(computed) => {
-                        before = Some((i, computed.memory()?));
+                        before = Some((i, computed.result.state()));
                         writing = Some((i, scope.spawn(move || self.write(computed))));
                     }
                     Err(e) => self.settle(i, Err(e), &mut failed, context)?,
@@ -206,66 +199,61 @@ impl Work<'_> {
         Ok(())
     }
 
-    /// One frame, from its images and what the frame before left: just now (`memory`), or on disk.
+    /// Computes one frame from its images and what the previous frame left: just now (`state`), or on disk.
     fn compute(
         &self,
         i: usize,
-        memory: Option<Memory>,
-        frame: Result<Frame>,
+        state: Option<FrameState>,
+        frame: Result<ReadFrame>,
         quiet: &nelu3d::Progress,
     ) -> Result<Computed> {
-        let mut clock = StageClock::new(quiet);
         let output = self.folder.start(&self.frames[i])?;
-        let Frame { capture, neighbors, inputs, truth } = frame?;
+        let ReadFrame { capture, neighbors, inputs, truth } = frame?;
         check_mono(&capture, self.set, &self.frames[i], &self.field)?;
-        let memory = match i.checked_sub(1) {
-            Some(_) if memory.is_some() && !self.plan.is_key(i) => memory,
-            Some(before) if !self.plan.is_key(i) => self.folder.memory(&self.frames[before])?,
+        let state = match i.checked_sub(1) {
+            Some(_) if state.is_some() && !self.plan.is_key(i) => state,
+            Some(previous) if !self.plan.is_key(i) => self.folder.state(&self.frames[previous])?,
             _ => None,
         };
-        let (camera, args) = (&self.rig.camera, self.args);
-        let mut result = sequence::frame(
-            memory.as_ref(),
-            capture,
-            &neighbors,
-            camera,
-            &self.field,
-            &args.options,
-            &args.motion,
-            quiet,
-            &mut clock,
-        )
-        .map_err(|e| anyhow::anyhow!("{e}"))?;
-        result.stages = clock.finish();
+        let input = FrameInput {
+            state: state.as_ref(),
+            neighbors: &neighbors,
+            camera: &self.rig.camera,
+            field: &self.field,
+            options: &self.args.options,
+            motion: &self.args.motion,
+        };
+        let result = reconstruct_frame(&input, capture, ReconstructionContext::new(quiet, self.args.options.device)?)?;
         Ok(Computed { frame: i, result, truth, inputs, output })
     }
 
     /// Judges a frame and puts its result into place.
     fn write(&self, computed: Computed) -> Result<()> {
         let Computed { frame, result, truth, inputs, output } = computed;
-        let (camera, shot) = (&self.rig.camera, &self.frames[frame]);
+        let (camera, shot, surface) = (&self.rig.camera, &self.frames[frame], &result.surface);
         let metrics = truth.as_ref().map(|truth| {
-            let judged = Judged { depth: &result.depth, normals: Some(&result.normals), sigma: Some(&result.sigma) };
-            evaluate(&judged, truth, &truth.regions(camera), camera, self.rig.projector.as_ref())
+            let maps =
+                EvaluatedMaps { depth: &surface.depth, normals: Some(&surface.normals), sigma: Some(&surface.sigma) };
+            evaluate(&maps, truth, &truth.regions(camera), camera, self.rig.projector.as_ref())
         });
-        let about = About {
+        let about = ResultMetadata {
             rig: self.rig.root.clone(),
             rig_name: self.rig.name.clone(),
             scene: shot.name.clone(),
             set: self.set.name.clone(),
             inputs: self.inputs.iter().cloned().chain(inputs).collect(),
-            metrics,
-            trace: None,
-        };
-        let summary = Summary::new(&result, camera, &about);
-        result::write_into(output.path(), &result, &summary, MeshFiles::default())?;
+            ..ResultMetadata::default()
+        }
+        .with_evaluation(metrics.as_ref(), None::<&()>);
+        let summary = Summary::new(surface, &result.diagnostics, &result.stages, camera, &about);
+        result::write_into(output.path(), surface, &summary, MeshFiles::default())?;
         output.commit()?;
         self.folder.forget_failure(shot)
     }
 }
 
 /// The next frame that was read, which is number `i`.
-fn receive(i: usize, read: &Receiver<(usize, Result<Frame>)>) -> Result<Result<Frame>> {
+fn receive(i: usize, read: &Receiver<(usize, Result<ReadFrame>)>) -> Result<Result<ReadFrame>> {
     // Without an answer the reader was stopped.
     let (number, frame) = read.recv().context("stopped")?;
     assert_eq!(number, i, "frames are read in their order");

@@ -5,14 +5,14 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use anyhow::{Context as _, Result};
-use nelu3d::evaluate::percentile;
-use nelu3d::result::Saved;
+use nelu3d::result::SavedResult;
 use nelu3d::result::picture::{DEPTH_COLORS, Picture, color_at};
 use nelu3d_scan::Mesh;
 use nelu3d_scan::image::Apng;
 use nelu3d_scan::mesh::AnimatedGlb;
 use nelu3d_scan::output::{create_dir, write_atomic};
 use nelu3d_scan::rig::Shot;
+use nelu3d_scan::statistics::percentile;
 use serde_json::{Value, json};
 
 use super::super::shown;
@@ -137,7 +137,7 @@ fn preview(folder: &Folder, frames: &[&Shot], table: &Table, fps: f64) -> Result
     let range = [middle("/depth_mm/min"), middle("/depth_mm/max")];
     let mut out = None;
     for frame in frames {
-        let saved = Saved::read(&folder.frame(frame))?;
+        let saved = SavedResult::read(&folder.frame(frame))?;
         let normals = saved.normals.with_context(|| format!("{}: has no normals.npy", shown(&folder.frame(frame))))?;
         // Near is bright.
         let color = |i: usize| color_at(DEPTH_COLORS, range[0] + range[1] - f64::from(saved.depth[i]), range);
