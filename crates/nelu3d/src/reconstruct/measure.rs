@@ -42,43 +42,6 @@ pub struct SharesPrior {
     pub sigma_indirect: f32,
 }
 
-/// Normal equations of the two shares (a of ambient light, b of interreflection) in
-/// `p − c = a (1 − c) + b (surround − c)`.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct SharesSum {
-    /// Entries aa, ab, bb of the matrix, then the right-hand side.
-    pub(super) sums: [f32; 5],
-}
-
-impl SharesSum {
-    /// Adds a measurement: residual `r` = a · `ambient` + b · `indirect`, with weight `iv`.
-    #[inline]
-    pub(super) fn add(&mut self, r: f32, ambient: f32, indirect: f32, iv: f32) {
-        self.sums[0] += iv * ambient * ambient;
-        self.sums[1] += iv * ambient * indirect;
-        self.sums[2] += iv * indirect * indirect;
-        self.sums[3] += iv * ambient * r;
-        self.sums[4] += iv * indirect * r;
-    }
-
-    /// The best shares that are not negative (nor most of the light), and by how much they lower χ².
-    #[inline]
-    pub(super) fn solve(&self, prior: [f32; 2]) -> ([f32; 2], f32) {
-        let [aa, ab, bb, f, g] = self.sums;
-        let (a, c) = (aa + prior[0], bb + prior[1]);
-        let det = a * c - ab * ab;
-        let mut x = [(c * f - ab * g) / det, (a * g - ab * f) / det];
-        if x[0] < 0.0 {
-            x = [0.0, (g / c).max(0.0)];
-        } else if x[1] < 0.0 {
-            x = [(f / a).max(0.0), 0.0];
-        }
-        x = x.map(|v| v.min(0.45));
-        let gain = 2.0 * (x[0] * f + x[1] * g) - a * x[0] * x[0] - c * x[1] * x[1] - 2.0 * ab * x[0] * x[1];
-        (x, gain)
-    }
-}
-
 /// The largest standard deviation of the normalized intensity with which a channel still tells something. Above it the
 /// pixel is dark: a shadow, the background, or too little light.
 const MAX_SIGMA: f32 = 0.12;

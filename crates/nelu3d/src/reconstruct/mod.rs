@@ -35,7 +35,7 @@ use crate::color_field::ColorField;
 use crate::progress::Progress;
 use crate::result::{Left, Reconstruction, StageClock};
 use assemble::{MAX_SLOPE, Maps, assemble};
-use decode::{DecodeSettings, Labels, decode};
+use decode::{DecodeSettings, decode, depth_hypotheses};
 pub use effort::{Effort, EffortSettings};
 use lookup::{Lookup, Rays};
 use measure::{Measurements, SharesPrior};
@@ -584,7 +584,7 @@ fn start_warm(
     most: usize,
     opts: &Options,
 ) -> Option<Warm> {
-    let unit = Labels::new(m, rays, grid, opts.max_labels.max(16))?.step;
+    let unit = depth_hypotheses(m, rays, grid, opts.max_labels.max(16))?.spacing;
     let noisy = decode::depth_noise(m, rays, grid).round().clamp(1.0, 4.0) as usize;
     let moved = warm::moved(m, rays, grid, &field.validity, before, unit, noisy, &shares);
     tracing::info!(wrong_share = moved.wrong_share, "start from the frame before");

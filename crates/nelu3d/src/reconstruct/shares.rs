@@ -7,10 +7,11 @@
 //! that changes slowly over the image. The albedo ρ is one number per color channel and scene. Ambient light falls on a
 //! surface however it faces the light source, so not its share is smooth but its share times white − black.
 
+use nelu3d_field::cost_volume::LightFractionEquations;
 use rayon::prelude::*;
 
 use super::indirect::Indirect;
-use super::measure::{Measurements, SharesPrior, SharesSum};
+use super::measure::{Measurements, SharesPrior};
 use super::smooth::box_mean;
 use super::window::Window;
 
@@ -169,7 +170,7 @@ impl<'a> Shares<'a> {
                     return [0.0; 5];
                 }
                 let (px, g, scale) = (self.window.at(i), gathered(i), ambient_scale(self.window.at(i)));
-                let (mut v, mut chi2) = (SharesSum::default(), 0.0);
+                let (mut v, mut chi2) = (LightFractionEquations::default(), 0.0);
                 for j in (channel..k).step_by(channels) {
                     let (c, iv) = (rendered[i * 2 * k + j], m.inv_var[px * k + j]);
                     let s = self.indirect.as_ref().map_or(c, |g| g.codeword[i * k + j]);
@@ -199,7 +200,7 @@ impl<'a> Shares<'a> {
                 if !self.active[i] {
                     return Share::default();
                 }
-                let v = SharesSum { sums: [0, 1, 2, 3, 4].map(|j| sums[j][i]) };
+                let v = LightFractionEquations { sums: [0, 1, 2, 3, 4].map(|j| sums[j][i]) };
                 let ([a, rest], _) = v.solve(self.prior);
                 let ambient = (a * ambient_scale(self.window.at(i))).min(MOST_AMBIENT);
                 let gathered = gathered(i).min(MOST_OF_ALL - ambient);

@@ -1,3 +1,4 @@
+use super::super::measure::SharesPrior;
 use super::*;
 use crate::color_field::frame::Frame;
 use crate::color_field::grid::Grid;
@@ -115,32 +116,6 @@ fn a_surface_with_a_step_is_decoded() {
     assert!(left.contains(&Left::Outside));
 }
 
-/// The same problem as the engine states it, and its plain form, on which there is no device.
-#[test]
-fn agrees_with_the_engines_reference() {
-    for k in [1, 3] {
-        let scene = Scene::new(k, 40, k as u64);
-        let mut m = scene.measured.clone();
-        let grid = Lookup::new(&scene.grid, 1);
-        let labels = Labels::new(&mut m, &scene.rays, &grid, 512).unwrap();
-        let kept: Vec<usize> = (0..m.n()).filter(|i| m.left[*i] == Left::Kept).collect();
-        let penalties = Penalties::new(&SETTINGS, labels.count);
-        let winners =
-            problem::solve(&m, &scene.rays, &grid, &scene.valid, &SETTINGS, &labels, &penalties, &kept, &Device::Cpu)
-                .unwrap();
-        let mut plain = Decoded { inv_z: vec![f32::NAN; m.n()], margin: vec![0.0; m.n()], label_step: labels.step };
-        for (i, winner) in kept.into_iter().zip(winners) {
-            if winner.label.is_nan() {
-                m.left[i] = Left::Outside;
-            } else {
-                plain.inv_z[i] = labels.lo + winner.label * labels.step;
-                plain.margin[i] = winner.margin;
-            }
-        }
-        assert_agree(&format!("k = {k}"), &scene.decode(512, &Device::Cpu), &(plain, m.left));
-    }
-}
-
 #[cfg(feature = "gpu")]
 mod on_gpu {
     use super::*;
@@ -170,15 +145,14 @@ mod on_gpu {
     #[test]
     fn what_is_too_large_for_it_is_decoded_on_the_cpu() {
         let Some(device) = gpu() else { return };
-        // More labels than a workgroup can share.
+        // More hypotheses than a workgroup can share.
         let scene = Scene::new(1, 10_000, 1);
         let mut m = scene.measured.clone();
         let grid = Lookup::new(&scene.grid, 1);
-        let labels = Labels::new(&mut m, &scene.rays, &grid, 4000).unwrap();
-        assert!(labels.count > 2000, "{}", labels.count);
-        let kept: Vec<usize> = (0..m.n()).filter(|i| m.left[*i] == Left::Kept).collect();
-        let penalties = Penalties::new(&SETTINGS, labels.count);
-        let e = problem::solve(&m, &scene.rays, &grid, &scene.valid, &SETTINGS, &labels, &penalties, &kept, &device);
+        let hypotheses = depth_hypotheses(&mut m, &scene.rays, &grid, 4000).unwrap();
+        assert!(hypotheses.count > 2000, "{}", hypotheses.count);
+        let pixels: Vec<u32> = (0..m.n()).filter(|i| m.left[*i] == Left::Kept).map(|i| i as u32).collect();
+        let e = problem::solve(&m, &scene.rays, &grid, &scene.valid, &SETTINGS, hypotheses, &pixels, &device);
         assert!(matches!(e, Err(nelu3d_field::device::DeviceError::Memory { .. })), "{e:?}");
         let (cpu, fallen_back) = (scene.decode(4000, &Device::Cpu), scene.decode(4000, &device));
         let bits = |d: &Decoded| d.inv_z.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
