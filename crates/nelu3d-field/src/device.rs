@@ -81,7 +81,8 @@ pub struct Found {
     /// Driver and version.
     pub driver: String,
     /// Largest buffer of a kernel, bytes.
-    pub most_buffer_bytes: u64,
+    #[serde(rename = "most_buffer_bytes")]
+    pub max_buffer_bytes: u64,
     /// What it has beyond what is needed, as `f32-atomics`.
     pub features: Vec<&'static str>,
     /// Why it cannot be used; `None` if it can.
@@ -115,7 +116,7 @@ pub enum DeviceError {
     #[error(
         "{device}: {what} needs {}, {}; use a smaller problem (--samples, --max-labels), another --device, or --device cpu",
         amount(*needed),
-        if *most > 0 { format!("more than the {} that there are", amount(*most)) } else { "which is not free there".into() }
+        if *max > 0 { format!("more than the {} that there are", amount(*max)) } else { "which is not free there".into() }
     )]
     Memory {
         /// The device.
@@ -125,11 +126,11 @@ pub enum DeviceError {
         /// Bytes.
         needed: u64,
         /// Bytes of the largest buffer; 0 if its memory as a whole was too small.
-        most: u64,
+        max: u64,
     },
     /// A kernel would need more workgroups than can be started at once.
     #[error(
-        "{device}: `{what}` would take {asked} workgroups, and {most} is the most there; use fewer --samples, another --device, or --device cpu"
+        "{device}: `{what}` would take {asked} workgroups, and {max} is the most there; use fewer --samples, another --device, or --device cpu"
     )]
     Size {
         /// The device.
@@ -139,7 +140,7 @@ pub enum DeviceError {
         /// Workgroups along an axis.
         asked: usize,
         /// The most there are.
-        most: usize,
+        max: usize,
     },
     /// It stopped answering.
     #[error("{device}: the device was lost ({reason}); run again, or use --device cpu")]

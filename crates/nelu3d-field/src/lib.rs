@@ -13,7 +13,8 @@
 //! | weight normalization | [`mlp::weight_norm`] | Salimans & Kingma 2016, Eq. 2, 3 |
 //! | occupancy grid | [`occupancy`] | Müller et al. 2022, Sec. 5.1 |
 //! | nearest codewords of a table | [`nearest`] | |
-//! | labels of an image from a cost volume | [`cost_volume`] | Hirschmüller 2008, Sec. 2.3 |
+//! | tricubic B-splines over a projective frame | [`lattice`] | |
+//! | depths of an image from a cost volume | [`cost_volume`] | Hirschmüller 2008, Sec. 2.3 |
 //! | optimizer | [`adam`] | Kingma & Ba 2015, Alg. 1 |
 //!
 //! Two things are made of them: [`field::HashField`], a regression (one flat parameter buffer, one training step, one
@@ -30,6 +31,7 @@ pub mod encoding;
 pub mod field;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod lattice;
 pub mod loss;
 mod memory;
 pub mod mlp;

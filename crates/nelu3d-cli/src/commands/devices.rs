@@ -35,11 +35,11 @@ pub(crate) fn run(context: &Context) -> Result<ExitCode> {
 }
 
 fn line(found: &Found) -> String {
-    let Found { device, name, kind, backend, driver, most_buffer_bytes, features, unusable, automatic } = found;
+    let Found { device, name, kind, backend, driver, max_buffer_bytes, features, unusable, automatic } = found;
     let device = device.to_string();
     let mut text = format!(
         "{device:<7} {name}: {kind}, {backend}, driver {driver}, buffers up to {} MB",
-        most_buffer_bytes / 1_000_000
+        max_buffer_bytes / 1_000_000
     );
     for feature in features {
         text += &format!(", {feature}");

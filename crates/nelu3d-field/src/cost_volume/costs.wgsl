@@ -1,12 +1,12 @@
-// The costs of labels: one thread per pixel and label. Constants: GROUPS (of four channels), FOLD.
+// The costs of hypotheses: one thread per pixel and hypothesis. Constants: GROUPS (of four channels), FOLD.
 
 struct About {
     // Cells of the lattice along a, b, w.
     cells: vec3<u32>,
-    labels: u32,
+    hypotheses: u32,
     // Cells that are lit or not.
     lit_cells: vec3<u32>,
-    // Pixels times labels.
+    // Pixels times hypotheses.
     count: u32,
     prior: vec2<f32>,
     saturation: f32,
@@ -22,7 +22,7 @@ struct Ray {
 
 @group(0) @binding(0) var<storage, read> about: About;
 @group(0) @binding(1) var<storage, read> rays: array<Ray>;
-// First label and the one after the last.
+// First hypothesis and the one after the last.
 @group(0) @binding(2) var<storage, read> ranges: array<vec2<u32>>;
 // [pixel][p, inv_var, surround][group]
 @group(0) @binding(3) var<storage, read> codewords: array<vec4<f32>>;
@@ -31,7 +31,7 @@ struct Ray {
 // 32 cells a word.
 @group(0) @binding(5) var<storage, read> lit: array<u32>;
 @group(0) @binding(6) var<storage, read_write> costs: array<f32>;
-// 1 where a label of the pixel is inside.
+// 1 where a hypothesis of the pixel is inside.
 @group(0) @binding(7) var<storage, read_write> seen: array<atomic<u32>>;
 
 fn weights(f: f32) -> vec4<f32> {
@@ -61,14 +61,14 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid
         return;
     }
     costs[i] = about.outside;
-    let pixel = i / about.labels;
-    let label = i - pixel * about.labels;
+    let pixel = i / about.hypotheses;
+    let hypothesis = i - pixel * about.hypotheses;
     let range = ranges[pixel];
-    if (label < range.x || label >= range.y) {
+    if (hypothesis < range.x || hypothesis >= range.y) {
         return;
     }
     let ray = rays[pixel];
-    let d = f32(label) - ray.at;
+    let d = f32(hypothesis) - ray.at;
     let pole = 1.0 + d * ray.bend;
     if (pole <= 0.0) {
         return;
@@ -103,7 +103,8 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid
     for (var group = 0u; group < GROUPS; group++) {
         let at = corner + group;
         let c = wb.x * along_a(at, stride_a, wa, ww) + wb.y * along_a(at + stride_b, stride_a, wa, ww)
-            + wb.z * along_a(at + 2u * stride_b, stride_a, wa, ww) + wb.w * along_a(at + 3u * stride_b, stride_a, wa, ww);
+            + wb.z * along_a(at + 2u * stride_b, stride_a, wa, ww)
+            + wb.w * along_a(at + 3u * stride_b, stride_a, wa, ww);
         let codeword = pixel * 3u * GROUPS + group;
         let iv = codewords[codeword + GROUPS];
         let r = codewords[codeword] - c;

@@ -1,5 +1,5 @@
-// Path costs in one direction over some rows of the image, added to the sums. One workgroup walks along one line; its threads
-// share the labels. Constants: CAPACITY (most labels), THREADS (a multiple of 16), FOLD.
+// Path costs in one direction over some rows of the image, added to the sums. One workgroup walks along one line; its
+// threads share the hypotheses. Constants: CAPACITY (at most that many hypotheses), THREADS (a multiple of 16), FOLD.
 // Preceded by place.wgsl.
 
 struct About {
@@ -11,7 +11,7 @@ struct About {
     row: i32,
     rows: i32,
     lines: i32,
-    labels: u32,
+    hypotheses: u32,
     step: f32,
     jump: f32,
     // 1: there are no sums yet.
@@ -53,7 +53,8 @@ fn place(x: i32, y: i32) -> u32 {
 }
 
 #if SUBGROUPS
-// Notes the least of all threads' values, once all threads have come here; `turn` is 0 or 1, and not the one of the call before.
+// Notes the least of all threads' values, once all threads have come here; `turn` is 0 or 1, and not the one of the call
+// before.
 fn gather(at: Place, turn: u32, least: f32) {
     let m = subgroupMin(least);
     if (at.lane == 0u) {
@@ -97,7 +98,7 @@ fn gathered(at: Place, turn: u32) -> f32 {
 fn main(@builtin(workgroup_id) wid: vec3<u32>, at: Place) {
     let line = i32(wid.y * FOLD + wid.x);
     let thread = at.thread;
-    let labels = about.labels;
+    let hypotheses = about.hypotheses;
     if (line >= about.lines) {
         return;
     }
@@ -134,17 +135,17 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, at: Place) {
 
     var now = 0u;
     var has = false;
-    let saved = u32(line) * (labels + 1u);
+    let saved = u32(line) * (hypotheses + 1u);
     if (thread == 0u) {
         paths[0] = LARGE;
-        paths[labels + 1u] = LARGE;
+        paths[hypotheses + 1u] = LARGE;
         paths[WIDE] = LARGE;
-        paths[WIDE + labels + 1u] = LARGE;
+        paths[WIDE + hypotheses + 1u] = LARGE;
     }
     if (begun) {
-        has = carry[saved + labels] > 0.5;
+        has = carry[saved + hypotheses] > 0.5;
         var least = LARGE;
-        for (var l = thread; l < labels; l += THREADS) {
+        for (var l = thread; l < hypotheses; l += THREADS) {
             let path = carry[saved + l];
             paths[l + 1u] = path;
             least = min(least, path);
@@ -169,8 +170,8 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, at: Place) {
             let least_before = gathered(at, before / WIDE);
             let far = least_before + about.jump;
             var least = LARGE;
-            for (var l = thread; l < labels; l += THREADS) {
-                let cost = slot * labels + l;
+            for (var l = thread; l < hypotheses; l += THREADS) {
+                let cost = slot * hypotheses + l;
                 var path = costs[cost];
                 if (has) {
                     let near = min(paths[before + l], paths[before + l + 2u]) + about.step;
@@ -190,11 +191,11 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, at: Place) {
     }
 
     if (goes_on) {
-        for (var l = thread; l < labels; l += THREADS) {
+        for (var l = thread; l < hypotheses; l += THREADS) {
             carry[saved + l] = paths[now + l + 1u];
         }
         if (thread == 0u) {
-            carry[saved + labels] = select(0.0, 1.0, has);
+            carry[saved + hypotheses] = select(0.0, 1.0, has);
         }
     }
 }

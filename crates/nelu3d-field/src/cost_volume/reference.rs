@@ -1,48 +1,39 @@
-//! Plain form, generic over `f32` and `f64`.
+//! The plain form, generic over `f32` and `f64`.
 
-use super::{DIRECTIONS, Lattice, NEAR, OUTSIDE, Problem, Ray, Winner};
+use super::hypotheses::HypothesisLine;
+use super::problem::{DIRECTIONS, NEAR, OUTSIDE, Problem, Winner};
+use crate::lattice::{Lattice, weights};
 use crate::real::Real;
 
-/// Uniform cubic B-spline weights at `f` in `[0, 1]`.
-fn weights<T: Real>(f: T) -> [T; 4] {
-    let n = T::of;
-    let g = n(1.0) - f;
-    [
-        g * g * g / n(6.0),
-        (n(4.0) - n(6.0) * f * f + n(3.0) * f * f * f) / n(6.0),
-        (n(4.0) - n(6.0) * g * g + n(3.0) * g * g * g) / n(6.0),
-        f * f * f / n(6.0),
-    ]
-}
-
-/// Cell of a coordinate in `[0, 1]`, and where in it.
+/// Returns the cell of a coordinate in `[0, 1]`, and the position in it.
 fn locate<T: Real>(q: T, cells: usize) -> (usize, T) {
     let u = q * T::of(cells as f64);
     let cell = (u.to_f64() as usize).min(cells - 1);
     (cell, u - T::of(cell as f64))
 }
 
-/// A label's point in the unit cube; `None` outside of it.
-pub(super) fn point<T: Real>(ray: &Ray, label: T) -> Option<[T; 3]> {
-    let d = label - T::of(f64::from(ray.at));
-    let pole = T::of(1.0) + d * T::of(f64::from(ray.bend));
-    let q = std::array::from_fn(|i| T::of(f64::from(ray.origin[i])) + d * T::of(f64::from(ray.slope[i])) / pole);
+/// Returns a hypothesis's point in the unit cube; `None` outside of it.
+pub(super) fn point<T: Real>(line: &HypothesisLine, index: T) -> Option<[T; 3]> {
+    let d = index - T::of(f64::from(line.at));
+    let pole = T::of(1.0) + d * T::of(f64::from(line.bend));
+    let q = std::array::from_fn(|i| T::of(f64::from(line.origin[i])) + d * T::of(f64::from(line.slope[i])) / pole);
     let inside = pole > T::of(0.0) && q.iter().all(|q| *q >= T::of(0.0) && *q <= T::of(1.0));
     inside.then_some(q)
 }
 
-/// Costs of all labels, `[pixel][label]`.
+/// Returns the costs of all hypotheses, `[pixel][hypothesis]`.
 pub fn costs<T: Real>(problem: &Problem<'_>) -> Vec<T> {
     let k = problem.lattice.k;
     let mut c = vec![T::default(); k];
-    let mut out = Vec::with_capacity(problem.pixels.len() * problem.labels);
-    for (pixel, ray) in problem.pixels.iter().zip(problem.rays) {
+    let mut out = Vec::with_capacity(problem.pixels.len() * problem.hypotheses.count);
+    for pixel in problem.pixels {
         let codeword = *pixel as usize * k..(*pixel as usize + 1) * k;
-        for l in 0..problem.labels {
-            let q = point(ray, T::of(l as f64)).filter(|q| {
+        let line = problem.rays.ray(*pixel).line(&problem.frame, problem.center, &problem.hypotheses);
+        for l in 0..problem.hypotheses.count {
+            let q = point(&line, T::of(l as f64)).filter(|q| {
                 let [a, b, w]: [usize; 3] = std::array::from_fn(|i| locate(q[i], problem.lit.cells[i]).0);
                 let [na, _, nw] = problem.lit.cells;
-                (ray.labels[0]..ray.labels[1]).contains(&(l as u32)) && problem.lit.lit[(b * na + a) * nw + w] == 1
+                (line.range[0]..line.range[1]).contains(&(l as u32)) && problem.lit.lit[(b * na + a) * nw + w] == 1
             });
             out.push(q.map_or(T::of(f64::from(OUTSIDE)), |q| {
                 spline(&problem.lattice, q, &mut c);
@@ -53,7 +44,7 @@ pub fn costs<T: Real>(problem: &Problem<'_>) -> Vec<T> {
     out
 }
 
-/// The lattice at q.
+/// Evaluates the lattice at q.
 pub(super) fn spline<T: Real>(lattice: &Lattice<'_>, q: [T; 3], out: &mut [T]) {
     let k = lattice.k;
     let [a, b, w]: [(usize, T); 3] = std::array::from_fn(|i| locate(q[i], lattice.cells[i]));
@@ -70,7 +61,7 @@ pub(super) fn spline<T: Real>(lattice: &Lattice<'_>, q: [T; 3], out: &mut [T]) {
     }
 }
 
-/// E* and the cost made of it; see the module above.
+/// Returns the cost that is made of E*; see [`super`].
 fn misfit<T: Real>(problem: &Problem<'_>, codeword: std::ops::Range<usize>, c: &[T]) -> T {
     let zero = T::default();
     let (mut aa, mut ab, mut bb, mut f, mut g, mut e) = (zero, zero, zero, zero, zero, zero);
@@ -99,14 +90,15 @@ fn misfit<T: Real>(problem: &Problem<'_>, codeword: std::ops::Range<usize>, c: &
     e / (T::of(1.0) + e / T::of(f64::from(problem.saturation)))
 }
 
-/// Sums of the path costs of all labels, `[pixel][label]`; zeros for pixels that take no part. Hirschmüller 2008, Eq. 13 and 14:
+/// Returns the sums of the path costs of all hypotheses, `[pixel][hypothesis]`; zeros for pixels that take no part.
+/// Hirschmüller 2008, Eq. 13 and 14:
 ///
 /// ```text
 /// L_r(p, d) = C(p, d) + min(L_r(p − r, d), L_r(p − r, d ± 1) + P1, min_i L_r(p − r, i) + P2) − min_i L_r(p − r, i)
 /// S(p, d)   = Σ_r L_r(p, d)
 /// ```
 pub fn sums<T: Real>(problem: &Problem<'_>, costs: &[T]) -> Vec<T> {
-    let (w, h, n) = (problem.width as i32, problem.height as i32, problem.labels);
+    let (w, h, n) = (problem.width as i32, problem.height as i32, problem.hypotheses.count);
     let (step, jump) = (T::of(f64::from(problem.step)), T::of(f64::from(problem.jump)));
     let outside = T::of(f64::from(OUTSIDE));
     let mut slot = vec![None; problem.width * problem.height];
@@ -148,9 +140,9 @@ pub fn sums<T: Real>(problem: &Problem<'_>, costs: &[T]) -> Vec<T> {
     sums
 }
 
-/// The winner of every pixel.
+/// Returns the winner of every pixel.
 pub fn winners<T: Real>(problem: &Problem<'_>) -> Vec<Winner> {
-    let n = problem.labels;
+    let n = problem.hypotheses.count;
     let costs = costs::<T>(problem);
     let sums = sums(problem, &costs);
     let outside = T::of(f64::from(OUTSIDE));
@@ -166,15 +158,15 @@ pub fn winners<T: Real>(problem: &Problem<'_>) -> Vec<Winner> {
         }
         let rivals = (0..n).filter(|l| l.abs_diff(best) > NEAR).map(|l| row[l].to_f64());
         let rival = rivals.fold(f64::INFINITY, f64::min);
-        let mut label = best as f64;
+        let mut index = best as f64;
         if best > 0 && best + 1 < n {
             let [a, b, c] = [best - 1, best, best + 1].map(|l| row[l].to_f64());
             let bend = a - 2.0 * b + c;
             if bend > 1e-6 && a.max(c) < f64::from(OUTSIDE) {
-                label += (0.5 * (a - c) / bend).clamp(-0.5, 0.5);
+                index += (0.5 * (a - c) / bend).clamp(-0.5, 0.5);
             }
         }
-        Winner { label: label as f32, margin: ((rival - row[best].to_f64()) / DIRECTIONS.len() as f64) as f32 }
+        Winner { index: index as f32, margin: ((rival - row[best].to_f64()) / DIRECTIONS.len() as f64) as f32 }
     };
     sums.chunks_exact(n).zip(costs.chunks_exact(n)).map(winner).collect()
 }

@@ -1,14 +1,15 @@
+use super::hypotheses::HypothesisLine;
 use super::*;
+use crate::lattice::{Lattice, ProjectiveFrame};
 use rand::rngs::SmallRng;
 use rand::{RngExt, SeedableRng};
 
 /// What a [`Problem`] borrows.
-struct Scene {
+struct TestImage {
     width: usize,
     height: usize,
     pixels: Vec<u32>,
-    labels: usize,
-    rays: Vec<Ray>,
+    hypotheses: DepthHypotheses,
     words: [Vec<f32>; 3],
     cells: [usize; 3],
     k: usize,
@@ -17,10 +18,14 @@ struct Scene {
     lit: Vec<u8>,
 }
 
-impl Scene {
-    /// A random lattice; rays that cross it on a slant and leave it; the codewords of a surface with a jump in it, and noise; holes in the
-    /// image, and a pixel whose labels are all outside.
-    fn new(width: usize, height: usize, k: usize, labels: usize, seed: u64) -> Self {
+/// Rays from depth 2 to 2.6 go from below the unit cube to above it, on a slant.
+const FRAME: ProjectiveFrame = ProjectiveFrame { kappa: -0.2, lo: [0.0, 0.0, 0.03], scale: [1.0, 1.0, 1.0 / 0.62] };
+const CENTER: [f64; 3] = [-1.2, 0.5, -2.0];
+
+impl TestImage {
+    /// A random lattice; rays that cross it on a slant and leave it; the codewords of a surface with a jump in it, and
+    /// noise; holes in the image, and pixels all of whose hypotheses are outside.
+    fn new(width: usize, height: usize, k: usize, count: usize, seed: u64) -> Self {
         let mut rng = SmallRng::seed_from_u64(seed);
         let (cells, lit_cells) = ([13, 9, 3], [6, 5, 2]);
         let nodes =
@@ -28,22 +33,13 @@ impl Scene {
         let lit = (0..lit_cells.iter().product()).map(|_| u8::from(rng.random_range(0.0..1.0) > 0.1)).collect();
         let n = width * height;
         let pixels: Vec<u32> = (0..n as u32).filter(|_| rng.random_range(0.0..1.0) > 0.07).collect();
-        let ray = |i: u32| {
-            let [x, y] = [i as usize % width, i as usize / width].map(|v| v as f64);
-            let [x, y] = [x / width as f64, y / height as f64];
-            // In homogeneous coordinates, with labels from 0 to 1.
-            let base = [0.1 + 0.3 * x, 0.05 + 0.9 * y, -0.05, 1.0];
-            let step = [0.5, 0.03 * x, 0.9, -0.2 - 0.1 * y].map(|v| v / labels as f64);
-            let last = if i.is_multiple_of(41) { 0 } else { (labels as u32).saturating_sub(i % 5) };
-            Ray::new(base, step, [i % 3, last])
-        };
-        let rays = pixels.iter().map(|i| ray(*i)).collect();
-        let mut scene = Self {
+        let first = 1.0 / 2.6;
+        let hypotheses = DepthHypotheses { first, spacing: (0.5 - first) / count as f32, count };
+        let mut image = Self {
             width,
             height,
             pixels,
-            labels,
-            rays,
+            hypotheses,
             words: [vec![0.0; n * k], vec![0.0; n * k], vec![0.5; n * k]],
             cells,
             k,
@@ -51,22 +47,28 @@ impl Scene {
             lit_cells,
             lit,
         };
-        for (slot, pixel) in scene.pixels.iter().enumerate() {
-            let x = *pixel as usize % width;
-            let l = if 2 * x < width { 0.3 } else { 0.6 } + 0.1 * x as f64 / width as f64;
+        for pixel in &image.pixels {
             let mut c = vec![0.5; k];
-            if let Some(q) = reference::point(&scene.rays[slot], l * labels as f64) {
-                reference::spline(&scene.problem().lattice, q, &mut c);
+            let line = image.ray(*pixel).line(&FRAME, CENTER, &hypotheses);
+            if let Some(q) = reference::point(&line, f64::from(image.surface(*pixel))) {
+                reference::spline(&image.problem().lattice, q, &mut c);
             }
             for j in 0..k {
                 let i = *pixel as usize * k + j;
                 // Some light of the surroundings, some noise, some channels that say nothing.
-                scene.words[0][i] = 0.95 * c[j] as f32 + 0.05 * 0.5 + rng.random_range(-0.02..0.02);
-                scene.words[1][i] =
+                image.words[0][i] = 0.95 * c[j] as f32 + 0.05 * 0.5 + rng.random_range(-0.02..0.02);
+                image.words[1][i] =
                     if rng.random_range(0.0..1.0) > 0.05 { rng.random_range(500.0..3000.0) } else { 0.0 };
             }
         }
-        scene
+        image
+    }
+
+    /// The hypothesis at which a pixel sees the surface.
+    fn surface(&self, pixel: u32) -> f32 {
+        let x = pixel as usize % self.width;
+        let l = if 2 * x < self.width { 0.3 } else { 0.6 } + 0.1 * x as f32 / self.width as f32;
+        l * self.hypotheses.count as f32
     }
 
     fn problem(&self) -> Problem<'_> {
@@ -74,13 +76,15 @@ impl Scene {
             width: self.width,
             height: self.height,
             pixels: &self.pixels,
-            labels: self.labels,
-            rays: &self.rays,
+            hypotheses: self.hypotheses,
+            frame: FRAME,
+            center: CENTER,
+            rays: self,
             p: &self.words[0],
             inv_var: &self.words[1],
             surround: &self.words[2],
             lattice: Lattice { cells: self.cells, k: self.k, nodes: &self.nodes },
-            lit: Lit { cells: self.lit_cells, lit: &self.lit },
+            lit: LitCells { cells: self.lit_cells, lit: &self.lit },
             prior: [1e12, 25.0],
             saturation: 9.0 * self.k as f32,
             step: 1.5,
@@ -89,35 +93,97 @@ impl Scene {
     }
 }
 
+impl RaySource for TestImage {
+    fn ray(&self, pixel: u32) -> PixelRay {
+        let [x, y] = [pixel as usize % self.width, pixel as usize / self.width].map(|v| v as f64);
+        // Where the ray is at depth 2.
+        let [a, b] = [0.1 + 0.3 * x / self.width as f64, 0.05 + 0.9 * y / self.height as f64];
+        let slope = [(a - CENTER[0]) / 2.0, (b - CENTER[1]) / 2.0, 1.0];
+        let length = slope.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let last = if pixel.is_multiple_of(41) { 0 } else { (self.hypotheses.count as u32).saturating_sub(pixel % 5) };
+        PixelRay { dir: slope.map(|v| v / length), dir_z: (1.0 / length) as f32, range: [pixel % 3, last] }
+    }
+}
+
+/// The same winners, but for rounding and pixels on the edge of two decisions.
+fn assert_agree(what: &str, found: &[Winner], expected: &[Winner]) {
+    assert_eq!(found.len(), expected.len());
+    let same = |(a, b): &(&Winner, &Winner)| (a.index - b.index).abs() < 0.5 || a.index.is_nan() && b.index.is_nan();
+    let all = found.len();
+    let pairs: Vec<(&Winner, &Winner)> = found.iter().zip(expected).filter(same).collect();
+    assert!(pairs.len() as f32 > 0.999 * all as f32, "{what}: {} of {all}", pairs.len());
+    for (a, b) in pairs {
+        let close = |a: f32, b: f32, e: f32| a == b || a.is_nan() && b.is_nan() || (a - b).abs() < e;
+        assert!(close(a.index, b.index, 1e-2), "{what}: {a:?} {b:?}");
+        assert!(close(a.margin, b.margin, 2e-3 * b.margin.max(1.0)), "{what}: {a:?} {b:?}");
+    }
+}
+
+/// Codeword lengths, numbers of hypotheses and sizes for which the fast forms are compared with the reference.
+const CASES: [(usize, usize, [usize; 2]); 5] =
+    [(1, 16, [30, 17]), (3, 300, [40, 21]), (6, 128, [29, 24]), (8, 140, [21, 32]), (13, 1, [9, 9])];
+
 #[test]
-fn a_ray_is_the_line_it_was_made_of() {
+fn the_cpu_agrees_with_the_reference() {
+    for (k, count, size) in CASES {
+        let image = TestImage::new(size[0], size[1], k, count, k as u64);
+        let expected = reference::winners::<f32>(&image.problem());
+        assert_agree(&format!("k = {k}"), &winners(&Device::Cpu, &image.problem()).unwrap(), &expected);
+    }
+}
+
+#[test]
+fn hypotheses_are_those_whose_distances_are_in_range() {
+    let hypotheses = DepthHypotheses { first: 0.4, spacing: 0.01, count: 11 };
+    let all: Vec<f32> = (0..11).map(|l| hypotheses.distance(l, 0.8)).collect();
+    assert!(all.is_sorted_by(|a, b| a > b));
+    assert_eq!(hypotheses.range([all[7], all[2]], 0.8), [2, 8]);
+    assert_eq!(hypotheses.range([0.0, 100.0], 0.8), [0, 11]);
+    assert_eq!(hypotheses.range([50.0, 100.0], 0.8), [0, 0]);
+    assert_eq!(hypotheses.range([0.0, 1.0], 0.8), [11, 11]);
+}
+
+#[test]
+fn a_line_goes_through_the_points_of_its_ray() {
+    let hypotheses = DepthHypotheses { first: 0.385, spacing: 0.001, count: 100 };
+    let ray = PixelRay { dir: [0.6, 0.0, 0.8], dir_z: 0.8, range: [5, 90] };
+    let line = ray.line(&FRAME, CENTER, &hypotheses);
+    for l in 30..60 {
+        let q = ray.at(&FRAME, CENTER, hypotheses.distance(l, ray.dir_z));
+        let on_line = reference::point(&line, l as f64).expect("inside");
+        assert!((0..3).all(|i| (f64::from(q[i]) - on_line[i]).abs() < 1e-6), "{q:?} {on_line:?}");
+    }
+}
+
+#[test]
+fn a_line_is_made_of_homogeneous_coordinates() {
     let h = |l: f64, base: [f64; 4], step: [f64; 4]| std::array::from_fn::<f64, 4, _>(|i| base[i] + l * step[i]);
     let (base, step) = ([0.1, 0.9, -0.1, 1.0], [0.004, -0.003, 0.006, 0.002]);
     for sign in [1.0, -1.0] {
         let (base, step) = if sign > 0.0 { (base, step) } else { (h(200.0, base, step), step.map(|v| -v)) };
-        let ray = Ray::new(base, step, [30, 180]);
+        let line = HypothesisLine::new(base, step, [30, 180]);
         for l in [30.0, 77.0, 179.0] {
             let h = h(l, base, step);
-            let q = reference::point(&ray, l).unwrap();
+            let q = reference::point(&line, l).unwrap();
             assert!((0..3).all(|i| (q[i] - h[i] / h[3]).abs() < 1e-6), "{q:?} {h:?}");
-            let rounded = reference::point(&ray, l as f32).unwrap();
+            let rounded = reference::point(&line, l as f32).unwrap();
             assert!((0..3).all(|i| (f64::from(rounded[i]) - q[i]).abs() < 3e-7), "{rounded:?} {q:?}");
         }
     }
     // A line through the pole has an inside on one side of it, one behind the pole has none.
-    let ray = Ray::new([0.5, 0.5, 0.5, 1.0], [0.0, 0.0, 0.0, -0.01], [0, 200]);
-    assert!(reference::point(&ray, 0.0f64).is_some() && reference::point(&ray, 150.0f64).is_none());
-    assert_eq!(Ray::new([0.5, 0.5, 0.5, -1.0], [0.0; 4], [0, 200]), Ray::NONE);
-    assert_eq!(Ray::new([0.5, 0.5, 0.5, 1.0], [0.0; 4], [7, 7]), Ray::NONE);
+    let line = HypothesisLine::new([0.5, 0.5, 0.5, 1.0], [0.0, 0.0, 0.0, -0.01], [0, 200]);
+    assert!(reference::point(&line, 0.0f64).is_some() && reference::point(&line, 150.0f64).is_none());
+    assert_eq!(HypothesisLine::new([0.5, 0.5, 0.5, -1.0], [0.0; 4], [0, 200]), HypothesisLine::NONE);
+    assert_eq!(HypothesisLine::new([0.5, 0.5, 0.5, 1.0], [0.0; 4], [7, 7]), HypothesisLine::NONE);
 }
 
 /// Two pixels side by side are each other's only neighbors.
 #[test]
 fn sums_of_two_pixels_are_what_a_search_finds() {
-    let scene = Scene::new(2, 1, 3, 30, 1);
-    let scene = Scene { pixels: vec![0, 1], rays: vec![scene.rays[0]; 2], ..scene };
-    let problem = scene.problem();
-    let n = problem.labels;
+    let image = TestImage::new(2, 1, 3, 30, 1);
+    let image = TestImage { pixels: vec![0, 1], ..image };
+    let problem = image.problem();
+    let n = problem.hypotheses.count;
     let mut rng = SmallRng::seed_from_u64(2);
     let costs: Vec<f64> = (0..2 * n).map(|_| rng.random_range(0.0..40.0)).collect();
     let sums = reference::sums(&problem, &costs);
@@ -145,18 +211,16 @@ fn sums_of_two_pixels_are_what_a_search_finds() {
 
 #[test]
 fn the_surface_is_found_and_holes_are_none() {
-    let scene = Scene::new(40, 24, 3, 100, 3);
-    let problem = scene.problem();
+    let image = TestImage::new(40, 24, 3, 100, 3);
+    let problem = image.problem();
     let costs = reference::costs::<f32>(&problem);
     let found = winners(&Device::Cpu, &problem).unwrap();
     let mut right = 0;
-    for ((pixel, winner), costs) in scene.pixels.iter().zip(&found).zip(costs.chunks_exact(problem.labels)) {
-        let x = *pixel as usize % scene.width;
-        let label = 100.0 * (if 2 * x < scene.width { 0.3 } else { 0.6 } + 0.1 * x as f32 / scene.width as f32);
-        assert_eq!(winner.label.is_nan(), costs.iter().all(|c| *c == OUTSIDE));
-        right += usize::from((winner.label - label).abs() < 2.0);
+    for ((pixel, winner), costs) in image.pixels.iter().zip(&found).zip(costs.chunks_exact(problem.hypotheses.count)) {
+        assert_eq!(winner.index.is_nan(), costs.iter().all(|c| *c == OUTSIDE));
+        right += usize::from((winner.index - image.surface(*pixel)).abs() < 2.0);
     }
-    assert!(found.iter().any(|w| w.label.is_nan()));
+    assert!(found.iter().any(|w| w.index.is_nan()));
     assert!(right as f32 > 0.8 * found.len() as f32, "{right} of {}", found.len());
 }
 
@@ -169,38 +233,26 @@ mod on_gpu {
     fn agrees_with_the_reference() {
         // With subgroups, where the device has them, and without.
         let gpus: Vec<_> = [test_gpu(), test_gpu_alone()].into_iter().flatten().collect();
-        let sizes = [(1, 16, [30, 17]), (3, 300, [40, 21]), (6, 128, [29, 24]), (8, 140, [21, 32]), (13, 1, [9, 9])];
-        for (gpu, (k, labels, size)) in gpus.iter().flat_map(|gpu| sizes.map(|s| (gpu, s))) {
-            let scene = Scene::new(size[0], size[1], k, labels, k as u64);
-            let problem = scene.problem();
-            let expected = reference::winners::<f32>(&problem);
-            let found = winners(&Device::Gpu(gpu.clone()), &problem).unwrap();
-            assert_eq!(found.len(), expected.len());
-            let same =
-                |(a, b): &(&Winner, &Winner)| (a.label - b.label).abs() < 0.5 || a.label.is_nan() && b.label.is_nan();
-            let all = found.len();
-            let pairs: Vec<(&Winner, &Winner)> = found.iter().zip(&expected).filter(same).collect();
-            assert!(pairs.len() as f32 > 0.999 * all as f32, "k = {k}: {} of {all}", pairs.len());
-            for (a, b) in pairs {
-                let close = |a: f32, b: f32, e: f32| a == b || a.is_nan() && b.is_nan() || (a - b).abs() < e;
-                assert!(close(a.label, b.label, 1e-2), "k = {k}: {a:?} {b:?}");
-                assert!(close(a.margin, b.margin, 2e-3 * b.margin.max(1.0)), "k = {k}: {a:?} {b:?}");
-            }
+        for (gpu, (k, count, size)) in gpus.iter().flat_map(|gpu| CASES.map(|s| (gpu, s))) {
+            let image = TestImage::new(size[0], size[1], k, count, k as u64);
+            let expected = reference::winners::<f32>(&image.problem());
+            let found = winners(&Device::Gpu(gpu.clone()), &image.problem()).unwrap();
+            assert_agree(&format!("k = {k}"), &found, &expected);
         }
     }
 
     #[test]
     fn slabs_give_what_the_whole_gives() {
         let Some(gpu) = test_gpu() else { return };
-        let scene = Scene::new(27, 24, 3, 60, 7);
-        let problem = scene.problem();
-        let whole = gpu::winners(&gpu, &problem, gpu.most_buffer_bytes()).unwrap();
-        // The widest row is 27 pixels of 60 labels.
+        let image = TestImage::new(27, 24, 3, 60, 7);
+        let problem = image.problem();
+        let whole = gpu::winners(&gpu, &problem, gpu.max_buffer_bytes()).unwrap();
+        // The widest row is 27 pixels of 60 hypotheses.
         for rows in [1, 4] {
-            let most = 27 * 60 * 4 * rows;
-            assert!(gpu::slabs(&problem, "", most).unwrap().len() > 24 / (2 * rows as usize));
-            let cut = gpu::winners(&gpu, &problem, most).unwrap();
-            let bits = |w: &[Winner]| w.iter().map(|w| [w.label.to_bits(), w.margin.to_bits()]).collect::<Vec<_>>();
+            let max = 27 * 60 * 4 * rows;
+            assert!(gpu::slabs(&problem, "", max).unwrap().len() > 24 / (2 * rows as usize));
+            let cut = gpu::winners(&gpu, &problem, max).unwrap();
+            let bits = |w: &[Winner]| w.iter().map(|w| [w.index.to_bits(), w.margin.to_bits()]).collect::<Vec<_>>();
             assert!(bits(&cut) == bits(&whole), "{rows} rows");
         }
         let e = gpu::winners(&gpu, &problem, 20 * 60 * 4).unwrap_err();
@@ -210,17 +262,17 @@ mod on_gpu {
     #[test]
     fn what_cannot_be_done_is_an_error() {
         let Some(gpu) = test_gpu() else { return };
-        let scene = Scene::new(3, 2, 1, 5000, 7);
-        let e = winners(&Device::Gpu(gpu.clone()), &scene.problem()).unwrap_err();
-        assert!(matches!(&e, DeviceError::Memory { .. }) && e.to_string().contains("5000 labels"), "{e}");
+        let image = TestImage::new(3, 2, 1, 5000, 7);
+        let e = winners(&Device::Gpu(gpu.clone()), &image.problem()).unwrap_err();
+        assert!(matches!(&e, DeviceError::Memory { .. }) && e.to_string().contains("5000 depth hypotheses"), "{e}");
         // It is none of the device's.
         gpu.check().unwrap();
-        let empty = Scene { pixels: vec![], rays: vec![], ..Scene::new(3, 2, 1, 20, 7) };
+        let empty = TestImage { pixels: vec![], ..TestImage::new(3, 2, 1, 20, 7) };
         assert_eq!(winners(&Device::Gpu(gpu), &empty.problem()).unwrap(), []);
         let Some(gpu) = test_gpu_alone() else { return };
         gpu.destroy();
-        let scene = Scene::new(9, 8, 3, 20, 7);
-        let e = winners(&Device::Gpu(gpu), &scene.problem()).unwrap_err();
+        let image = TestImage::new(9, 8, 3, 20, 7);
+        let e = winners(&Device::Gpu(gpu), &image.problem()).unwrap_err();
         assert!(matches!(e, DeviceError::Lost { .. }), "{e:?}");
     }
 }

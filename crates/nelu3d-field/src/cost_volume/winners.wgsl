@@ -1,9 +1,9 @@
-// The best label of every pixel, and its margin. One workgroup per pixel; its threads share the labels. Constants: THREADS (a
-// multiple of 8), NEAR, FOLD. Preceded by place.wgsl.
+// The best hypothesis of every pixel, and its margin. One workgroup per pixel; its threads share the hypotheses.
+// Constants: THREADS (a multiple of 8), NEAR, FOLD. Preceded by place.wgsl.
 
 struct About {
     pixels: u32,
-    labels: u32,
+    hypotheses: u32,
     outside: f32,
 }
 
@@ -17,14 +17,14 @@ const LARGE = 1e30;
 @group(0) @binding(4) var<storage, read_write> found: array<vec2<f32>>;
 
 #if SUBGROUPS
-// One of every subgroup: least sum and its label, and the rival's.
+// One of every subgroup: least sum and its hypothesis, and the rival's.
 var<workgroup> of_waves: array<vec2<f32>, THREADS / 4u>;
 var<workgroup> rivals: array<f32, THREADS / 4u>;
 #else
 var<workgroup> values: array<f32, THREADS>;
-var<workgroup> labels_of: array<u32, THREADS>;
+var<workgroup> hypotheses_of: array<u32, THREADS>;
 var<workgroup> few: array<f32, 8>;
-var<workgroup> labels_of_few: array<u32, 8>;
+var<workgroup> hypotheses_of_few: array<u32, 8>;
 #endif
 
 @compute @workgroup_size(THREADS)
@@ -40,13 +40,13 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, at: Place) {
         }
         return;
     }
-    let labels = about.labels;
-    let row = pixel * labels;
+    let hypotheses = about.hypotheses;
+    let row = pixel * hypotheses;
 
-    // Of equal sums the first label.
+    // Of equal sums the first hypothesis.
     var least = LARGE;
     var best = 0xffffffffu;
-    for (var l = thread; l < labels; l += THREADS) {
+    for (var l = thread; l < hypotheses; l += THREADS) {
         let v = sums[row + l];
         if (v < least) {
             least = v;
@@ -72,33 +72,33 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, at: Place) {
     best = u32(winner.y);
 #else
     values[thread] = least;
-    labels_of[thread] = best;
+    hypotheses_of[thread] = best;
     workgroupBarrier();
     if (thread < 8u) {
         for (var j = thread + 8u; j < THREADS; j += 8u) {
             let v = values[j];
-            if (v < least || (v == least && labels_of[j] < best)) {
+            if (v < least || (v == least && hypotheses_of[j] < best)) {
                 least = v;
-                best = labels_of[j];
+                best = hypotheses_of[j];
             }
         }
         few[thread] = least;
-        labels_of_few[thread] = best;
+        hypotheses_of_few[thread] = best;
     }
     workgroupBarrier();
     least = few[0];
-    best = labels_of_few[0];
+    best = hypotheses_of_few[0];
     for (var j = 1u; j < 8u; j++) {
         let v = few[j];
-        if (v < least || (v == least && labels_of_few[j] < best)) {
+        if (v < least || (v == least && hypotheses_of_few[j] < best)) {
             least = v;
-            best = labels_of_few[j];
+            best = hypotheses_of_few[j];
         }
     }
 #endif
 
     var rival = LARGE;
-    for (var l = thread; l < labels; l += THREADS) {
+    for (var l = thread; l < hypotheses; l += THREADS) {
         if (l + NEAR < best || l > best + NEAR) {
             rival = min(rival, sums[row + l]);
         }
@@ -137,14 +137,14 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, at: Place) {
         found[pixel] = vec2(-1.0, 0.0);
         return;
     }
-    var label = f32(best);
-    if (best > 0u && best + 1u < labels) {
+    var hypothesis = f32(best);
+    if (best > 0u && best + 1u < hypotheses) {
         let a = sums[row + best - 1u];
         let c = sums[row + best + 1u];
         let bend = a - 2.0 * least + c;
         if (bend > 1e-6 && a < about.outside && c < about.outside) {
-            label += clamp(0.5 * (a - c) / bend, -0.5, 0.5);
+            hypothesis += clamp(0.5 * (a - c) / bend, -0.5, 0.5);
         }
     }
-    found[pixel] = vec2(label, select(-1.0, (rival - least) / 8.0, rival < LARGE));
+    found[pixel] = vec2(hypothesis, select(-1.0, (rival - least) / 8.0, rival < LARGE));
 }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// Points whose gradients are summed before anything else: fixed, so that sums do not depend on threads.
 const CHUNK: usize = 8 * BLOCK;
 /// Octaves beyond which single-precision points no longer vary within a period.
-const MOST_OCTAVES: usize = 24;
+const MAX_OCTAVES: usize = 24;
 
 /// Everything that determines a field apart from its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,7 +57,7 @@ impl FrequencyFieldConfig {
 
     /// Features of a point: per axis and octave sine and cosine, then the point itself.
     fn n_inputs(&self) -> usize {
-        2 * self.n_frequencies.iter().map(|n| (*n).min(MOST_OCTAVES)).sum::<usize>() + 3
+        2 * self.n_frequencies.iter().map(|n| (*n).min(MAX_OCTAVES)).sum::<usize>() + 3
     }
 
     fn build(&self) -> Result<MlpConfig, FieldError> {
@@ -224,7 +224,7 @@ struct Inputs {
 
 impl Inputs {
     fn new(config: &FrequencyFieldConfig, mlp: &MlpConfig) -> Self {
-        let n_frequencies = config.n_frequencies.map(|n| n.min(MOST_OCTAVES));
+        let n_frequencies = config.n_frequencies.map(|n| n.min(MAX_OCTAVES));
         let encoding = Frequency { n_frequencies: n_frequencies.into_iter().max().unwrap_or(0) };
         let stride = padded(mlp.n_inputs);
         Self {

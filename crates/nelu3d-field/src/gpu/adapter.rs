@@ -24,9 +24,9 @@ pub struct Gpu {
     pub(super) subgroups: bool,
     /// Whether a workgroup's memory is faster than the rest.
     pub(super) tiles: bool,
-    pub(super) most_buffer_bytes: u64,
+    pub(super) max_buffer_bytes: u64,
     /// Most workgroups along one axis of a call.
-    pub(super) most_groups: u32,
+    pub(super) max_groups: u32,
     pub(super) memory: Arc<super::program::Memory>,
     pub(super) compiled: super::program::Compiled,
     failure: Arc<Mutex<Option<DeviceError>>>,
@@ -85,7 +85,7 @@ fn found(number: usize, adapter: &Adapter) -> Found {
         kind,
         backend: info.backend.to_string(),
         driver: [info.driver, info.driver_info].join(" ").trim().to_owned(),
-        most_buffer_bytes: most_buffer_bytes(&limits),
+        max_buffer_bytes: max_buffer_bytes(&limits),
         features: [(Features::SHADER_FLOAT32_ATOMIC, "f32-atomics"), (Features::SUBGROUP, "subgroups")]
             .into_iter()
             .filter(|(f, _)| features.contains(*f))
@@ -97,7 +97,7 @@ fn found(number: usize, adapter: &Adapter) -> Found {
     }
 }
 
-fn most_buffer_bytes(limits: &wgpu::Limits) -> u64 {
+fn max_buffer_bytes(limits: &wgpu::Limits) -> u64 {
     limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
 }
 
@@ -179,7 +179,7 @@ impl Gpu {
             let device = device_name.clone();
             note(match e {
                 wgpu::Error::OutOfMemory { .. } => {
-                    DeviceError::Memory { device, what: "a buffer".into(), needed: 0, most: 0 }
+                    DeviceError::Memory { device, what: "a buffer".into(), needed: 0, max: 0 }
                 }
                 e => DeviceError::Failed { device, reason: e.to_string() },
             });
@@ -187,7 +187,7 @@ impl Gpu {
         let f32_atomics = device.features().contains(atomics);
         let subgroups = device.features().contains(Features::SUBGROUP);
         let device_limits = device.limits();
-        let most_buffer_bytes = most_buffer_bytes(&device_limits);
+        let max_buffer_bytes = max_buffer_bytes(&device_limits);
         let tiles = adapter.get_info().device_type != DeviceType::Cpu;
         Ok(Self {
             name,
@@ -196,8 +196,8 @@ impl Gpu {
             f32_atomics,
             subgroups,
             tiles,
-            most_buffer_bytes,
-            most_groups: device_limits.max_compute_workgroups_per_dimension,
+            max_buffer_bytes,
+            max_groups: device_limits.max_compute_workgroups_per_dimension,
             memory: Arc::default(),
             compiled: Default::default(),
             failure,
@@ -219,8 +219,8 @@ impl Gpu {
     }
 
     /// Largest buffer of a kernel, bytes.
-    pub(crate) fn most_buffer_bytes(&self) -> u64 {
-        self.most_buffer_bytes
+    pub(crate) fn max_buffer_bytes(&self) -> u64 {
+        self.max_buffer_bytes
     }
 
     pub(super) fn fail(&self, e: DeviceError) -> DeviceError {

@@ -111,7 +111,7 @@ fn ceilings(gpu: &Arc<Gpu>, budget: f64) -> Result<[f64; 2], DeviceError> {
     let constants = Constants::default().count("FOLD", FOLD).count("ROUNDS", ROUNDS);
     let call = kernels.run("fma", FMA, &constants, folded(n_threads, 256), bindings)?;
     let flops = (n_threads * ROUNDS * 4 * 4 * 2) as f64 / seconds(gpu, &[&[call]], budget)?;
-    let n = (gpu.most_buffer_bytes.min(1 << 30) / 16) as usize;
+    let n = (gpu.max_buffer_bytes.min(1 << 30) / 16) as usize;
     let x = gpu.zeros::<[f32; 4]>("ceilings", n)?;
     let bindings: &[&dyn Binding] = &[&x];
     let constants = Constants::default().count("FOLD", FOLD).count("N", n);
@@ -187,7 +187,7 @@ impl GpuReport {
             ambient: AmbientUse::Share,
             n_samples,
             first_rays: n_rays,
-            most_rays: n_rays,
+            max_rays: n_rays,
             half_step: 0.0025,
             seed: 1,
         };

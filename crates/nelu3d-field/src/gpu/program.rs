@@ -114,9 +114,9 @@ impl Gpu {
         // An empty binding is no binding.
         let bytes = (len.max(4) * size_of::<T>()).next_multiple_of(4) as u64;
         let device = self.name().to_owned();
-        let memory = |most| DeviceError::Memory { device, what: what.to_owned(), needed: bytes, most };
-        if bytes > self.most_buffer_bytes {
-            return Err(memory(self.most_buffer_bytes));
+        let memory = |max| DeviceError::Memory { device, what: what.to_owned(), needed: bytes, max };
+        if bytes > self.max_buffer_bytes {
+            return Err(memory(self.max_buffer_bytes));
         }
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let raw = self.device.create_buffer(&wgpu::BufferDescriptor {
@@ -298,10 +298,10 @@ impl Kernels {
         groups: [usize; 3],
         bindings: &[&dyn Binding],
     ) -> Result<Call, DeviceError> {
-        let (asked, most) = (groups.into_iter().max().unwrap_or(0), self.gpu.most_groups as usize);
-        if asked > most {
+        let (asked, max) = (groups.into_iter().max().unwrap_or(0), self.gpu.max_groups as usize);
+        if asked > max {
             let (device, what) = (self.gpu.name().to_owned(), kernel.label.to_owned());
-            return Err(DeviceError::Size { device, what, asked, most });
+            return Err(DeviceError::Size { device, what, asked, max });
         }
         let entries: Vec<wgpu::BindGroupEntry> = bindings
             .iter()
@@ -435,7 +435,7 @@ mod tests {
     #[test]
     fn what_is_too_large_is_refused_before_it_is_tried() {
         let Some(gpu) = test_gpu() else { return };
-        let n = gpu.most_buffer_bytes as usize / 4 + 1;
+        let n = gpu.max_buffer_bytes as usize / 4 + 1;
         let e = gpu.zeros::<f32>("the cost volume", n).unwrap_err().to_string();
         assert!(e.contains("the cost volume") && e.contains("MB") && e.contains("--device cpu"), "{e}");
         gpu.check().unwrap();
@@ -446,7 +446,7 @@ mod tests {
         let Some(gpu) = test_gpu() else { return };
         let (x, y) = (gpu.upload("x", &[1.0f32; 8]).unwrap(), gpu.zeros::<f32>("y", 8).unwrap());
         let constants = Constants::default().count("N", 8).count("FOLD", FOLD);
-        let groups = [gpu.most_groups as usize + 1, 1, 1];
+        let groups = [gpu.max_groups as usize + 1, 1, 1];
         let e = Kernels::new(&gpu).run("double", DOUBLE, &constants, groups, &[&x, &y]).unwrap_err().to_string();
         assert!(e.contains("double") && e.contains("--samples") && e.contains("--device cpu"), "{e}");
         gpu.check().unwrap();

@@ -8,7 +8,7 @@ use super::program::{Binding, Buffer, Call, Kernels, folded};
 use crate::adam::MomentBuffers;
 use crate::device::DeviceError;
 use crate::field::HashField;
-use crate::loss::{LEAST_OPACITY, MASK_CLAMP};
+use crate::loss::{MASK_CLAMP, MIN_OPACITY};
 use crate::occupancy::OccupancyGrid;
 use crate::surface::{NeuralSurface, SurfaceLosses};
 use bytemuck::{Pod, Zeroable};
@@ -81,7 +81,7 @@ pub enum AmbientUse {
     /// I_ambient; the share is that divided by I_white, or by this if it is less.
     Intensity {
         /// Least I_white.
-        least_white: f32,
+        min_white: f32,
     },
 }
 
@@ -109,7 +109,7 @@ pub struct RayScene<'a> {
     /// Rays of the first step.
     pub first_rays: usize,
     /// Most rays of a step.
-    pub most_rays: usize,
+    pub max_rays: usize,
     /// Half a step, in the unit of the distance: what a cell's alpha is seen over.
     pub half_step: f32,
     /// Seed of the draws.
@@ -187,7 +187,7 @@ impl SurfaceTraining {
 
         // A quarter more than wanted: how many there will be is known when they are drawn.
         let net = Net::new(gpu, &surface.field, scene.n_samples + scene.n_samples / 4, true)?;
-        let ambient_net = Net::new(gpu, ambient, scene.most_rays, true)?;
+        let ambient_net = Net::new(gpu, ambient, scene.max_rays, true)?;
         let (n, n_rays) = (net.capacity, ambient_net.capacity);
         let control = gpu.upload("control", &{
             let mut values = [0u32; N_CONTROL];
@@ -293,8 +293,8 @@ impl SurfaceTraining {
         let constants = base
             .clone()
             .count("TARGET", scene.n_samples)
-            .count("MOST_RAYS", scene.most_rays)
-            .count("MOST_SAMPLES", n)
+            .count("MAX_RAYS", scene.max_rays)
+            .count("MAX_SAMPLES", n)
             .count("N_PIXELS", n_pixels)
             .value("STEP_T", scene.step.into())
             .value("ORIGIN_X", scene.origin[0].into())
@@ -331,8 +331,8 @@ impl SurfaceTraining {
         let source = [LEVEL, include_str!("shaders/slopes.wgsl")].concat();
         let bindings: &[&dyn Binding] = &[&control, levels, hashed, &net.points, net.d_x(), &u];
         step.push(kernels.run("slopes", &source, &constants, per_sample, bindings)?);
-        let least_white = match scene.ambient {
-            AmbientUse::Intensity { least_white } => least_white,
+        let min_white = match scene.ambient {
+            AmbientUse::Intensity { min_white } => min_white,
             _ => 0.0,
         };
         let constants = base
@@ -343,8 +343,8 @@ impl SurfaceTraining {
             .value("MASK_WEIGHT", settings.mask_weight)
             .value("SPARSITY_WEIGHT", settings.sparsity_weight)
             .value("MASK_CLAMP", MASK_CLAMP)
-            .value("LEAST_OPACITY", LEAST_OPACITY)
-            .value("LEAST_WHITE", least_white.into())
+            .value("MIN_OPACITY", MIN_OPACITY)
+            .value("MIN_WHITE", min_white.into())
             .flag("BOUNDED", scene.ambient == AmbientUse::Share)
             .flag("UNBOUNDED", matches!(scene.ambient, AmbientUse::Intensity { .. }))
             .flag("CLAMPED", settings.clamped_mask);
@@ -565,7 +565,7 @@ mod tests {
             ambient: AmbientUse::Share,
             n_samples: rays.points.len(),
             first_rays: n_rays,
-            most_rays: n_rays,
+            max_rays: n_rays,
             half_step: 0.01,
             seed: 1,
         };
@@ -706,7 +706,7 @@ mod tests {
             ambient: AmbientUse::Share,
             n_samples: 2000,
             first_rays: 16,
-            most_rays: 128,
+            max_rays: 128,
             half_step: 0.01,
             seed: 3,
         };

@@ -1,6 +1,6 @@
 //! Fast form: parallel over fixed parts, sums in double precision. Same arguments as [`super::reference`].
 
-use super::{LEAST_OPACITY, MASK_CLAMP, Norms};
+use super::{MASK_CLAMP, MIN_OPACITY, Norms};
 use crate::reduce::fill_and_sum;
 
 #[inline(always)]
@@ -44,8 +44,8 @@ pub(crate) fn mask_at(opacity: f32, mask: f32) -> (f32, f32) {
 #[inline(always)]
 pub(crate) fn mask_log_at(log_transmittance: f64, mask: f64) -> (f64, f64) {
     let o = -log_transmittance.exp_m1();
-    let slope = if o > LEAST_OPACITY { mask * log_transmittance.exp() / o } else { 0.0 };
-    (-(mask * o.max(LEAST_OPACITY).ln() + (1.0 - mask) * log_transmittance), slope - (1.0 - mask))
+    let slope = if o > MIN_OPACITY { mask * log_transmittance.exp() / o } else { 0.0 };
+    (-(mask * o.max(MIN_OPACITY).ln() + (1.0 - mask) * log_transmittance), slope - (1.0 - mask))
 }
 
 /// (|g| − 1)² and its gradient, 0 at g = 0.

@@ -1,6 +1,6 @@
 //! Plain form: each function returns the loss and writes its gradient.
 
-use super::{LEAST_OPACITY, MASK_CLAMP, Norms};
+use super::{MASK_CLAMP, MIN_OPACITY, Norms};
 use crate::Real;
 
 fn sign<T: Real>(x: T) -> T {
@@ -60,14 +60,14 @@ pub fn mask<T: Real>(opacity: &[T], mask: &[T], d: &mut [T]) -> T {
 }
 
 /// Eq. 5 for opacities given as O = 1 − T by log T, unclamped towards 1: it never saturates where a ray is blocked. O is kept
-/// above [`LEAST_OPACITY`]; no gradient below.
+/// above [`MIN_OPACITY`]; no gradient below.
 pub fn mask_log<T: Real>(log_transmittance: &[T], mask: &[T], d: &mut [T]) -> T {
     assert_eq!(log_transmittance.len(), mask.len());
     let one = T::of(1.0);
     mean(mask.len(), d, |i| {
         let (x, m) = (log_transmittance[i], mask[i]);
         let o = -x.exp_m1();
-        let least = T::of(LEAST_OPACITY);
+        let least = T::of(MIN_OPACITY);
         let slope = if o > least { m * x.exp() / o } else { T::of(0.0) };
         (-(m * o.max(least).ln() + (one - m) * x), slope - (one - m))
     })

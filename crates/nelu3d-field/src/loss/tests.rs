@@ -73,7 +73,7 @@ fn extremes_are_finite() {
     let mut d = [0.0f32; 3];
     // Blocked background is as wrong as it is opaque; nothing there at all has no gradient.
     let loss = cpu::mask_log(&[-1e4, -1e4, 0.0], &[0.0, 1.0, 1.0], &mut d);
-    assert!((loss - (1e4 - LEAST_OPACITY.ln()) / 3.0).abs() < 1e-2, "{loss}");
+    assert!((loss - (1e4 - MIN_OPACITY.ln()) / 3.0).abs() < 1e-2, "{loss}");
     assert_close(&d, &[-1.0 / 3.0, 0.0, 0.0], 1e-7);
     // The clamped form: finite, and without a gradient where it saturates.
     let loss = cpu::mask(&[0.0, 1.0, 0.5], &[1.0, 0.0, 1.0], &mut d);

@@ -41,10 +41,10 @@ pub struct MlpConfig {
 
 /// An [`MlpConfig`] out of range.
 #[derive(Debug, thiserror::Error, PartialEq)]
-#[error("{name} of a network must be in 1..={most}, not {value}")]
+#[error("{name} of a network must be in 1..={max}, not {value}")]
 pub struct MlpError {
     name: &'static str,
-    most: usize,
+    max: usize,
     value: usize,
 }
 
@@ -60,8 +60,8 @@ impl MlpConfig {
             ("width", 256, self.width),
             ("n_hidden_layers", 8, self.n_hidden_layers),
         ];
-        match sizes.into_iter().find(|&(_, most, value)| !(1..=most).contains(&value)) {
-            Some((name, most, value)) => Err(MlpError { name, most, value }),
+        match sizes.into_iter().find(|&(_, max, value)| !(1..=max).contains(&value)) {
+            Some((name, max, value)) => Err(MlpError { name, max, value }),
             None => Ok(()),
         }
     }

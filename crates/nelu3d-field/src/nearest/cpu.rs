@@ -128,12 +128,12 @@ fn few<S: Simd, const K: usize>(simd: S, row: &[f32], query: &[f32], range: [u32
 }
 
 /// Most lanes that a machine has.
-const MOST_LANES: usize = 64;
+const MAX_LANES: usize = 64;
 /// Numbers of the lanes.
-const LANE: [f32; MOST_LANES] = {
-    let mut lane = [0.0; MOST_LANES];
+const LANE: [f32; MAX_LANES] = {
+    let mut lane = [0.0; MAX_LANES];
     let mut l = 0;
-    while l < MOST_LANES {
+    while l < MAX_LANES {
         lane[l] = l as f32;
         l += 1;
     }

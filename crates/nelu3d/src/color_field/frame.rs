@@ -8,6 +8,7 @@
 //! (parallel light) is `kappa = 0`.
 
 use nalgebra::{Matrix3, Point3, Vector3};
+use nelu3d_field::lattice::ProjectiveFrame;
 use serde::{Deserialize, Serialize};
 
 /// Where the lines of a [`FieldFrame`] meet.
@@ -111,46 +112,41 @@ impl FieldFrame {
         })
     }
 
+    /// The map from coordinates along this frame's axes to unit coordinates.
+    pub fn projective(&self) -> ProjectiveFrame {
+        let scale = std::array::from_fn(|i| 1.0 / (self.hi[i] - self.lo[i]));
+        ProjectiveFrame { kappa: self.kappa, lo: self.lo, scale }
+    }
+
     /// The line `t ↦ dir · t` of a camera ray through this frame, ready to be evaluated at many `t`.
     pub fn along_ray(&self, dir: &Vector3<f64>) -> RayInFrame {
         let r = self.rotation();
-        let y0 = r * (Point3::origin() - Point3::from(self.origin));
-        let dy = r * dir;
-        let scale: [f64; 3] = std::array::from_fn(|i| 1.0 / (self.hi[i] - self.lo[i]));
-        RayInFrame { y0: y0.into(), dy: dy.into(), kappa: self.kappa, lo: self.lo, scale }
+        let center = r * (Point3::origin() - Point3::from(self.origin));
+        RayInFrame { center: center.into(), dir: (r * dir).into(), frame: self.projective() }
     }
 }
 
 /// A camera ray seen in a [`FieldFrame`]: see [`FieldFrame::along_ray`].
 #[derive(Clone, Copy, Debug)]
 pub struct RayInFrame {
-    y0: [f64; 3],
-    dy: [f64; 3],
-    kappa: f64,
-    lo: [f64; 3],
-    scale: [f64; 3],
+    /// The camera's center along the frame's axes, mm: the same for all rays.
+    pub center: [f64; 3],
+    /// The ray's unit direction along the frame's axes.
+    pub dir: [f64; 3],
+    /// The map to unit coordinates.
+    pub frame: ProjectiveFrame,
 }
 
 impl RayInFrame {
-    /// The line in homogeneous unit coordinates: `q(t) = h_0..2 / h_3` with `h = base + t · step`. The point is behind the
-    /// frame's center where h_3 is not positive.
-    pub fn homogeneous(&self) -> ([f64; 4], [f64; 4]) {
-        let part = |y: [f64; 3], one: f64| {
-            let s = one + self.kappa * y[2];
-            let q = |i: usize| (y[i] - self.lo[i] * s) * self.scale[i];
-            [q(0), q(1), q(2), s]
-        };
-        (part(self.y0, 1.0), part(self.dy, 0.0))
-    }
-
     /// Unit coordinates at `t` and their derivative by `t`.
     pub fn at(&self, t: f64) -> Moving {
-        let y: [f64; 3] = std::array::from_fn(|i| self.y0[i] + t * self.dy[i]);
-        let s = 1.0 / (1.0 + self.kappa * y[2]).max(1e-6);
-        let ds = -self.kappa * self.dy[2] * s * s;
+        let ProjectiveFrame { kappa, lo, scale } = self.frame;
+        let y: [f64; 3] = std::array::from_fn(|i| self.center[i] + t * self.dir[i]);
+        let s = 1.0 / (1.0 + kappa * y[2]).max(1e-6);
+        let ds = -kappa * self.dir[2] * s * s;
         Moving {
-            q: std::array::from_fn(|i| ((y[i] * s - self.lo[i]) * self.scale[i]) as f32),
-            dq: std::array::from_fn(|i| ((self.dy[i] * s + y[i] * ds) * self.scale[i]) as f32),
+            q: std::array::from_fn(|i| ((y[i] * s - lo[i]) * scale[i]) as f32),
+            dq: std::array::from_fn(|i| ((self.dir[i] * s + y[i] * ds) * scale[i]) as f32),
         }
     }
 }
@@ -187,9 +183,8 @@ mod tests {
             let x = Point3::from(dir * t);
             let q = f.to_unit(&x).unwrap();
             let m = ray.at(t);
-            let (base, step) = ray.homogeneous();
-            let h: [f64; 4] = std::array::from_fn(|i| base[i] + t * step[i]);
-            assert!((0..3).all(|i| (h[i] / h[3] - f64::from(m.q[i])).abs() < 1e-7), "{h:?} {:?}", m.q);
+            let y = std::array::from_fn(|i| ray.center[i] + t * ray.dir[i]);
+            assert_eq!(f.projective().to_unit(y), m.q);
             let back = f.from_unit(q.map(f64::from));
             assert!((back - x).norm() < 1e-2, "{back} {x}");
             let (hi, lo) = (ray.at(t + 0.5), ray.at(t - 0.5));

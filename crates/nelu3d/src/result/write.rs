@@ -115,10 +115,13 @@ fn write_point_cloud(path: &Path, r: &Surface, summary: &Summary) -> io::Result<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::result::{Input, PixelStatus, Saved, StageTime};
+    use crate::progress::StageTime;
+    use crate::result::{Input, ResultMetadata, SavedResult};
+    use crate::surface::PixelStatus;
+    use nelu3d_scan::Camera;
 
     /// A slanted plane of 8 × 6 pixels whose first column is dark.
-    fn plane() -> (Reconstruction, Camera) {
+    fn plane() -> (Surface, Camera) {
         let (width, height) = (8, 6);
         let camera = Camera {
             distortion: nelu3d_scan::camera::Distortion::new(&[-0.1, 0.02, 1e-3, -1e-3, 0.0]).unwrap(),
@@ -128,13 +131,13 @@ mod tests {
         let dark = |i: usize| i.is_multiple_of(width);
         let map = |f: fn(usize) -> f32| (0..n).map(|i| if dark(i) { f32::NAN } else { f(i) }).collect::<Vec<f32>>();
         let normals = (0..n).map(|i| if dark(i) { [f32::NAN; 3] } else { [0.6, 0.0, -0.8] }).collect();
-        let result = Reconstruction {
+        let result = Surface {
             width,
             height,
             depth: map(|i| 500.0 + (i % 8) as f32),
             normals,
             sigma: map(|_| 0.25),
-            left: (0..n).map(|i| if dark(i) { PixelStatus::Underexposed } else { PixelStatus::Valid }).collect(),
+            status: (0..n).map(|i| if dark(i) { PixelStatus::Underexposed } else { PixelStatus::Valid }).collect(),
             residual: map(|_| 0.01),
             ambient: map(|_| 0.5),
             white: nelu3d_scan::Image { width, height, channels: 1, data: vec![0.7; n] },
@@ -144,13 +147,14 @@ mod tests {
                 colors: Vec::new(),
                 faces: vec![[0, 2, 1]],
             },
-            stages: vec![
-                StageTime { name: "a".into(), wall_secs: 1.0, cpu_secs: 2.0 },
-                StageTime { name: "b".into(), wall_secs: 0.5, cpu_secs: 0.25 },
-            ],
-            info: serde_json::json!({ "seed": 7 }).as_object().unwrap().clone(),
         };
         (result, camera)
+    }
+
+    fn summary(result: &Surface, camera: &Camera, about: &ResultMetadata) -> Summary {
+        let stage = |name: &str, wall_secs, cpu_secs| StageTime { name: name.into(), wall_secs, cpu_secs };
+        let stages = [stage("a", 1.0, 2.0), stage("b", 0.5, 0.25)];
+        Summary::new(result, &serde_json::json!({ "seed": 7 }), &stages, camera, about)
     }
 
     #[test]
@@ -161,7 +165,7 @@ mod tests {
         let about = ResultMetadata { scene: "plane".into(), ..ResultMetadata::default() };
         // Twice: an earlier result is replaced.
         for mesh_files in [MeshFiles { obj: true, stl: true, glb: true }, MeshFiles::default()] {
-            write(&result, &camera, &about, mesh_files, &target).unwrap();
+            write(&result, &summary(&result, &camera, &about), mesh_files, &target).unwrap();
             for (name, wanted) in
                 [("mesh.obj", mesh_files.obj), ("mesh.stl", mesh_files.stl), ("mesh.glb", mesh_files.glb)]
             {
@@ -171,7 +175,7 @@ mod tests {
         for name in ["mask.png", "points.ply", "mesh.ply", "ambient.png", "preview.png"] {
             assert!(std::fs::metadata(target.join(name)).unwrap().len() > 0, "{name}");
         }
-        let saved = Saved::read(&target).unwrap();
+        let saved = SavedResult::read(&target).unwrap();
         assert_eq!(saved.camera, camera);
         let bits = |m: &[f32]| m.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&saved.depth), bits(&result.depth));
@@ -189,7 +193,7 @@ mod tests {
         let file = dir.path().join("abc");
         std::fs::write(&file, "abc").unwrap();
         let about = ResultMetadata { inputs: vec![Input::of(&file).unwrap()], ..ResultMetadata::default() };
-        let json = serde_json::to_value(Summary::new(&result, &camera, &about)).unwrap();
+        let json = serde_json::to_value(summary(&result, &camera, &about)).unwrap();
         assert_eq!(json["format"], 1);
         assert_eq!((&json["wall_secs"], &json["cpu_secs"]), (&1.5.into(), &2.25.into()));
         assert_eq!((&json["pixels"]["total"], &json["pixels"]["kept"]), (&48.into(), &42.into()));
@@ -209,16 +213,16 @@ mod tests {
     #[test]
     fn a_broken_result_is_named() {
         let dir = tempfile::tempdir().unwrap();
-        let read = || Saved::read(dir.path()).unwrap_err().to_string();
+        let read = || SavedResult::read(dir.path()).unwrap_err().to_string();
         assert!(read().contains("no result.json"));
         std::fs::write(dir.path().join("result.json"), "{}").unwrap();
         assert!(read().contains("result.json") && read().contains("camera"), "{}", read());
         let (result, camera) = plane();
         let about = ResultMetadata::default();
         let target = dir.path().join("r");
-        write(&result, &camera, &about, MeshFiles::default(), &target).unwrap();
+        write(&result, &summary(&result, &camera, &about), MeshFiles::default(), &target).unwrap();
         npy::write(&target.join("sigma.npy"), &[3, 2], &[0.0; 6]).unwrap();
-        let e = Saved::read(&target).unwrap_err().to_string();
+        let e = SavedResult::read(&target).unwrap_err().to_string();
         assert!(e.contains("sigma.npy") && e.contains("[3, 2]"), "{e}");
     }
 }

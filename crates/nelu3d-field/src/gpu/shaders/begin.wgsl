@@ -18,9 +18,9 @@ fn main() {
     if (step > 0u) {
         let n_rays = f32(control[RAYS_AT]);
         let n = control[N_AT_SAMPLES];
-        var next = f32(MOST_RAYS);
+        var next = f32(MAX_RAYS);
         if (n > 0u) { next = floor(0.9 * n_rays + 0.1 * n_rays * f32(TARGET) / f32(n)); }
-        control[RAYS_AT] = u32(clamp(next, 16.0, f32(MOST_RAYS)));
+        control[RAYS_AT] = u32(clamp(next, 16.0, f32(MAX_RAYS)));
     }
     control[STEP_AT] = step + 1u;
     control[N_AT_SAMPLES] = 0u;

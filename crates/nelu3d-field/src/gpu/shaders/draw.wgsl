@@ -44,7 +44,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var begin = atomicLoad(&control[N_AT_SAMPLES]);
     var dropped = 0u;
     loop {
-        if (begin + count > MOST_SAMPLES) {
+        if (begin + count > MAX_SAMPLES) {
             count = 0u;
             dropped = 1u;
             break;

@@ -91,7 +91,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         share = ambient[channel * RAY_CAPACITY + r];
 #endif
 #if UNBOUNDED
-        share = ambient[channel * RAY_CAPACITY + r] / max(white, LEAST_WHITE);
+        share = ambient[channel * RAY_CAPACITY + r] / max(white, MIN_WHITE);
 #endif
         let residual = image[c] * (1.0 - share) + share - measured[pixel * per_pixel + c];
         let lookup = robust(residual);
@@ -110,7 +110,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 #endif
 #if UNBOUNDED
         let a = ambient[c * RAY_CAPACITY + r];
-        d = d_share[c] * a * (1.0 - a) / max(measured[pixel * per_pixel + K + c], LEAST_WHITE);
+        d = d_share[c] * a * (1.0 - a) / max(measured[pixel * per_pixel + K + c], MIN_WHITE);
 #endif
         d_ambient[c * RAY_CAPACITY + r] = d;
     }
@@ -126,9 +126,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 #else
     let log_t = max(log_transmittance, -708.0);
     let o = 1.0 - exp(log_t);
-    mask_loss = -(mask * log(max(o, LEAST_OPACITY)) + (1.0 - mask) * log_t);
+    mask_loss = -(mask * log(max(o, MIN_OPACITY)) + (1.0 - mask) * log_t);
     var by_log = -(1.0 - mask);
-    if (o > LEAST_OPACITY) { by_log += mask * exp(log_t) / o; }
+    if (o > MIN_OPACITY) { by_log += mask * exp(log_t) / o; }
     d_log = MASK_WEIGHT * mask_scale * by_log;
 #endif
 

@@ -108,6 +108,7 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nelu3d_field::lattice;
 
     /// Numbers in [0, 1), the same every time.
     fn unit(seed: u64) -> impl FnMut() -> f32 {
@@ -190,8 +191,8 @@ mod tests {
                     expected_rhs += f64::from(w[c] * v[c] * vy[c]);
                 }
                 let squares = |axis: usize| -> f32 {
-                    let (_, f) = Grid::locate_in(cells, q);
-                    super::super::grid::weights(f[axis]).iter().map(|w| w * w).sum()
+                    let (_, f) = lattice::locate(cells, q);
+                    lattice::weights_by_product(f[axis]).iter().map(|w| w * w).sum()
                 };
                 trace += f64::from((0..3).map(squares).product::<f32>() * w.iter().sum::<f32>());
             });

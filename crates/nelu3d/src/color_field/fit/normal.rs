@@ -4,6 +4,7 @@
 //! work is on whole runs: 16 multiply-adds of runs to evaluate, 16 to spread. Both loops read and write what the cache
 //! holds, as bins are in the order of the nodes.
 
+use nelu3d_field::lattice::{self, weights_by_product};
 use rayon::prelude::*;
 
 use super::super::bins::{Bins, Sample};
@@ -47,22 +48,17 @@ struct Strides {
     column: usize,
 }
 
-/// The spline weights at a place in a cell: four arrays, one a weight, of one lane an axis. What
-/// [`weights`](super::super::grid::weights) says, with the three axes side by side in vector registers; the fourth lane is
-/// idle.
+/// The spline weights at a place in a cell: four arrays, one a weight, of one lane an axis, so that the three axes lie side
+/// by side in vector registers; the fourth lane is idle. See [`weights_by_product`].
 #[inline(always)]
 fn lanes(place: [f32; 3]) -> [[f32; 4]; 4] {
-    const SIXTH: f32 = 1.0 / 6.0;
     let place = [place[0], place[1], place[2], 0.0];
     let mut w = [[0.0f32; 4]; 4];
     for i in 0..4 {
-        let f = place[i];
-        let g = 1.0 - f;
-        let (f2, g2) = (f * f, g * g);
-        w[0][i] = g2 * g * SIXTH;
-        w[1][i] = (4.0 - f2 * (6.0 - 3.0 * f)) * SIXTH;
-        w[2][i] = (4.0 - g2 * (6.0 - 3.0 * g)) * SIXTH;
-        w[3][i] = f2 * f * SIXTH;
+        let weights = weights_by_product(place[i]);
+        for j in 0..4 {
+            w[j][i] = weights[j];
+        }
     }
     w
 }
@@ -160,7 +156,7 @@ impl<'a> Normal<'a> {
         let first = ((cells.start as f64 * ratio) as usize).saturating_sub(1);
         let last = ((cells.end as f64 * ratio) as usize + 2).min(self.bins.n_rows());
         let mut visit = |s: Sample<'_>| {
-            let (cell, place) = Grid::locate_in(self.cells, s.q);
+            let (cell, place) = lattice::locate(self.cells, s.q);
             if cells.contains(&cell[1]) {
                 let base = (cell[1] - cells.start) * row + cell[0] * column + cell[2] * self.k;
                 f(&s, base, place);

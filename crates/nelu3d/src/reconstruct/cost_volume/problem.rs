@@ -1,74 +1,65 @@
 //! The decoding as a problem that [`nelu3d_field::cost_volume`] solves on a device.
 
-use nelu3d_field::cost_volume::{self, Lit, Problem, Ray, Winner};
+use nelu3d_field::cost_volume::{self, DepthHypotheses, LitCells, PixelRay, Problem, RaySource, Winner};
 use nelu3d_field::device::{Device, DeviceError};
-use rayon::prelude::*;
 
-use super::{DepthHypotheses, Penalties, saturation};
+use super::misfit::saturation;
+use super::settings::{CostVolumeSettings, Penalties};
 use crate::color_field::validity::Validity;
 use crate::color_field::{CameraRays, SplineEvaluator};
 use crate::sensor::Measurements;
 
-/// The labels of pixel `i` in the field. They are even in v = 1/z and t = 1/(v · dir_z), so that v · h(t) is linear in v.
-fn ray(i: usize, rays: &CameraRays, labels: &DepthHypotheses) -> Ray {
-    let dir_z = rays.dir_z(i);
-    let [near, far] = rays.range[i];
-    // Farther labels have smaller numbers; the comparisons are those of the CPU's form.
-    let t = |l: usize| 1.0 / (labels.inv_z(l) * dir_z);
-    let first = partition_point(labels.count, |l| t(l) > far);
-    let end = partition_point(labels.count, |l| t(l) >= near);
-    let (base, step) = rays.in_frame(i).homogeneous();
-    let v = |scale: f32| f64::from(scale) * f64::from(dir_z);
-    let start = std::array::from_fn(|c| step[c] + v(labels.lo) * base[c]);
-    Ray::new(start, base.map(|b| v(labels.step) * b), [first as u32, end as u32])
+/// The camera's rays, with the depth hypotheses that lie in the calibrated volume.
+struct HypothesisRays<'a> {
+    rays: &'a CameraRays,
+    hypotheses: DepthHypotheses,
 }
 
-/// The first of `0..n` for which `before` no longer holds.
-fn partition_point(n: usize, before: impl Fn(usize) -> bool) -> usize {
-    let (mut lo, mut hi) = (0, n);
-    while lo < hi {
-        let mid = (lo + hi) / 2;
-        if before(mid) { lo = mid + 1 } else { hi = mid }
+impl RaySource for HypothesisRays<'_> {
+    fn ray(&self, pixel: u32) -> PixelRay {
+        let i = pixel as usize;
+        let dir_z = self.rays.dir_z(i);
+        let range = self.hypotheses.range(self.rays.range[i], dir_z);
+        PixelRay { dir: self.rays.in_frame(i).dir, dir_z, range }
     }
-    lo
 }
 
-/// The label of every kept pixel.
+/// Returns the winning hypothesis of every pixel of `pixels`.
 ///
 /// # Errors
 ///
 /// The device failed, or the problem is too large for it.
-#[allow(clippy::too_many_arguments)]
-pub(crate) fn solve(
+pub(super) fn solve(
     m: &Measurements,
     rays: &CameraRays,
     grid: &SplineEvaluator<'_>,
     valid: &Validity,
+    s: &CostVolumeSettings,
     prior: [f32; 2],
-    labels: &DepthHypotheses,
-    penalties: &Penalties,
-    kept: &[usize],
+    hypotheses: DepthHypotheses,
+    pixels: &[u32],
     device: &Device,
 ) -> Result<Vec<Winner>, DeviceError> {
-    let pixels: Vec<u32> = kept.iter().map(|i| *i as u32).collect();
-    let lines: Vec<Ray> = kept.par_iter().map(|i| ray(*i, rays, labels)).collect();
-    cost_volume::winners(
-        device,
-        &Problem {
-            width: m.width,
-            height: m.height,
-            pixels: &pixels,
-            labels: labels.count,
-            rays: &lines,
-            p: &m.p,
-            inv_var: &m.inv_var,
-            surround: &m.surround,
-            lattice: grid.lattice(),
-            lit: Lit { cells: valid.shape.cells, lit: &valid.lit },
-            prior,
-            saturation: saturation(m),
-            step: penalties.step,
-            jump: penalties.jump,
-        },
-    )
+    let Some(first) = pixels.first() else { return Ok(Vec::new()) };
+    let penalties = Penalties::new(s, hypotheses.count);
+    let of_camera = rays.in_frame(*first as usize);
+    let problem = Problem {
+        width: m.width,
+        height: m.height,
+        pixels,
+        hypotheses,
+        frame: of_camera.frame,
+        center: of_camera.center,
+        rays: &HypothesisRays { rays, hypotheses },
+        p: &m.p,
+        inv_var: &m.inv_var,
+        surround: &m.surround,
+        lattice: grid.lattice(),
+        lit: LitCells { cells: valid.shape.cells, lit: &valid.lit },
+        prior,
+        saturation: saturation(m),
+        step: penalties.step,
+        jump: penalties.jump,
+    };
+    cost_volume::winners(device, &problem)
 }

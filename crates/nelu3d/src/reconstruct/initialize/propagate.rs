@@ -5,7 +5,7 @@ use nelu3d_scan::image::box_mean;
 use rayon::prelude::*;
 
 use super::decoder::{Decoder, InitialDepth};
-use crate::reconstruct::cost_volume::{DepthHypotheses, chi2_of_codeword, saturation};
+use crate::reconstruct::cost_volume::{chi2_of_codeword, depth_hypotheses, saturation};
 use crate::reconstruct::maps::fill_from_neighbors;
 use crate::sensor::Measurements;
 use crate::surface::PixelStatus;
@@ -16,7 +16,7 @@ use crate::surface::PixelStatus;
 pub(super) fn start(decoder: &Decoder<'_>, previous: &[f32], m: &mut Measurements) -> Option<(InitialDepth, f32)> {
     let settings = decoder.settings;
     let max_hypotheses = settings.cost_volume.max_hypotheses;
-    let step = DepthHypotheses::new(m, decoder.rays, decoder.spline, max_hypotheses)?.step;
+    let step = depth_hypotheses(m, decoder.rays, decoder.spline, max_hypotheses)?.spacing;
     let moved = propagate(decoder, m, previous, step);
     tracing::info!(wrong = moved.wrong_fraction, "start from the previous frame");
     if moved.wrong_fraction > settings.propagation.max_decoded {

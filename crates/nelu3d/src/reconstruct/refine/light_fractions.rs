@@ -7,11 +7,12 @@
 //! that changes slowly over the image. The albedo ρ is one number per color channel and scene. Ambient light falls on a
 //! surface however it faces the light source, so not its share is smooth but its share times white − black.
 
+use nelu3d_field::cost_volume::LightFractionEquations;
 use rayon::prelude::*;
 
 use super::interreflection::Interreflection;
 use super::window::Window;
-use crate::reconstruct::light_fractions::{LightFractionEquations, LightFractionPrior};
+use crate::reconstruct::light_fractions::LightFractionPrior;
 use crate::sensor::Measurements;
 use nelu3d_scan::image::box_mean;
 

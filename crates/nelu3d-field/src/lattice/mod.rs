@@ -1,0 +1,21 @@
+//! A frozen function on the unit cube: a uniform tricubic B-spline over a projective frame.
+//!
+//! | file | content |
+//! |---|---|
+//! | `spline.rs` | the weights of four neighboring nodes and their derivatives |
+//! | `view.rs` | [`Lattice`], the nodes, and their plain evaluation for any number of channels |
+//! | `evaluator.rs` | [`LatticeEvaluator`], the fast evaluation for up to six channels |
+//! | `frame.rs` | [`ProjectiveFrame`], the map from space to the unit cube |
+
+mod evaluator;
+mod frame;
+mod spline;
+mod view;
+
+pub use evaluator::LatticeEvaluator;
+pub use frame::ProjectiveFrame;
+pub use spline::{slopes, weights, weights_by_product, weights_times_six};
+pub use view::{Lattice, locate};
+
+#[cfg(test)]
+mod tests;
