@@ -348,17 +348,17 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let (rig, set) = rig(dir.path(), 4);
         let sweep = Sweep::new(&rig, &set, rig.positions().unwrap(), 0.02);
-        let names = sweep.flashes(&Progress::none(), |shot, _, _| shot.name.clone()).unwrap();
+        let names = sweep.map_white_black(&Progress::none(), |shot, _, _| shot.name.clone()).unwrap();
         assert_eq!(names, ["000", "001", "002", "003"]);
         let gap = dir.path().join("calibration/002/p.png");
         std::fs::remove_file(&gap).unwrap();
-        let error = sweep.flashes(&Progress::none(), |_, _, _| ()).unwrap_err().to_string();
+        let error = sweep.map_white_black(&Progress::none(), |_, _, _| ()).unwrap_err().to_string();
         assert!(error.contains(gap.to_str().unwrap()), "{error}");
         let error =
             sweep.stream(&[1, 2], &Progress::none(), |(), _| (), |_, (), _| (), |_| ()).unwrap_err().to_string();
         assert!(error.contains(gap.to_str().unwrap()), "{error}");
         let stop = Progress::new(std::sync::Arc::new(Silent), std::sync::Arc::new(true.into()));
-        assert!(matches!(sweep.flashes(&stop, |_, _, _| ()), Err(CalibrationError::Cancelled)));
+        assert!(matches!(sweep.map_white_black(&stop, |_, _, _| ()), Err(CalibrationError::Cancelled)));
         let stopped = sweep.stream(&[0], &stop, |(), _| (), |_, (), _| (), |_| ());
         assert!(matches!(stopped, Err(CalibrationError::Cancelled)));
     }

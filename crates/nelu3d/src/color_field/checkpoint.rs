@@ -282,7 +282,7 @@ mod tests {
             camera: camera_key(&Camera::pinhole(20, 12, 30.0, 30.0, 9.5, 5.5)),
             noise: NoiseModel { read: 1e-6, gain: 1e-4 },
             dark: Vec::new(),
-            mixing: None,
+            crosstalk: None,
             cells_per_pixel: 1,
             step_mm: 5.0,
             // What was never measured is NaN, and JSON has none.
