@@ -40,7 +40,7 @@ pub(crate) struct Global {
     /// No progress on standard error.
     #[arg(long, short, global = true)]
     pub quiet: bool,
-    /// Log more; twice for much more. NELU3D_LOG takes a filter in the form of the crate `tracing`.
+    /// Log more; twice for much more. NELU3D_LOG takes levels by module: `debug`, or `nelu3d::reconstruct=debug,info`.
     #[arg(long, short, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
     /// Threads to use (default: all).

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use nelu3d::progress::Sink;
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::prelude::*;
 
 /// How often a stage that takes long says how far it is, where there is no terminal.
 const PLAIN_INTERVAL: Duration = Duration::from_secs(10);
@@ -35,16 +35,21 @@ impl Console {
     /// Sends the log here: warnings, more with each `verbose`, or what NELU3D_LOG asks for.
     pub(crate) fn log(self: Arc<Self>, verbose: u8) {
         let level = [LevelFilter::WARN, LevelFilter::INFO, LevelFilter::DEBUG][usize::from(verbose.min(2))];
-        let filter =
-            EnvFilter::builder().with_default_directive(level.into()).with_env_var("NELU3D_LOG").from_env_lossy();
+        // Levels by module. `EnvFilter` could filter by more, but brings a regular expression engine along.
+        let asked = std::env::var("NELU3D_LOG").unwrap_or_default();
+        let (filter, wrong) = match asked.parse::<Targets>() {
+            _ if asked.trim().is_empty() => (Targets::new(), None),
+            Ok(filter) => (filter, None),
+            Err(e) => (Targets::new(), Some(e)),
+        };
+        let filter = if filter.default_level().is_none() { filter.with_default(level) } else { filter };
         let ansi = self.terminal;
-        tracing_subscriber::fmt()
-            .with_env_filter(filter)
-            .with_ansi(ansi)
-            .with_target(verbose > 0)
-            .without_time()
-            .with_writer(move || Lines(self.clone()))
-            .init();
+        let layer = tracing_subscriber::fmt::layer().with_ansi(ansi).with_target(verbose > 0).without_time();
+        let layer = layer.with_writer(move || Lines(self.clone())).with_filter(filter);
+        tracing_subscriber::registry().with(layer).init();
+        if let Some(e) = wrong {
+            tracing::warn!("NELU3D_LOG={asked}: {e}; write `debug`, or `nelu3d::reconstruct=debug,info`");
+        }
     }
 
     /// Something good to know, in one line.

@@ -41,10 +41,10 @@ pub(crate) fn run(args: &args::Experiment, context: &Context) -> Result<ExitCode
     let made = made();
     let mut plots = Vec::new();
     for (i, column) in experiment.columns.iter().enumerate().filter(|(_, c)| c.main) {
-        if let Some(svg) = plot::svg(&numbers, i)? {
+        if let Some(chart) = plot::chart(&numbers, i) {
             let file = dir.join(format!("plot-{}.svg", plots.len() + 1));
-            write_atomic(&file, |w| w.write_all(svg.as_bytes()))?;
-            plots.push((column.label.clone(), svg));
+            write_atomic(&file, |w| w.write_all(chart.as_file().as_bytes()))?;
+            plots.push((column.label.clone(), chart.svg() + &chart.legend()));
         }
     }
     let quick = if args.quick { format!("{name} --quick") } else { name.clone() };

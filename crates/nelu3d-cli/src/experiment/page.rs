@@ -16,7 +16,7 @@ use crate::report::page::{details, page, section};
 /// Pictures side by side are at most this wide.
 const WIDTH: usize = 260;
 
-/// The page. `plots` are SVG, one per main column; `made` says when and where.
+/// The page. `plots` are charts with their legends, one per main column; `made` says when and where.
 pub(super) fn html(
     name: &str,
     numbers: &Numbers<'_>,

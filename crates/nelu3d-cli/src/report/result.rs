@@ -186,6 +186,7 @@ impl Page<'_> {
             let series = |label: &str, value: &dyn Fn(&TracePoint) -> f64| Series {
                 label: label.to_owned(),
                 points: trace.iter().map(|p| [p.wall_secs, value(p)]).collect(),
+                spread: Vec::new(),
                 mark: Mark::Line,
             };
             let series = vec![
@@ -206,7 +207,12 @@ impl Page<'_> {
 
 /// The losses on record: a list of numbers, one an iteration, or of records that have an `iteration` and several losses.
 fn losses(method: &Value) -> Vec<Series> {
-    let line = |label: &str, points: Vec<[f64; 2]>| Series { label: label.to_owned(), points, mark: Mark::Line };
+    let line = |label: &str, points: Vec<[f64; 2]>| Series {
+        label: label.to_owned(),
+        points,
+        spread: Vec::new(),
+        mark: Mark::Line,
+    };
     let numbers = |label: &str, list: &[Value]| {
         let point = |(i, v): (usize, &Value)| Some([i as f64 + 1.0, v.as_f64()?]);
         line(label, list.iter().enumerate().filter_map(point).collect())
@@ -237,7 +243,8 @@ fn calibration(result: &Surface, truth: &GroundTruth) -> Option<Chart> {
     ratios.sort_by(f64::total_cmp);
     let within = |n: f64| ratios.partition_point(|&r| r <= n) as f64 / ratios.len() as f64;
     let steps = || (0..=40).map(|i| 0.1 * f64::from(i));
-    let line = |label: &str, points: Vec<[f64; 2]>, mark| Series { label: label.to_owned(), points, mark };
+    let line =
+        |label: &str, points: Vec<[f64; 2]>, mark| Series { label: label.to_owned(), points, spread: Vec::new(), mark };
     Some(Chart {
         x: Axis::linear("σ"),
         y: Axis::linear("share of pixels"),

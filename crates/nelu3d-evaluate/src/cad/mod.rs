@@ -18,6 +18,7 @@ mod search;
 mod starts;
 mod surface;
 mod table;
+mod tree;
 
 pub use error::CadError;
 pub use pose::{pose_rows, read_pose};

@@ -4,15 +4,16 @@ use std::collections::HashMap;
 
 use nalgebra::{Point3, Vector3};
 use nelu3d_scan::Mesh;
-use parry3d_f64::math::Vector;
-use parry3d_f64::query::PointQueryWithLocation;
-use parry3d_f64::shape::{TriMesh, TriMeshFlags, TrianglePointLocation};
+
+use super::tree::{Feature, TriangleTree};
 
 /// A mesh that can be asked for closest points, in its own frame, mm.
 pub struct CadSurface {
-    mesh: TriMesh,
+    tree: TriangleTree,
     /// Outward when closed.
     normals: Vec<Vector3<f64>>,
+    /// Of edges and vertices; empty when the mesh is open.
+    pseudo_normals: PseudoNormals,
     areas: Vec<f64>,
     /// Whether every edge joins exactly two triangles that are oriented alike.
     closed: bool,
@@ -26,6 +27,15 @@ pub struct CadSurface {
 struct Border {
     edges: std::collections::HashSet<(u32, u32)>,
     vertices: std::collections::HashSet<u32>,
+}
+
+/// Directions outward at edges and vertices of a closed mesh, of any length: whether a point is inside is told by that of
+/// the edge or vertex that is closest to it (Bærentzen and Aanæs, Signed distance computation using the angle weighted
+/// pseudonormal, 2005).
+#[derive(Default)]
+struct PseudoNormals {
+    edges: HashMap<(u32, u32), Vector3<f64>>,
+    vertices: Vec<Vector3<f64>>,
 }
 
 /// The closest point of a [`CadSurface`].
@@ -46,25 +56,24 @@ impl CadSurface {
     /// inside out is turned. `None` when no triangle is left.
     pub fn new(mesh: &Mesh, scale: f64) -> Option<Self> {
         let mut number: HashMap<[u32; 3], u32> = HashMap::with_capacity(mesh.vertices.len());
-        let mut vertices: Vec<Vector> = Vec::new();
+        let mut vertices: Vec<Point3<f64>> = Vec::new();
         let merged: Vec<u32> = mesh
             .vertices
             .iter()
             .map(|v| {
                 // −0 and 0 are one place.
                 *number.entry(v.map(|c| (c + 0.0).to_bits())).or_insert_with(|| {
-                    let [x, y, z] = v.map(|c| scale * f64::from(c));
-                    vertices.push(Vector::new(x, y, z));
+                    vertices.push(Point3::from(v.map(|c| scale * f64::from(c))));
                     vertices.len() as u32 - 1
                 })
             })
             .collect();
         let cross = |[a, b, c]: [u32; 3]| {
             let [a, b, c] = [a, b, c].map(|i| vertices[i as usize]);
-            (b - a).cross(c - a)
+            (b - a).cross(&(c - a))
         };
         let mut faces: Vec<[u32; 3]> = mesh.faces.iter().map(|f| f.map(|i| merged[i as usize])).collect();
-        faces.retain(|&f| f[0] != f[1] && f[1] != f[2] && f[2] != f[0] && cross(f).length() > 0.0);
+        faces.retain(|&f| f[0] != f[1] && f[1] != f[2] && f[2] != f[0] && cross(f).norm() > 0.0);
         if faces.is_empty() {
             return None;
         }
@@ -72,24 +81,25 @@ impl CadSurface {
         // The divergence theorem: six times the volume.
         let volume = |f: &[u32; 3]| {
             let [a, b, c] = f.map(|i| vertices[i as usize] - vertices[faces[0][0] as usize]);
-            a.dot(b.cross(c))
+            a.dot(&b.cross(&c))
         };
         if closed && faces.iter().map(volume).sum::<f64>() < 0.0 {
             faces.iter_mut().for_each(|f| f.swap(1, 2));
         }
-        let crosses: Vec<Vector> = faces.iter().map(|&f| cross(f)).collect();
+        let crosses: Vec<Vector3<f64>> = faces.iter().map(|&f| cross(f)).collect();
         let mut low = Point3::from([f64::INFINITY; 3]);
         let mut high = Point3::from([f64::NEG_INFINITY; 3]);
-        for &i in faces.iter().flatten() {
-            let v = point(vertices[i as usize]);
-            (low, high) = (low.inf(&v), high.sup(&v));
+        for v in faces.iter().flatten().map(|&i| &vertices[i as usize]) {
+            (low, high) = (low.inf(v), high.sup(v));
         }
-        // Signs by pseudo-normals (Bærentzen and Aanæs 2005), which a mesh has only if it bounds something.
-        let flags = if closed { TriMeshFlags::ORIENTED } else { TriMeshFlags::empty() };
+        let normals: Vec<Vector3<f64>> = crosses.iter().map(Vector3::normalize).collect();
+        let pseudo_normals =
+            if closed { PseudoNormals::new(&vertices, &faces, &normals) } else { PseudoNormals::default() };
         Some(Self {
-            normals: crosses.iter().map(|&c| vector(c).normalize()).collect(),
-            areas: crosses.iter().map(|c| 0.5 * c.length()).collect(),
-            mesh: TriMesh::with_flags(vertices, faces, flags).ok()?,
+            areas: crosses.iter().map(|c| 0.5 * c.norm()).collect(),
+            normals,
+            pseudo_normals,
+            tree: TriangleTree::new(vertices, faces),
             closed,
             border,
             low,
@@ -114,8 +124,7 @@ impl CadSurface {
 
     /// The corners and normal of a triangle.
     pub(super) fn triangle(&self, face: usize) -> ([Point3<f64>; 3], Vector3<f64>) {
-        let corners = self.mesh.indices()[face].map(|i| point(self.mesh.vertices()[i as usize]));
-        (corners, self.normals[face])
+        (self.tree.corners(face), self.normals[face])
     }
 
     /// Areas of the triangles, mm².
@@ -125,35 +134,48 @@ impl CadSurface {
 
     /// The closest point, if there is one within `reach` mm.
     pub fn closest(&self, p: &Point3<f64>, reach: f64) -> Option<Closest> {
-        let at = Vector::new(p.x, p.y, p.z);
-        let (found, (face, location)) =
-            self.mesh.project_local_point_and_get_location_with_max_dist(at, false, reach)?;
-        let distance = (at - found.point).length();
-        let corners = self.mesh.indices()[face as usize];
-        let on_border = match location {
-            // Edge i joins corners i and i + 1.
-            TrianglePointLocation::OnEdge(i, _) => {
-                let [a, b] = [corners[i as usize], corners[(i as usize + 1) % 3]];
-                self.border.edges.contains(&(a.min(b), a.max(b)))
-            }
-            TrianglePointLocation::OnVertex(i) => self.border.vertices.contains(&corners[i as usize]),
-            TrianglePointLocation::OnFace(..) | TrianglePointLocation::OnSolid => false,
+        let found = self.tree.closest(p, reach)?;
+        let corners = self.tree.faces()[found.face];
+        let edge = |i: usize| key(corners[i], corners[(i + 1) % 3]);
+        let on_border = match found.feature {
+            Feature::Face => false,
+            Feature::Edge(i) => self.border.edges.contains(&edge(i)),
+            Feature::Vertex(i) => self.border.vertices.contains(&corners[i]),
         };
+        let offset = p - found.point;
+        let inside = self.closed
+            && offset.dot(&match found.feature {
+                Feature::Face => self.normals[found.face],
+                Feature::Edge(i) => self.pseudo_normals.edges[&edge(i)],
+                Feature::Vertex(i) => self.pseudo_normals.vertices[corners[i] as usize],
+            }) < 0.0;
         Some(Closest {
-            point: point(found.point),
-            normal: self.normals[face as usize],
-            distance: if self.closed && found.is_inside { -distance } else { distance },
+            point: found.point,
+            normal: self.normals[found.face],
+            distance: if inside { -offset.norm() } else { offset.norm() },
             on_border,
         })
     }
 }
 
-fn point(v: Vector) -> Point3<f64> {
-    Point3::new(v.x, v.y, v.z)
+impl PseudoNormals {
+    fn new(vertices: &[Point3<f64>], faces: &[[u32; 3]], normals: &[Vector3<f64>]) -> Self {
+        let mut all = Self { edges: HashMap::new(), vertices: vec![Vector3::zeros(); vertices.len()] };
+        for (f, normal) in faces.iter().zip(normals) {
+            for i in 0..3 {
+                let [a, b, c] = [f[i], f[(i + 1) % 3], f[(i + 2) % 3]];
+                *all.edges.entry(key(a, b)).or_default() += normal;
+                let [a, b, c] = [a, b, c].map(|i| vertices[i as usize]);
+                all.vertices[f[i] as usize] += normal * (b - a).angle(&(c - a));
+            }
+        }
+        all
+    }
 }
 
-fn vector(v: Vector) -> Vector3<f64> {
-    Vector3::new(v.x, v.y, v.z)
+/// An edge, whatever its direction.
+fn key(a: u32, b: u32) -> (u32, u32) {
+    (a.min(b), a.max(b))
 }
 
 /// Whether every edge is passed once in each direction, and the edges that are passed but once.
@@ -163,7 +185,7 @@ fn topology(faces: &[[u32; 3]]) -> (bool, Border) {
     for f in faces {
         for i in 0..3 {
             let (a, b) = (f[i], f[(i + 1) % 3]);
-            passes.entry((a.min(b), a.max(b))).or_default()[usize::from(a > b)] += 1;
+            passes.entry(key(a, b)).or_default()[usize::from(a > b)] += 1;
         }
     }
     let mut border = Border::default();

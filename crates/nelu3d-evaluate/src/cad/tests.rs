@@ -255,6 +255,31 @@ fn distances_are_signed_at_faces_edges_and_corners() {
     assert!(signed([14.0, 4.0, 10.0]).is_nan());
 }
 
+/// Signs of distances against the winding number (solid angles by Van Oosterom and Strackee 1983).
+#[test]
+fn a_closed_mesh_has_an_inside() {
+    let mesh = blob();
+    let surface = CadSurface::new(&mesh, 1.0).unwrap();
+    let corners: Vec<[Vector3<f64>; 3]> =
+        mesh.faces.iter().map(|f| f.map(|i| Vector3::from(mesh.vertices[i as usize].map(f64::from)))).collect();
+    let mut rng = StdRng::seed_from_u64(3);
+    let (mut inside, mut outside) = (0, 0);
+    for _ in 0..1000 {
+        let p = Vector3::from([0; 3].map(|_| rng.random_range(-60.0..60.0)));
+        let angle = |corners: &[Vector3<f64>; 3]| {
+            let [a, b, c] = corners.map(|v| v - p);
+            let [x, y, z] = [a.norm(), b.norm(), c.norm()];
+            let cosine = x * y * z + a.dot(&b) * z + b.dot(&c) * x + c.dot(&a) * y;
+            2.0 * a.dot(&b.cross(&c)).atan2(cosine)
+        };
+        let turns = corners.iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI);
+        let distance = surface.closest(&Point3::from(p), f64::MAX).unwrap().distance;
+        assert_eq!(turns.abs() > 0.5, distance < 0.0, "{p}: {turns} turns, {distance} mm");
+        *(if distance < 0.0 { &mut inside } else { &mut outside }) += 1;
+    }
+    assert!(inside > 100 && outside > 100);
+}
+
 #[test]
 fn an_open_mesh_is_aligned_too() {
     // What the camera sees of the blob, and a bit more: a scan of an earlier day.

@@ -15,8 +15,8 @@ pub use bayer::demosaic;
 pub use box_mean::box_mean;
 pub(crate) use decode::decode_bytes;
 pub use decode::{Depth, ImageFileError, Raw, RawData, decode, read_any};
-pub(crate) use write::write_png;
-pub use write::{write_gray8, write_png8, write_png16, write_rgb8};
+pub(crate) use write::{Codes, write_png};
+pub use write::{encode_rgb8, write_gray8, write_png8, write_png16, write_rgb8};
 
 /// How the sensor delivers color.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

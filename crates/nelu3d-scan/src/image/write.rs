@@ -3,8 +3,7 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use ::image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use ::image::{ExtendedColorType, ImageEncoder, ImageError};
+use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter};
 use rayon::prelude::*;
 
 use super::Image;
@@ -19,8 +18,7 @@ use crate::output::write_atomic;
 pub fn write_png8(path: &Path, image: &Image, black_level: f64, saturation: f64) -> io::Result<()> {
     let codes: Vec<u8> =
         image.data.par_iter().map(|&v| code(v, black_level, saturation).clamp(0.0, 255.0) as u8).collect();
-    let kind = if image.channels == 3 { ExtendedColorType::Rgb8 } else { ExtendedColorType::L8 };
-    write_png(path, &codes, image.width, image.height, image.channels, 1, kind)
+    write_png(path, Codes::U8(&codes), image.width, image.height, image.channels)
 }
 
 /// Like [`write_png8`], with 16-bit codes limited to 0..=65535.
@@ -29,13 +27,9 @@ pub fn write_png8(path: &Path, image: &Image, black_level: f64, saturation: f64)
 ///
 /// The file cannot be written.
 pub fn write_png16(path: &Path, image: &Image, black_level: f64, saturation: f64) -> io::Result<()> {
-    let codes: Vec<[u8; 2]> = image
-        .data
-        .par_iter()
-        .map(|&v| (code(v, black_level, saturation).clamp(0.0, 65535.0) as u16).to_ne_bytes())
-        .collect();
-    let kind = if image.channels == 3 { ExtendedColorType::Rgb16 } else { ExtendedColorType::L16 };
-    write_png(path, codes.as_flattened(), image.width, image.height, image.channels, 2, kind)
+    let codes: Vec<u16> =
+        image.data.par_iter().map(|&v| code(v, black_level, saturation).clamp(0.0, 65535.0) as u16).collect();
+    write_png(path, Codes::U16(&codes), image.width, image.height, image.channels)
 }
 
 /// Writes an 8-bit color picture of `height × width × 3` bytes.
@@ -48,7 +42,7 @@ pub fn write_png16(path: &Path, image: &Image, black_level: f64, saturation: f64
 ///
 /// If `data` has another length.
 pub fn write_rgb8(path: &Path, width: usize, height: usize, data: &[u8]) -> io::Result<()> {
-    write_png(path, data, width, height, 3, 1, ExtendedColorType::Rgb8)
+    write_png(path, Codes::U8(data), width, height, 3)
 }
 
 /// Writes an 8-bit gray picture of `height × width` bytes.
@@ -61,31 +55,68 @@ pub fn write_rgb8(path: &Path, width: usize, height: usize, data: &[u8]) -> io::
 ///
 /// If `data` has another length.
 pub fn write_gray8(path: &Path, width: usize, height: usize, data: &[u8]) -> io::Result<()> {
-    write_png(path, data, width, height, 1, 1, ExtendedColorType::L8)
+    write_png(path, Codes::U8(data), width, height, 1)
 }
 
 fn code(value: f32, black_level: f64, saturation: f64) -> f64 {
     (f64::from(value) * (saturation - black_level) + black_level).round()
 }
 
-/// Writes codes as they are: `height × width × channels` values of `bytes_per_value` bytes in the machine's order.
-pub(crate) fn write_png(
-    path: &Path,
-    bytes: &[u8],
-    width: usize,
-    height: usize,
+/// Encodes an 8-bit color picture of `height × width × 3` bytes as PNG, small rather than fast.
+///
+/// # Panics
+///
+/// If `data` has another length, or the picture is larger than PNG allows (2³² px along a side).
+pub fn encode_rgb8(width: usize, height: usize, data: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    encode(&mut bytes, Codes::U8(data), [width, height], 3, Compression::Balanced)
+        .expect("a PNG in memory of matching size cannot fail");
+    bytes
+}
+
+/// A sensor's codes, row by row, channels interleaved.
+#[derive(Clone, Copy)]
+pub(crate) enum Codes<'a> {
+    /// Of at most 8 bits.
+    U8(&'a [u8]),
+    /// Of 9 to 16 bits.
+    U16(&'a [u16]),
+}
+
+/// Writes codes as they are, `height × width × channels` of them: gray for one channel, RGB for three.
+pub(crate) fn write_png(path: &Path, codes: Codes<'_>, width: usize, height: usize, channels: usize) -> io::Result<()> {
+    // Captures hardly compress: the fast setting costs a few percent of size and saves most of the time.
+    write_atomic(path, |w: &mut dyn Write| encode(w, codes, [width, height], channels, Compression::Fast))
+}
+
+fn encode(
+    w: impl Write,
+    codes: Codes<'_>,
+    [width, height]: [usize; 2],
     channels: usize,
-    bytes_per_value: usize,
-    kind: ExtendedColorType,
+    compression: Compression,
 ) -> io::Result<()> {
-    assert_eq!(bytes.len(), width * height * channels * bytes_per_value, "picture data of another size");
+    let n = match codes {
+        Codes::U8(v) => v.len(),
+        Codes::U16(v) => v.len(),
+    };
+    assert_eq!(n, width * height * channels, "picture data of another size");
     let size = |n: usize| u32::try_from(n).map_err(|_| io::Error::other("too large for a PNG file"));
-    write_atomic(path, |w: &mut dyn Write| {
-        // Captures hardly compress: the fast setting costs a few percent of size and saves most of the time.
-        let encoder = PngEncoder::new_with_quality(w, CompressionType::Fast, FilterType::Adaptive);
-        encoder.write_image(bytes, size(width)?, size(height)?, kind).map_err(|e| match e {
-            ImageError::IoError(e) => e,
-            other => io::Error::other(other),
-        })
-    })
+    let mut encoder = Encoder::new(w, size(width)?, size(height)?);
+    encoder.set_color(if channels == 3 { ColorType::Rgb } else { ColorType::Grayscale });
+    encoder.set_compression(compression);
+    encoder.set_filter(Filter::Adaptive);
+    let io_error = |e| match e {
+        EncodingError::IoError(e) => e,
+        other => io::Error::other(other),
+    };
+    match codes {
+        Codes::U8(v) => encoder.write_header().and_then(|mut w| w.write_image_data(v)).map_err(io_error),
+        Codes::U16(v) => {
+            encoder.set_depth(BitDepth::Sixteen);
+            // PNG is big-endian.
+            let bytes: Vec<u8> = v.iter().flat_map(|c| c.to_be_bytes()).collect();
+            encoder.write_header().and_then(|mut w| w.write_image_data(&bytes)).map_err(io_error)
+        }
+    }
 }

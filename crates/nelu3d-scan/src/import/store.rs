@@ -3,12 +3,11 @@
 use std::io::{self, Cursor};
 use std::path::Path;
 
-use ::image::ExtendedColorType;
 use ::tiff::encoder::{TiffEncoder, colortype};
 
 use super::frame::{Format, Frame};
 use super::frames::ending;
-use crate::image::{Raw, RawData, write_png};
+use crate::image::{Codes, Raw, RawData, write_png};
 use crate::output::{link_or_copy, write_atomic};
 
 /// Puts a frame at `path`: the same file if that has the right format, its codes in a new one otherwise.
@@ -27,17 +26,9 @@ pub(super) fn write(raw: &Raw, path: &Path) -> io::Result<()> {
     if ending(path).starts_with("tif") {
         return write_tiff(raw, path);
     }
-    let rgb = *channels == 3;
     match data {
-        RawData::U8(v) => {
-            let kind = if rgb { ExtendedColorType::Rgb8 } else { ExtendedColorType::L8 };
-            write_png(path, v, *width, *height, *channels, 1, kind)
-        }
-        RawData::U16(v) => {
-            let bytes: Vec<u8> = v.iter().flat_map(|c| c.to_ne_bytes()).collect();
-            let kind = if rgb { ExtendedColorType::Rgb16 } else { ExtendedColorType::L16 };
-            write_png(path, &bytes, *width, *height, *channels, 2, kind)
-        }
+        RawData::U8(v) => write_png(path, Codes::U8(v), *width, *height, *channels),
+        RawData::U16(v) => write_png(path, Codes::U16(v), *width, *height, *channels),
         RawData::Float(_) => {
             let problem = "floating-point numbers do not fit into PNG; call the rig's images .tiff in rig.toml";
             Err(io::Error::new(io::ErrorKind::InvalidInput, format!("{}: {problem}", path.display())))

@@ -1,10 +1,8 @@
 //! Maps as pictures for people.
 
-use std::io::Cursor;
-
 use colorous::Gradient;
-use image::{ImageEncoder, RgbImage, codecs::png::PngEncoder, imageops};
 use nelu3d_scan::Image;
+use nelu3d_scan::image::encode_rgb8;
 
 use crate::surface::{PixelStatus, Surface};
 use nelu3d_scan::statistics::percentile;
@@ -17,12 +15,17 @@ pub const DEPTH_COLORS: Gradient = colorous::VIRIDIS;
 
 /// An 8-bit sRGB picture.
 #[derive(Clone, Debug)]
-pub struct Picture(RgbImage);
+pub struct Picture {
+    width: usize,
+    height: usize,
+    /// Row by row.
+    pixels: Vec<[u8; 3]>,
+}
 
 impl Picture {
     /// From a function of the pixel's index, row by row.
     pub fn from_fn(width: usize, height: usize, color: impl Fn(usize) -> [u8; 3]) -> Self {
-        Self(RgbImage::from_fn(width as u32, height as u32, |x, y| image::Rgb(color(y as usize * width + x as usize))))
+        Self { width, height, pixels: (0..width * height).map(color).collect() }
     }
 
     /// A map in the colors of `gradient`, from `range[0]` to `range[1]`; values that are not finite stay dark.
@@ -59,17 +62,32 @@ impl Picture {
 
     /// Shrunk to at most `max_width` pixels across, averaging; never enlarged.
     pub fn at_most(self, max_width: usize) -> Self {
-        let (w, h) = self.0.dimensions();
-        if w as usize <= max_width {
+        if self.width <= max_width {
             return self;
         }
-        let (nw, nh) = (max_width as u32, ((h as usize * max_width) / w as usize).max(1) as u32);
-        Self(imageops::thumbnail(&self.0, nw, nh))
+        let (width, height) = (max_width, (self.height * max_width / self.width).max(1));
+        // The source rows or columns of each target row or column: at least one, none twice.
+        let blocks = |from: usize, to: usize| -> Vec<std::ops::Range<usize>> {
+            let ratio = from as f32 / to as f32;
+            let block = |i: usize| {
+                let first = i as f32 * ratio;
+                let start = (first.ceil() as usize).min(from - 1);
+                start..((first + ratio).ceil() as usize).clamp(start + 1, from)
+            };
+            (0..to).map(block).collect()
+        };
+        let (columns, rows) = (blocks(self.width, width), blocks(self.height, height));
+        Self::from_fn(width, height, |i| {
+            let (columns, rows) = (&columns[i % width], &rows[i / width]);
+            let n = columns.len() * rows.len();
+            let pixels = || rows.clone().flat_map(|y| &self.pixels[y * self.width..][columns.clone()]);
+            [0, 1, 2].map(|c| ((pixels().map(|p| usize::from(p[c])).sum::<usize>() + n / 2) / n) as u8)
+        })
     }
 
     /// The part `[x, y, width, height]`, which lies inside.
     pub fn part(&self, [x, y, width, height]: [usize; 4]) -> Self {
-        Self(imageops::crop_imm(&self.0, x as u32, y as u32, width as u32, height as u32).to_image())
+        Self::from_fn(width, height, |i| self.pixels[(y + i / width) * self.width + x + i % width])
     }
 
     /// Side by side, of equal height.
@@ -77,38 +95,29 @@ impl Picture {
     /// # Panics
     /// When the heights differ, or there is none.
     pub fn beside(panels: &[Picture]) -> Self {
-        let height = panels[0].0.height();
-        assert!(panels.iter().all(|p| p.0.height() == height), "panels of different heights");
-        let mut all = RgbImage::new(panels.iter().map(|p| p.0.width()).sum(), height);
-        let mut x = 0;
-        for p in panels {
-            imageops::replace(&mut all, &p.0, x, 0);
-            x += i64::from(p.0.width());
+        let height = panels[0].height;
+        assert!(panels.iter().all(|p| p.height == height), "panels of different heights");
+        let row = |y: usize| panels.iter().flat_map(move |p| &p.pixels[y * p.width..(y + 1) * p.width]);
+        Self {
+            width: panels.iter().map(|p| p.width).sum(),
+            height,
+            pixels: (0..height).flat_map(row).copied().collect(),
         }
-        Self(all)
     }
 
     /// Width and height, pixels.
     pub fn size(&self) -> [usize; 2] {
-        [self.0.width() as usize, self.0.height() as usize]
+        [self.width, self.height]
     }
 
     /// The color of a pixel by its index, row by row.
     pub fn rgb(&self, i: usize) -> [u8; 3] {
-        self.0.as_raw().as_chunks::<3>().0[i]
+        self.pixels[i]
     }
 
     /// As a PNG file.
     pub fn png(&self) -> Vec<u8> {
-        let mut bytes = Cursor::new(Vec::new());
-        PngEncoder::new_with_quality(
-            &mut bytes,
-            image::codecs::png::CompressionType::Default,
-            image::codecs::png::FilterType::Adaptive,
-        )
-        .write_image(self.0.as_raw(), self.0.width(), self.0.height(), image::ExtendedColorType::Rgb8)
-        .expect("a PNG in memory of matching size cannot fail");
-        bytes.into_inner()
+        encode_rgb8(self.width, self.height, self.pixels.as_flattened())
     }
 }
 

@@ -122,16 +122,17 @@ impl<'a> Ahead<'a> {
 mod tests {
     use std::path::Path;
 
-    use image::{DynamicImage, GrayImage, ImageBuffer, Luma};
+    use nelu3d_scan::image::{Image, write_gray8, write_png16};
     use nelu3d_scan::rig::Need;
 
     use super::*;
 
-    const SIZE: (u32, u32) = (40, 30);
+    const SIZE: [usize; 2] = [40, 30];
 
-    fn save(path: &Path, shift: u32) {
-        let image = GrayImage::from_fn(SIZE.0, SIZE.1, |x, y| Luma([(20 + 5 * ((x + shift) % 40) + y) as u8]));
-        image.save(path).unwrap();
+    fn save(path: &Path, shift: usize) {
+        let [w, h] = SIZE;
+        let data: Vec<u8> = (0..w * h).map(|i| (20 + 5 * ((i % w + shift) % 40) + i / w) as u8).collect();
+        write_gray8(path, w, h, &data).unwrap();
     }
 
     /// Six frames of 40 × 30 px; the second has no flash, the fourth a pattern of another depth, the fifth a black image.
@@ -145,13 +146,15 @@ mod tests {
             let dir = root.join(format!("sequences/s/{i:03}"));
             std::fs::create_dir_all(&dir).unwrap();
             for (n, name) in ["white.png", "a0.png", "a1.png"].iter().enumerate() {
-                save(&dir.join(name), 10 * i + n as u32);
+                save(&dir.join(name), 10 * i + n);
             }
             match i {
                 1 => std::fs::remove_file(dir.join("white.png")).unwrap(),
-                3 => DynamicImage::from(ImageBuffer::from_pixel(SIZE.0, SIZE.1, Luma([9000u16])))
-                    .save(dir.join("a1.png"))
-                    .unwrap(),
+                3 => {
+                    let [width, height] = SIZE;
+                    let image = Image { width, height, channels: 1, data: vec![9000.0; width * height] };
+                    write_png16(&dir.join("a1.png"), &image, 0.0, 1.0).unwrap();
+                }
                 4 => save(&dir.join("black.png"), 7),
                 _ => {}
             }

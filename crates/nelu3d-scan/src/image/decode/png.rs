@@ -1,9 +1,8 @@
-//! PNG, through the `image` crate.
+//! PNG, through the `png` crate.
 
 use std::io::Cursor;
 
-use ::image::codecs::png::PngDecoder;
-use ::image::{ColorType, DynamicImage, ImageDecoder, Limits};
+use ::png::{BitDepth, ColorType, Decoder, Limits, Transformations};
 
 use super::error::ImageFileError;
 use super::file::File;
@@ -11,23 +10,25 @@ use super::raw::{Raw, RawData};
 
 pub(super) fn decode(file: &File<'_>) -> Result<Raw, ImageFileError> {
     // The size is checked before any pixel is allocated, which makes the decoder's own limit needless.
-    let decoder = PngDecoder::with_limits(Cursor::new(file.bytes), Limits::no_limits()).map_err(|e| file.damaged(e))?;
-    let (width, height) = decoder.dimensions();
+    let mut decoder = Decoder::new_with_limits(Cursor::new(file.bytes), Limits { bytes: usize::MAX });
+    // Palettes become colors, and codes of fewer than eight bits are stretched to eight.
+    decoder.set_transformations(Transformations::EXPAND);
+    let mut reader = decoder.read_info().map_err(|e| file.damaged(e))?;
+    let (width, height) = reader.info().size();
     let (width, height) = (width as usize, height as usize);
     file.check_size(width, height)?;
-    let channels = match decoder.color_type() {
-        ColorType::L8 | ColorType::L16 => 1,
-        ColorType::Rgb8 | ColorType::Rgb16 => 3,
-        _ => return Err(file.alpha()),
+    let (color, depth) = reader.output_color_type();
+    let channels = match color {
+        ColorType::Grayscale => 1,
+        ColorType::Rgb => 3,
+        ColorType::GrayscaleAlpha | ColorType::Rgba | ColorType::Indexed => return Err(file.alpha()),
     };
-    let data = match DynamicImage::from_decoder(decoder).map_err(|e| file.damaged(e))? {
-        DynamicImage::ImageLuma8(i) => RawData::U8(i.into_raw()),
-        DynamicImage::ImageRgb8(i) => RawData::U8(i.into_raw()),
-        DynamicImage::ImageLuma16(i) => RawData::U16(i.into_raw()),
-        DynamicImage::ImageRgb16(i) => RawData::U16(i.into_raw()),
-        other => {
-            return Err(file.kind(format!("holds {:?} pixels", other.color()), "save it as 8 or 16-bit gray or RGB"));
-        }
+    let size = reader.output_buffer_size().ok_or_else(|| file.damaged("it is too large for this machine"))?;
+    let mut bytes = vec![0; size];
+    reader.next_frame(&mut bytes).map_err(|e| file.damaged(e))?;
+    let data = match depth {
+        BitDepth::Sixteen => RawData::U16(bytes.as_chunks().0.iter().map(|&c| u16::from_be_bytes(c)).collect()),
+        _ => RawData::U8(bytes),
     };
     file.raw(width, height, channels, data)
 }
