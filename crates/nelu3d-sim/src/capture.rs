@@ -1,4 +1,4 @@
-//! The camera takes pictures: light to codes to files.
+//! The virtual camera: light to codes to files.
 
 use std::io;
 use std::path::Path;
@@ -9,32 +9,38 @@ use nelu3d_scan::output::create_dir;
 use nelu3d_scan::rig::{Channels, LUMA};
 use rayon::prelude::*;
 
-use crate::light::{Frame, Light};
-use crate::random::{Use, generator};
+use crate::light::{Illumination, LightSource};
+use crate::random::{RandomPurpose, generator};
 use crate::render::Renderer;
-use crate::scene::Scene;
+use crate::scene::VirtualScene;
 use crate::sensor::Sensor;
 use crate::spec::{CameraSpec, Spec};
 
-/// The camera before the light.
-pub(crate) struct Capture<'a> {
+/// A camera before a light source.
+pub(crate) struct VirtualCamera<'a> {
     pub(crate) spec: &'a Spec,
     pub(crate) renderer: &'a Renderer,
-    pub(crate) light: &'a Light,
+    pub(crate) light: &'a LightSource,
     pub(crate) sensor: Sensor,
 }
 
-impl Capture<'_> {
-    /// Takes all images of a shot and writes them into the folder `dir`, which is created.
-    pub(crate) fn shoot(&self, scene: &Scene, frames: &[(Frame, String)], shot: u64, dir: &Path) -> io::Result<()> {
-        let shows: Vec<Frame> = frames.iter().map(|f| f.0).collect();
+impl VirtualCamera<'_> {
+    /// Captures all images of a shot and writes them into the folder `dir`, which is created.
+    pub(crate) fn capture(
+        &self,
+        scene: &VirtualScene,
+        frames: &[(Illumination, String)],
+        shot: u64,
+        dir: &Path,
+    ) -> io::Result<()> {
+        let shows: Vec<Illumination> = frames.iter().map(|f| f.0).collect();
         let images = self.renderer.render(scene, self.light, &shows, shot);
         let files: Vec<&str> = frames.iter().map(|f| f.1.as_str()).collect();
-        self.develop(images, &files, shot, dir)
+        self.read_out(images, &files, shot, dir)
     }
 
     /// Reads the sensor after each of a shot's images, given as light, and writes the codes into the folder `dir`.
-    pub(crate) fn develop(&self, mut images: Vec<Image>, files: &[&str], shot: u64, dir: &Path) -> io::Result<()> {
+    pub(crate) fn read_out(&self, mut images: Vec<Image>, files: &[&str], shot: u64, dir: &Path) -> io::Result<()> {
         create_dir(dir)?;
         let camera = &self.spec.camera;
         let channels = camera.channels().expect("checked with the spec");
@@ -45,7 +51,7 @@ impl Capture<'_> {
             }
             let row_len = image.width * image.channels;
             image.data.par_chunks_mut(row_len).enumerate().for_each(|(y, row)| {
-                let mut random = generator(self.spec.seed, Use::Sensor, [shot, f as u64, y as u64]);
+                let mut random = generator(self.spec.seed, RandomPurpose::Sensor, [shot, f as u64, y as u64]);
                 for (i, v) in row.iter_mut().enumerate() {
                     let channel = match channels {
                         Channels::Mono => 0,
@@ -63,7 +69,7 @@ impl Capture<'_> {
     }
 }
 
-/// What a camera in its mono mode sees, for its green: its codes are the luma of those of its channels, however bright.
+/// Returns what a camera in its mono mode collects, in the unit of its green: its codes are the luma of those of its channels, however bright.
 fn mono_light(image: &Image, camera: &CameraSpec) -> Image {
     let rates = camera.electrons_per_sec.rgb();
     let weights = [0, 1, 2].map(|c| LUMA[c] * (rates[c] / rates[1]) as f32);

@@ -1,31 +1,39 @@
 //! The virtual scanner: captures of a declared camera, light source, board and scenes, written as an ordinary rig folder,
-//! with the truth beside them.
+//! with the ground truth beside them.
 //!
 //! ```text
-//! Spec ─► sweep poses ─► Scene (board or objects, at their moment) ─► render (Light × rays) ─► sensor noise ─► rig folder
-//!                                     └► Truth: depth, mask, mesh
+//! Spec ─► sweep poses ─► VirtualScene (board or objects, at their moment) ─► render (LightSource × rays) ─► sensor noise ─► rig folder
+//!                                     └► GroundTruth: depth, mask, mesh
 //! ```
 //!
 //! The physics, each in one place: [`spec`] declares all quantities with their units; `scene` has surfaces and materials,
-//! `light` what falls on them, `render` what a pixel collects, also by way of other surfaces, `sensor` what it makes of it. The same spec (with its seed) gives the same bytes, whatever the number of threads.
+//! `light` what falls on them, `render` what a pixel collects, with interreflection, and `sensor` what it makes of it. The
+//! same spec (with its seed) gives the same bytes, whatever the number of threads.
 //!
-//! Nothing that reconstructs may depend on this crate: it knows the truth.
+//! A file imports only from above it here: `spec`; `random` and `geometry`; `scene` and `light`; `check`; `render`, `sensor`
+//! and `ground_truth`; `displayed`, `sweep`, `capture` and `sequence`; `simulate`.
+//!
+//! Nothing that reconstructs may depend on this crate: it knows the ground truth.
 
 mod capture;
+mod check;
+mod displayed;
+mod error;
+mod geometry;
+mod ground_truth;
 mod light;
 mod random;
 mod render;
 mod scene;
 mod sensor;
 mod sequence;
-mod shown;
 mod simulate;
 pub mod spec;
 mod sweep;
-mod truth;
 
+pub use error::SimulationError;
+pub use ground_truth::GroundTruth;
 pub use sequence::object_at;
-pub use simulate::{SimError, simulate};
+pub use simulate::simulate;
 pub use spec::Spec;
 pub use sweep::sweep_poses;
-pub use truth::Truth;

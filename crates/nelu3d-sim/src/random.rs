@@ -1,33 +1,33 @@
-//! Random numbers by place: every row of every image has a generator of its own, seeded by what it is for. So the order in
+//! Random numbers by their coordinates: every row of every image has a generator of its own, seeded by what it is for. So the order in
 //! which threads come to them does not matter, and one image's noise does not depend on whether another is made.
 
 use rand::SeedableRng;
 use rand::rngs::Xoshiro256PlusPlus;
 
-/// What random numbers are for; keeps equal coordinates of different uses apart.
+/// What random numbers are for. It keeps equal coordinates of different uses apart.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Use {
+pub(crate) enum RandomPurpose {
     Sweep = 1,
     Pixels = 2,
     Sensor = 3,
     Film = 4,
 }
 
-/// A hash of the seed, the use and a place, by SplitMix64's finalizer (Steele, Lea and Flood, OOPSLA 2014).
-pub(crate) fn hash(seed: u64, use_: Use, place: [u64; 3]) -> u64 {
+/// Returns a hash of the seed, the purpose and three coordinates, by SplitMix64's finalizer (Steele, Lea and Flood, OOPSLA 2014).
+pub(crate) fn hash(seed: u64, purpose: RandomPurpose, coordinates: [u64; 3]) -> u64 {
     let mut h = mix(seed ^ 0x6e65_6c75_3364);
-    for v in [use_ as u64, place[0], place[1], place[2]] {
+    for v in [purpose as u64, coordinates[0], coordinates[1], coordinates[2]] {
         h = mix(h ^ v);
     }
     h
 }
 
-/// A generator for a place.
-pub(crate) fn generator(seed: u64, use_: Use, place: [u64; 3]) -> Xoshiro256PlusPlus {
-    Xoshiro256PlusPlus::seed_from_u64(hash(seed, use_, place))
+/// Returns the generator of a purpose and three coordinates.
+pub(crate) fn generator(seed: u64, purpose: RandomPurpose, coordinates: [u64; 3]) -> Xoshiro256PlusPlus {
+    Xoshiro256PlusPlus::seed_from_u64(hash(seed, purpose, coordinates))
 }
 
-/// The next of SplitMix64's numbers.
+/// Returns the next of SplitMix64's numbers.
 pub(crate) fn mix(x: u64) -> u64 {
     let mut z = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -10,6 +10,7 @@ use rand_distr::{Distribution, Normal, Poisson};
 
 use crate::spec::CameraSpec;
 
+/// A sensor with shot noise, dark current, read noise, gain, clipping and quantization.
 #[derive(Clone, Debug)]
 pub(crate) struct Sensor {
     /// Electrons of each channel for a light of 1.
@@ -23,7 +24,7 @@ pub(crate) struct Sensor {
 }
 
 impl Sensor {
-    /// The sensor of a checked spec.
+    /// Returns the sensor of a checked spec.
     pub(crate) fn new(camera: &CameraSpec) -> Self {
         Self {
             electrons: camera.electrons_per_sec.rgb().map(|e| e * camera.exposure_secs),
@@ -35,7 +36,7 @@ impl Sensor {
         }
     }
 
-    /// The code of a pixel of a channel (0 to 2) that collects `light`, as (code − black level) / (saturation − black level).
+    /// Samples the code of a pixel of a channel (0 to 2) that collects `light`, as (code − black level) / (saturation − black level).
     pub(crate) fn read(&self, light: f32, channel: usize, random: &mut Xoshiro256PlusPlus) -> f32 {
         let mean = self.electrons[channel] * f64::from(light).max(0.0) + self.dark;
         // A Poisson number of mean 0 is 0; the library's distribution has no such mean.
@@ -50,7 +51,7 @@ impl Sensor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::{Use, generator};
+    use crate::random::{RandomPurpose, generator};
     use crate::spec::Spec;
 
     /// Mean and variance of codes, for light from black to nearly full, against the photon transfer curve:
@@ -76,7 +77,7 @@ mod tests {
             let n = 20_000;
             for (i, light) in [0.0, 0.002, 0.05, 0.3, 0.6].into_iter().enumerate() {
                 let channel = i % 3;
-                let mut random = generator(1, Use::Sensor, [i as u64, place as u64, 0]);
+                let mut random = generator(1, RandomPurpose::Sensor, [i as u64, place as u64, 0]);
                 let codes: Vec<f64> =
                     (0..n).map(|_| f64::from(sensor.read(light, channel, &mut random)) * range).collect();
                 let mean = codes.iter().sum::<f64>() / f64::from(n);
@@ -96,7 +97,7 @@ mod tests {
     fn codes_are_whole_and_end_at_saturation() {
         let camera = Spec::preset("demo").unwrap().camera;
         let sensor = Sensor::new(&camera);
-        let mut random = generator(1, Use::Sensor, [0, 0, 0]);
+        let mut random = generator(1, RandomPurpose::Sensor, [0, 0, 0]);
         for light in [0.0, 0.4, 1e6] {
             let code = f64::from(sensor.read(light, 0, &mut random)) * (camera.saturation() - camera.black_level);
             assert!((code - code.round()).abs() < 1e-3);

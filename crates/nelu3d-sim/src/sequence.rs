@@ -5,17 +5,17 @@ use std::path::Path;
 use nalgebra::{UnitQuaternion, Vector3};
 use nelu3d_scan::Image;
 
-use crate::capture::Capture;
-use crate::light::{Frame, Light};
-use crate::render::Renderer;
-use crate::scene::Scene;
-use crate::simulate::SimError;
-use crate::spec::{CameraSpec, DeformationSpec, MovingObjectSpec, ObjectSpec, SequenceSpec, Spec, SpecError};
-use crate::truth::Truth;
+use crate::capture::VirtualCamera;
+use crate::error::SimulationError;
+use crate::ground_truth::GroundTruth;
+use crate::light::{Illumination, LightSource};
+use crate::scene::VirtualScene;
 
-/// A moving object at a moment, seconds from the beginning of its sequence.
+use crate::spec::{CameraSpec, DeformationSpec, MovingObjectSpec, ObjectSpec, SequenceSpec, Spec, SpecError};
+
+/// Returns a moving object at a moment, seconds from the beginning of its sequence.
 ///
-/// With p₀ and R₀ its place and rotation at the time 0: `p = p₀ + v t + ½ a t²`, `R = exp(ω t) R₀`.
+/// With p₀ and R₀ its position and rotation at the time 0: `p = p₀ + v t + ½ a t²`, `R = exp(ω t) R₀`.
 pub fn object_at(moving: &MovingObjectSpec, time_secs: f64) -> ObjectSpec {
     let m = &moving.motion;
     let mut object = moving.object.clone();
@@ -40,47 +40,48 @@ pub fn object_at(moving: &MovingObjectSpec, time_secs: f64) -> ObjectSpec {
     object
 }
 
-fn scene_at(sequence: &SequenceSpec, time_secs: f64) -> Result<Scene, SpecError> {
+/// Returns the scene of a sequence at a moment, seconds.
+fn scene_at(sequence: &SequenceSpec, time_secs: f64) -> Result<VirtualScene, SpecError> {
     let objects: Vec<ObjectSpec> = sequence.objects.iter().map(|o| object_at(o, time_secs)).collect();
-    Scene::new(&objects)
+    VirtualScene::new(&objects)
 }
 
-/// Middle of the exposure of a frame's first pattern, seconds.
+/// Returns the middle of the exposure of a frame's first pattern, seconds.
 fn start_secs(sequence: &SequenceSpec, frame: usize) -> f64 {
     frame as f64 / sequence.fps
 }
 
-/// Takes the images of a frame, each of its own moment, writes them into the folder `dir` and returns the truth of the
-/// moment of the first pattern.
-pub(crate) fn shoot_sequence(
-    camera: &Capture,
+/// Captures the images of a frame, each at its own moment, writes them into the folder `dir` and returns the ground truth of
+/// the moment of the first pattern.
+pub(crate) fn capture_frame(
+    camera: &VirtualCamera,
     sequence: &SequenceSpec,
     frame: usize,
-    patterns: &[(Frame, String)],
+    patterns: &[(Illumination, String)],
     shot: u64,
     dir: &Path,
-) -> Result<Truth, SimError> {
+) -> Result<GroundTruth, SimulationError> {
     let start = start_secs(sequence, frame);
     let flash = start + sequence.flash_delay_secs;
-    let mut shots = vec![(Frame::White, "white.png", flash)];
+    let mut shots = vec![(Illumination::White, "white.png", flash)];
     if sequence.black {
-        shots.push((Frame::Black, "black.png", flash));
+        shots.push((Illumination::Black, "black.png", flash));
     }
     for (i, (show, file)) in patterns.iter().enumerate() {
         shots.push((*show, file, start + i as f64 * sequence.pattern_interval_secs));
     }
     let images =
-        shots.iter().map(|(show, _, time)| exposed(camera, sequence, *show, *time, shot)).collect::<Result<_, _>>()?;
+        shots.iter().map(|(show, _, time)| expose(camera, sequence, *show, *time, shot)).collect::<Result<_, _>>()?;
     let files: Vec<&str> = shots.iter().map(|s| s.1).collect();
-    camera.develop(images, &files, shot, dir)?;
-    Ok(Truth::new(camera.renderer.camera(), &scene_at(sequence, start)?, camera.light))
+    camera.read_out(images, &files, shot, dir)?;
+    Ok(GroundTruth::new(camera.renderer.camera(), &scene_at(sequence, start)?, camera.light))
 }
 
-/// The light of an exposure about a moment: the mean of those of its parts, each frozen in its middle.
-fn exposed(
-    camera: &Capture,
+/// Returns the light of an exposure about a moment: the mean over its parts, each frozen in its middle.
+fn expose(
+    camera: &VirtualCamera,
     sequence: &SequenceSpec,
-    show: Frame,
+    show: Illumination,
     time_secs: f64,
     shot: u64,
 ) -> Result<Image, SpecError> {
@@ -90,8 +91,9 @@ fn exposed(
         let offset = ((part as f64 + 0.5) / n as f64 - 0.5) * exposure_secs;
         let scene = scene_at(sequence, time_secs + offset)?;
         // Each part samples its pixels anew.
-        let place = shot | (part as u64) << 48;
-        let image = camera.renderer.render(&scene, camera.light, &[show], place).pop().expect("an image per frame");
+        let shot_of_part = shot | (part as u64) << 48;
+        let image =
+            camera.renderer.render(&scene, camera.light, &[show], shot_of_part).pop().expect("an image per frame");
         match &mut sum {
             None => sum = Some(image),
             Some(sum) => sum.data.iter_mut().zip(&image.data).for_each(|(s, v)| *s += v),
@@ -102,8 +104,8 @@ fn exposed(
     Ok(mean)
 }
 
-impl Truth {
-    /// The truth about frame `frame` of sequence `index` of a spec: that of the moment of its first pattern.
+impl GroundTruth {
+    /// Returns the ground truth of frame `frame` of sequence `index` of a spec, at the moment of its first pattern.
     ///
     /// # Panics
     ///
@@ -115,6 +117,7 @@ impl Truth {
     pub fn of_frame(spec: &Spec, index: usize, frame: usize) -> Result<Self, SpecError> {
         let sequence = &spec.sequences[index];
         let scene = scene_at(sequence, start_secs(sequence, frame))?;
-        Ok(Self::new(Renderer::new(spec).camera(), &scene, &Light::new(spec, &[])))
+        let camera = spec.camera.optics().expect("checked with the spec");
+        Ok(Self::new(&camera, &scene, &LightSource::new(spec, &[])))
     }
 }

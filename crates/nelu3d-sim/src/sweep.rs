@@ -4,23 +4,23 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use nelu3d_scan::rig::KnownPose;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::random::{Use, generator};
+use crate::random::{RandomPurpose, generator};
 use crate::spec::{Spec, SweepSpec};
 
-/// The true board poses of a spec's sweep, in order, under the names of their folders.
+/// Returns the true board poses of a spec's sweep, in order, under the names of their folders.
 ///
 /// # Panics
 ///
 /// If the spec does not pass [`Spec::check`].
 pub fn sweep_poses(spec: &Spec) -> Vec<KnownPose> {
-    let [x0, y0, x1, y1] = spec.board.board().extent_mm;
+    let [x0, y0, x1, y1] = spec.board.extent_mm();
     let middle = Translation3::new(0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.0);
     let n = spec.sweep.positions();
     let turn = |rotation: [f64; 3]| UnitQuaternion::from_scaled_axis(Vector3::from(rotation));
     let digits = (n - 1).to_string().len().max(3);
     (0..n)
         .map(|i| {
-            let mut random = generator(spec.seed, Use::Sweep, [i as u64, 0, 0]);
+            let mut random = generator(spec.seed, RandomPurpose::Sweep, [i as u64, 0, 0]);
             let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
             let part = i as f64 / (n - 1) as f64;
             let (position, rotation) = match &spec.sweep {

@@ -11,7 +11,7 @@ use nelu3d_sim::spec::{
     AlbedoSpec, AxisSpec, DeformationSpec, InterreflectionSpec, LightSpec, MaterialSpec, ObjectSpec, PatternSetSpec,
     ProjectorSpec, SceneSpec, ShapeSpec, SweepSpec,
 };
-use nelu3d_sim::{Spec, Truth, simulate};
+use nelu3d_sim::{GroundTruth, Spec, simulate};
 
 /// Depth of the scenes, mm.
 const MIDDLE: f64 = 700.0;
@@ -87,7 +87,7 @@ impl Seen {
     }
 
     /// The points that pixels' centers see, where the scene is at least `margin` pixels on all sides.
-    fn points(&self, truth: &Truth, margin: usize) -> Vec<(usize, Point3<f64>)> {
+    fn points(&self, truth: &GroundTruth, margin: usize) -> Vec<(usize, Point3<f64>)> {
         let (w, h) = (self.camera.width, self.camera.height);
         let inside = |i: &usize| {
             let [x, y] = self.pixel(*i);
@@ -121,7 +121,7 @@ fn a_plane_and_a_ball_obey_lamberts_law_and_the_inverse_square() {
     ];
     for (k, scene) in scenes.into_iter().enumerate() {
         let mut spec = Spec { ambient: 0.05, ..spec(vec![scene]) };
-        let (seen, truth) = (Seen::new(&spec), Truth::of_scene(&spec, 0));
+        let (seen, truth) = (Seen::new(&spec), GroundTruth::of_scene(&spec, 0));
         let points = seen.points(&truth, 2);
         assert!(points.len() > 500, "{}", points.len());
         for (i, p) in points {
@@ -164,7 +164,7 @@ fn a_mesh_of_a_ball_is_seen_as_the_ball() {
     // Half as large in its file.
     let of_mesh = spec(vec![object(ShapeSpec::Mesh { file: path, scale: 2.0 }, position, [0.1, 0.2, 0.3], 0.7)]);
     let of_ball = spec(vec![object(ShapeSpec::Sphere { radius_mm: radius }, position, [0.0; 3], 0.7)]);
-    let truths = [&of_mesh, &of_ball].map(|s| Truth::of_scene(s, 0));
+    let truths = [&of_mesh, &of_ball].map(|s| GroundTruth::of_scene(s, 0));
     let seen = [&of_mesh, &of_ball].map(Seen::new);
     // A chord's height over an arc of a 192th of a half turn.
     let sag = radius * (1.0 - (0.5 * PI / f64::from(n)).cos());
@@ -218,7 +218,7 @@ fn a_corner_is_lit_by_itself_as_quadrature_says() {
     };
     let mut spec = spec(vec![wall(0), wall(1)]);
     spec.interreflection = InterreflectionSpec { bounces: 2, paths_per_pixel: 256 };
-    let (seen, truth) = (Seen::new(&spec), Truth::of_scene(&spec, 0));
+    let (seen, truth) = (Seen::new(&spec), GroundTruth::of_scene(&spec, 0));
     let light = projector(&mut spec).clone();
 
     let n = 48;
@@ -281,7 +281,7 @@ fn wax_blurs_an_edge_of_light_as_declared() {
     projector(&mut of_wax).aperture_mm = 0.0;
     projector(&mut of_wax).focus_mm = MIDDLE;
     let seen = Seen::new(&of_wax);
-    let truth = Truth::of_scene(&of_wax, 0);
+    let truth = GroundTruth::of_scene(&of_wax, 0);
     // White keeps its light: the lamp is so far that it is even over some millimeters.
     let lambert = Seen::new(&spec(vec![plane]));
     for (i, _) in seen.points(&truth, 2) {
@@ -334,7 +334,7 @@ fn lacquer_shines_where_the_mirror_is() {
     // Brighter than the sensor can read otherwise.
     projector(&mut shiny).reference_mm = 250.0;
     let seen = Seen::new(&shiny);
-    let truth = Truth::of_scene(&shiny, 0);
+    let truth = GroundTruth::of_scene(&shiny, 0);
     let light = Point3::from(projector(&mut shiny).position_mm);
     let normal = Isometry3::new(Vector3::zeros(), Vector3::new(0.0, -0.13, 0.0)) * -Vector3::z();
     let points = seen.points(&truth, 2);
@@ -354,7 +354,7 @@ fn a_bent_sheet_is_a_cylinder_in_truth_and_image() {
         ..object(ShapeSpec::Plane { width_mm: 200.0, height_mm: 200.0 }, [0.0, 0.0, MIDDLE], [0.0; 3], 0.7)
     };
     let mut spec = spec(vec![sheet]);
-    let (seen, truth) = (Seen::new(&spec), Truth::of_scene(&spec, 0));
+    let (seen, truth) = (Seen::new(&spec), GroundTruth::of_scene(&spec, 0));
     let center = MIDDLE + 1.0 / k;
     let points = seen.points(&truth, 2);
     assert!(points.len() > 800);
@@ -388,7 +388,7 @@ fn files_are_found_beside_the_spec_and_named_when_they_are_not() {
     assert_eq!(found, &std::path::absolute(dir.path().join("a.ply")).unwrap());
     let seen = Seen::new(&read);
     // A mono camera sees a third of every pure color.
-    let truth = Truth::of_scene(&read, 0);
+    let truth = GroundTruth::of_scene(&read, 0);
     for (i, p) in seen.points(&truth, 1) {
         let expected = irradiance(projector(&mut spec), &p, &-Vector3::z()) / 3.0;
         assert!((seen.white[i] - expected).abs() < 2e-3, "{}, not {expected}", seen.white[i]);

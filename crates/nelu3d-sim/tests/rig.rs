@@ -9,7 +9,7 @@ use nelu3d_scan::pattern::{Axis, Gray, Pattern, Ramp, Rgb, Sinusoid, decode_gray
 use nelu3d_scan::rig::{Need, Rig};
 use nelu3d_scan::{Image, Mesh, Projector, npy};
 use nelu3d_sim::spec::{BlackImage, LightSpec, PatternSetSpec, ShapeSpec, SweepSpec};
-use nelu3d_sim::{SimError, Spec, Truth, simulate, sweep_poses};
+use nelu3d_sim::{GroundTruth, SimulationError, Spec, simulate, sweep_poses};
 
 /// The `shapes` preset at half the resolution and quick to render.
 fn small() -> Spec {
@@ -104,7 +104,7 @@ fn a_simulation_is_an_ordinary_rig() {
     for (i, scene) in spec.scenes.iter().enumerate() {
         let shot = rig.scene(&scene.name).unwrap();
         assert!(rig.read_shot(&shot, set, Need::Scene).unwrap().black.is_some());
-        let truth = Truth::of_scene(&spec, i);
+        let truth = GroundTruth::of_scene(&spec, i);
         let depth = npy::read(&shot.dir.join("truth/depth.npy")).unwrap();
         assert_eq!(depth.shape, [h, w]);
         assert!(depth.data.iter().zip(&truth.depth).all(|(a, b)| a.to_bits() == b.to_bits()));
@@ -141,7 +141,7 @@ fn truth_is_the_closed_form() {
     let camera = rig(&spec).1.camera;
     let light = Point3::from(projector_of(&mut spec.clone()).position_mm);
     for (i, scene) in spec.scenes.iter().enumerate() {
-        let truth = Truth::of_scene(&spec, i);
+        let truth = GroundTruth::of_scene(&spec, i);
         let mut compared = 0;
         for (p, depth) in truth.depth.iter().enumerate() {
             let ray = camera.ray([(p % camera.width) as f64, (p / camera.width) as f64]);
@@ -221,7 +221,7 @@ fn normalized_intensity_is_the_pattern_at_the_projector_pixel() {
     let projector: &Projector = rig.projector.as_ref().unwrap();
     for (i, scene) in spec.scenes.iter().enumerate() {
         let shot = rig.read_shot(&rig.scene(&scene.name).unwrap(), &rig.pattern_sets[0], Need::Scene).unwrap();
-        let truth = Truth::of_scene(&spec, i);
+        let truth = GroundTruth::of_scene(&spec, i);
         let black = shot.black.as_ref().unwrap();
         let inside = interior(&truth.mask, rig.camera.width);
         assert!(inside.len() > 800, "{}", inside.len());
@@ -257,7 +257,7 @@ fn gray_code_decodes_to_the_projector_column() {
         // The finest stripes are narrower than a camera pixel: decode what the camera resolves.
         let bits = 7;
         let codes = decode_gray(&normal(&capture.patterns)[..bits], &normal(&inverse)[..bits], 0.3);
-        let truth = Truth::of_scene(&spec, i);
+        let truth = GroundTruth::of_scene(&spec, i);
         let inside = interior(&truth.mask, rig.camera.width);
         let mut right = 0;
         for p in &inside {
@@ -284,7 +284,7 @@ fn noise_in_the_images_follows_the_declared_sensor() {
         rig.read_shot(&rig.scene("plane").unwrap(), &rig.pattern_sets[0], Need::Scene).unwrap()
     };
     let (a, b) = (capture(1), capture(2));
-    let inside = interior(&Truth::of_scene(&spec, 0).mask, 160);
+    let inside = interior(&GroundTruth::of_scene(&spec, 0).mask, 160);
     let camera = &spec.camera;
     let range = camera.saturation() - camera.black_level;
     let images = [(&a.white, &b.white), (a.black.as_ref().unwrap(), b.black.as_ref().unwrap())];
@@ -344,14 +344,14 @@ fn color_cameras_see_each_band_in_its_channel() {
     let wave = Box::new(Pattern::Sinusoid(Sinusoid { axis: Axis::X, period_px: 200.0, steps: 1 }));
     let rgb = Pattern::Rgb(Rgb { parts: [ramp(Axis::X), ramp(Axis::Y), wave] });
     spec.pattern_sets = vec![PatternSetSpec { name: "rgb".into(), patterns: vec![rgb] }];
-    let inside = interior(&Truth::of_scene(&spec, 0).mask, 160);
+    let inside = interior(&GroundTruth::of_scene(&spec, 0).mask, 160);
     for channels in ["rgb", "bayer-rggb", "bayer-gbrg"] {
         spec.camera.channels = channels.into();
         let (_dir, rig) = rig(&spec);
         let shot = rig.read_shot(&rig.scene("plane").unwrap(), &rig.pattern_sets[0], Need::Scene).unwrap();
         assert_eq!(shot.white.channels, 3);
         let got = normalized(&shot.patterns[0], &shot.white, shot.black.as_ref().unwrap());
-        let truth = Truth::of_scene(&spec, 0);
+        let truth = GroundTruth::of_scene(&spec, 0);
         for &p in &inside {
             let (x, y) = (p % 160, p / 160);
             let ray = rig.camera.ray([x as f64, y as f64]);
@@ -381,7 +381,7 @@ fn film_throws_a_color_pattern_that_white_normalizes() {
     for (i, scene) in spec.scenes.iter().enumerate() {
         let shot = rig.read_shot(&rig.scene(&scene.name).unwrap(), &rig.pattern_sets[0], Need::Scene).unwrap();
         assert!(shot.black.is_none(), "the preset's scenes have no black image");
-        let mask = Truth::of_scene(&spec, i).mask;
+        let mask = GroundTruth::of_scene(&spec, i).mask;
         let none = Image::new(shot.white.width, shot.white.height, 3);
         let ratio = normalized(&shot.patterns[0], &shot.white, &none);
         let mut sums = [[0.0; 2]; 3];
@@ -426,12 +426,12 @@ fn nothing_is_left_of_a_simulation_that_fails() {
     let mut spec = small();
     let nelu3d_sim::spec::BoardSpec::Markers { dictionary, .. } = &mut spec.board else { panic!("markers") };
     *dictionary = "DICT_NONE".into();
-    assert!(matches!(run(&spec), SimError::Board(_)));
+    assert!(matches!(run(&spec), SimulationError::Board(_)));
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
 
     // Somebody's own folder is not replaced; an earlier simulation is.
     std::fs::create_dir(&out).unwrap();
     std::fs::write(out.join("thesis.tex"), "").unwrap();
-    assert!(matches!(run(&small()), SimError::Io(_)));
+    assert!(matches!(run(&small()), SimulationError::Io(_)));
     assert!(out.join("thesis.tex").exists());
 }

@@ -7,7 +7,7 @@ use nelu3d_scan::pattern::{Axis, Pattern, Sinusoid};
 use nelu3d_scan::rig::Need;
 use nelu3d_scan::{Image, npy};
 use nelu3d_sim::spec::{MotionSpec, MovingObjectSpec, ObjectSpec, SequenceSpec, ShapeSpec};
-use nelu3d_sim::{Truth, object_at};
+use nelu3d_sim::{GroundTruth, object_at};
 
 fn waves() -> Vec<Pattern> {
     [20.0, 31.0].map(|period_px| Pattern::Sinusoid(Sinusoid { axis: Axis::X, period_px, steps: 1 })).to_vec()
@@ -116,10 +116,10 @@ fn images_and_truth_have_their_own_moments() {
         }
     }
     let depth = npy::read(&frames[1].dir.join("truth/depth.npy")).unwrap();
-    let expected = Truth::of_scene(&spec, 0);
+    let expected = GroundTruth::of_scene(&spec, 0);
     assert!(depth.data.iter().zip(&expected.depth).all(|(a, b)| a.to_bits() == b.to_bits()));
-    assert_eq!(Truth::of_frame(&spec, 0, 1).unwrap(), expected);
-    assert_ne!(Truth::of_frame(&spec, 0, 0).unwrap(), expected);
+    assert_eq!(GroundTruth::of_frame(&spec, 0, 1).unwrap(), expected);
+    assert_ne!(GroundTruth::of_frame(&spec, 0, 0).unwrap(), expected);
 }
 
 /// An edge that moves by a length d during the exposure gains the variance of its n moments, d² (1 − 1/n²) / 12.

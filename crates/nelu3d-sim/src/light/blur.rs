@@ -30,7 +30,7 @@ const BORDER: usize = 2;
 const INTERPOLATION_VARIANCE: f64 = 0.25;
 
 impl BlurStack {
-    /// A stack of all channels of `images`, which have the same size.
+    /// Returns a stack of all channels of `images`, which have the same size.
     pub(crate) fn new(images: &[Image]) -> Self {
         let (width, height) = (images[0].width, images[0].height);
         assert!(images.iter().all(|i| i.width == width && i.height == height), "images of one size");
@@ -52,19 +52,19 @@ impl BlurStack {
         Self { width, height, channels, levels, variances }
     }
 
-    /// Channels of all images together.
+    /// Returns the number of channels of all images together.
     pub(crate) fn channels(&self) -> usize {
         self.channels
     }
 
-    /// All channels of a pixel without blur, or `None` outside of the images.
+    /// Returns all channels of a pixel without blur, or `None` outside of the images.
     pub(crate) fn sharp(&self, x: i64, y: i64) -> Option<&[f32]> {
         let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
         let at = ((y + BORDER) * (self.width + 2 * BORDER) + x + BORDER) * self.channels;
         (x < self.width && y < self.height).then(|| &self.level(0)[at..at + self.channels])
     }
 
-    /// All channels at (u, v) px under a Gaussian of standard deviation `sigma` px. A blur narrower than the
+    /// Writes all channels at (u, v) px under a Gaussian of standard deviation `sigma` px to `out`. A blur narrower than the
     /// interpolation's own (0.5 px) is not possible.
     pub(crate) fn at(&self, [u, v]: [f64; 2], sigma: f64, out: &mut [f32]) {
         out.fill(0.0);
@@ -105,7 +105,7 @@ impl BlurStack {
         self.levels[i].get_or_init(|| self.blurred(self.variances[i].sqrt()))
     }
 
-    /// The sharp level under a sampled Gaussian along both axes.
+    /// Returns the sharp level under a sampled Gaussian along both axes.
     fn blurred(&self, sigma: f64) -> Vec<f32> {
         let radius = (4.0 * sigma).ceil() as usize + 1;
         let half = sampled_gaussian(sigma * sigma, radius);
@@ -125,12 +125,12 @@ impl BlurStack {
     }
 }
 
-/// Weights of the pixels before, at and after the nearest one for a place `d` in [−½, ½] from it.
+/// Returns the weights of the pixels before, at and after the nearest one for a place `d` in [−½, ½] from it.
 fn b_spline(d: f32) -> [f32; 3] {
     [0.5 * (0.5 - d) * (0.5 - d), 0.75 - d * d, 0.5 * (0.5 + d) * (0.5 + d)]
 }
 
-/// Taps 0 to `radius` of a sampled Gaussian whose variance, as a sum over its samples, is `variance`. Below 1 px the samples
+/// Returns taps 0 to `radius` of a sampled Gaussian whose variance, as a sum over its samples, is `variance`. Below 1 px the samples
 /// are too few for the sum to equal the parameter of the exponential, which is therefore found by bisection.
 fn sampled_gaussian(variance: f64, radius: usize) -> Vec<f64> {
     let taps = |t: f64| -> Vec<f64> {
@@ -147,7 +147,7 @@ fn sampled_gaussian(variance: f64, radius: usize) -> Vec<f64> {
     taps(0.5 * (low + high))
 }
 
-/// `to += Σ_k taps[k] · from shifted by (k − middle) · step`.
+/// Adds shifted copies: `to += Σ_k taps[k] · from shifted by (k − middle) · step`.
 fn add_shifted(from: &[f32], to: &mut [f32], taps: &[f32], step: usize) {
     let middle = taps.len() / 2;
     let n = from.len();

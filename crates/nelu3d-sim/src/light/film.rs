@@ -7,13 +7,16 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use nelu3d_scan::Image;
 use rand::RngExt;
 
-use super::{BlurStack, Frame, Lit, small_lamp};
-use crate::random::{Use, generator};
-use crate::scene::look_at;
+use super::blur::BlurStack;
+use super::illumination::Illumination;
+use super::sample::{LightSample, point_light_irradiance};
+use crate::geometry::look_at;
+use crate::random::{RandomPurpose, generator};
 use crate::spec::FilmSpec;
 
+/// Film before a small lamp, and a second lamp for the flash.
 #[derive(Debug)]
-pub(crate) struct Film {
+pub(crate) struct FilmLight {
     spec: FilmSpec,
     lamp_from_cam: Isometry3<f64>,
     /// Where the white lamp and the pattern's lamp are.
@@ -24,15 +27,16 @@ pub(crate) struct Film {
     transmission: Transmission,
 }
 
+/// What the film lets through.
 #[derive(Debug)]
 enum Transmission {
-    /// Of red, green and blue.
+    /// Plane waves of red, green and blue.
     Waves([Vec<Wave>; 3]),
-    /// A picture that fills the film, and its width in pixels.
+    /// A picture that fills the film, and its width and height, px.
     Picture(Box<BlurStack>, [f64; 2]),
 }
 
-/// `cos(k · uv + phase)`.
+/// The plane wave `cos(k · uv + phase)`.
 #[derive(Clone, Copy, Debug)]
 struct Wave {
     /// Radians per mm on the film.
@@ -40,8 +44,8 @@ struct Wave {
     phase: f64,
 }
 
-impl Film {
-    /// The film of a spec, with its picture where it has one.
+impl FilmLight {
+    /// Returns the film of a spec, with its picture where it has one.
     pub(crate) fn new(spec: &FilmSpec, picture: Option<&Image>) -> Self {
         let cam_from_lamp = look_at(spec.position_mm, spec.target_mm);
         let lamp = Point3::from(spec.position_mm);
@@ -64,7 +68,7 @@ impl Film {
 
     fn waves(spec: &FilmSpec) -> [Vec<Wave>; 3] {
         [0, 1, 2].map(|color| {
-            let mut random = generator(spec.seed, Use::Film, [color, 0, 0]);
+            let mut random = generator(spec.seed, RandomPurpose::Film, [color, 0, 0]);
             let n = spec.waves;
             (0..n)
                 .map(|i| {
@@ -79,36 +83,41 @@ impl Film {
         })
     }
 
-    pub(super) fn lit(&self, p: &Point3<f64>, normal: &Vector3<f64>, sees: impl Fn(&Point3<f64>) -> bool) -> Lit {
+    pub(super) fn sample(
+        &self,
+        p: &Point3<f64>,
+        normal: &Vector3<f64>,
+        is_visible: &dyn Fn(&Point3<f64>) -> bool,
+    ) -> LightSample {
         let s = &self.spec;
         let local = self.lamp_from_cam * p;
         if local.z <= s.film_mm {
-            return Lit::default();
+            return LightSample::default();
         }
         let strength = self.lamps.map(|lamp| {
-            let strength = small_lamp(p, normal, &lamp, &self.axis, s.reference_mm, s.vignetting);
-            if strength > 0.0 && sees(&lamp) { strength } else { 0.0 }
+            let strength = point_light_irradiance(p, normal, &lamp, &self.axis, s.reference_mm, s.vignetting);
+            if strength > 0.0 && is_visible(&lamp) { strength } else { 0.0 }
         });
         let scale = s.film_mm / local.z;
         // Seen from the point, the lamp's disc covers this much of the film.
-        Lit { strength, uv: [local.x * scale, local.y * scale], sigma: s.lamp_sigma_mm * (1.0 - scale) }
+        LightSample { strength, uv: [local.x * scale, local.y * scale], sigma: s.lamp_sigma_mm * (1.0 - scale) }
     }
 
-    pub(super) fn irradiance(&self, frames: &[Frame], lit: &Lit, out: &mut [[f32; 3]]) {
+    pub(super) fn irradiance(&self, frames: &[Illumination], sample: &LightSample, out: &mut [[f32; 3]]) {
         for (frame, rgb) in frames.iter().zip(out) {
             *rgb = match frame {
-                Frame::White => self.leds[0].map(|led| led * lit.strength[0]),
-                Frame::Black => [0.0; 3],
-                Frame::Pattern(_) if lit.strength[1] == 0.0 || !self.in_image(lit.uv) => [0.0; 3],
-                Frame::Pattern(_) => {
-                    let passes = self.transmission(lit.uv, lit.sigma);
-                    [0, 1, 2].map(|c| passes[c] * self.leds[1][c] * lit.strength[1])
+                Illumination::White => self.leds[0].map(|led| led * sample.strength[0]),
+                Illumination::Black => [0.0; 3],
+                Illumination::Pattern(_) if sample.strength[1] == 0.0 || !self.in_image(sample.uv) => [0.0; 3],
+                Illumination::Pattern(_) => {
+                    let passes = self.transmission(sample.uv, sample.sigma);
+                    [0, 1, 2].map(|c| passes[c] * self.leds[1][c] * sample.strength[1])
                 }
             };
         }
     }
 
-    /// Transmission in red, green and blue at (u, v) mm under the lamp's disc of standard deviation `sigma` mm: a picture's,
+    /// Returns the transmission in red, green and blue at (u, v) mm under the lamp's disc of standard deviation `sigma` mm: a picture's,
     /// or ½ + ½ · mean of the waves, each damped by exp(−½ σ² |k|²).
     fn transmission(&self, [u, v]: [f64; 2], sigma: f64) -> [f32; 3] {
         let waves = match &self.transmission {

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use nelu3d_scan::Image;
 
-use super::BlurStack;
+use super::blur::BlurStack;
 
 /// The images of a projector, their channels side by side. Each pixel is an evenly lit square about its center, of the same
 /// side for all; the lens blurs by a Gaussian.
@@ -22,21 +22,21 @@ const NARROW_PX: f64 = 0.7;
 /// The Gaussian is cut where less than 7e-5 of it is left.
 const REACH_SIGMAS: f64 = 4.0;
 
-/// Most pixels along an axis that a narrow blur reaches: 2 · (4 · 0.7 + ½), and one for the offset.
-const MOST: usize = 8;
+/// Maximum number of pixels along an axis that a narrow blur reaches: 2 · (4 · 0.7 + ½), and one for the offset.
+const MAX_PIXELS: usize = 8;
 
 impl PixelGrid {
-    /// All channels of `images`, which have the same size; `fill` is the side of a lit square, px.
+    /// Returns a grid of all channels of `images`, which have the same size; `fill` is the side of a lit square, px.
     pub(crate) fn new(images: &[Image], fill: f64) -> Self {
         Self { stack: BlurStack::new(images), fill }
     }
 
-    /// Channels of all images together.
+    /// Returns the number of channels of all images together.
     pub(crate) fn channels(&self) -> usize {
         self.stack.channels()
     }
 
-    /// All channels at (u, v) px under a lens blur of standard deviation `sigma` px; 1 inside a sharp white square.
+    /// Writes all channels at (u, v) px under a lens blur of standard deviation `sigma` px to `out`; 1 inside a sharp white square.
     pub(crate) fn at(&self, at: [f64; 2], sigma: f64, out: &mut [f32]) {
         if sigma < NARROW_PX {
             self.squares(at, sigma.max(1e-4), out);
@@ -47,7 +47,7 @@ impl PixelGrid {
         }
     }
 
-    /// `Σ code(i, j) · W(u − i) · W(v − j)`, `W(d) = Φ((d + f/2) / σ) − Φ((d − f/2) / σ)`: the exact integral of the
+    /// Writes `Σ code(i, j) · W(u − i) · W(v − j)`, `W(d) = Φ((d + f/2) / σ) − Φ((d − f/2) / σ)`: the exact integral of the
     /// squares under the Gaussian.
     fn squares(&self, [u, v]: [f64; 2], sigma: f64, out: &mut [f32]) {
         out.fill(0.0);
@@ -63,16 +63,16 @@ impl PixelGrid {
         }
     }
 
-    /// The first pixel in reach along an axis, and the weights of as many as are. Indices may lie outside of the image.
-    fn weights(&self, at: f64, sigma: f64) -> (i64, [f32; MOST], usize) {
-        let mut weights = [0.0; MOST];
+    /// Returns the first pixel in reach along an axis, and the weights of as many as are. Indices may lie outside of the image.
+    fn weights(&self, at: f64, sigma: f64) -> (i64, [f32; MAX_PIXELS], usize) {
+        let mut weights = [0.0; MAX_PIXELS];
         let reach = 0.5 * self.fill + REACH_SIGMAS * sigma;
         // NaN and places far outside are dark.
         if at.is_nan() || at.abs() > 1e9 {
             return (0, weights, 0);
         }
         let (first, last) = ((at - reach).ceil() as i64, (at + reach).floor() as i64);
-        let n = (last - first + 1).clamp(0, MOST as i64) as usize;
+        let n = (last - first + 1).clamp(0, MAX_PIXELS as i64) as usize;
         for (i, w) in (first..).zip(&mut weights[..n]) {
             let d = at - i as f64;
             *w = (normal_cdf((d + 0.5 * self.fill) / sigma) - normal_cdf((d - 0.5 * self.fill) / sigma)) as f32;
@@ -100,7 +100,7 @@ static NORMAL_CDF: LazyLock<Vec<f64>> = LazyLock::new(|| {
         .collect()
 });
 
-/// The normal distribution's cumulative function, to 1e-6.
+/// Returns the normal distribution's cumulative function, to 1e-6.
 fn normal_cdf(x: f64) -> f64 {
     let at = (x + END as f64) * STEPS as f64;
     if at <= 0.0 {

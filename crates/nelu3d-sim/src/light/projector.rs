@@ -3,10 +3,13 @@
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use nelu3d_scan::{Image, Projector};
 
-use super::{BlackImage, Frame, Lit, PixelGrid, small_lamp};
-use crate::scene::look_at;
-use crate::spec::{PerColor, ProjectorSpec};
+use super::grid::PixelGrid;
+use super::illumination::Illumination;
+use super::sample::{LightSample, point_light_irradiance};
+use crate::geometry::look_at;
+use crate::spec::{BlackImage, PerColor, ProjectorSpec};
 
+/// A projector and the images it shows, as light.
 #[derive(Debug)]
 pub(crate) struct ProjectorLight {
     spec: ProjectorSpec,
@@ -22,7 +25,7 @@ pub(crate) struct ProjectorLight {
 }
 
 impl ProjectorLight {
-    /// A projector that shows `patterns` (codes in `[0, 1]`).
+    /// Returns a projector that shows `patterns` (codes in `[0, 1]`).
     pub(crate) fn new(spec: &ProjectorSpec, patterns: &[Image]) -> Self {
         let roll = UnitQuaternion::from_scaled_axis(Vector3::z() * spec.roll);
         let cam_from_proj = look_at(spec.position_mm, spec.target_mm) * roll;
@@ -57,22 +60,30 @@ impl ProjectorLight {
         }
     }
 
+    /// Returns the projector as rigs describe it.
     pub(crate) fn projector(&self) -> &Projector {
         &self.projector
     }
 
-    pub(super) fn lit(&self, p: &Point3<f64>, normal: &Vector3<f64>, sees: impl Fn(&Point3<f64>) -> bool) -> Lit {
+    pub(super) fn sample(
+        &self,
+        p: &Point3<f64>,
+        normal: &Vector3<f64>,
+        is_visible: &dyn Fn(&Point3<f64>) -> bool,
+    ) -> LightSample {
         let s = &self.spec;
-        let strength = small_lamp(p, normal, &self.center, &self.axis, s.reference_mm, s.vignetting);
+        let strength = point_light_irradiance(p, normal, &self.center, &self.axis, s.reference_mm, s.vignetting);
         let local = self.projector.proj_from_cam * p;
-        let Some(uv) = self.projector.optics.project(&local).filter(|_| strength > 0.0) else { return Lit::default() };
-        if !sees(&self.center) {
-            return Lit::default();
+        let Some(uv) = self.projector.optics.project(&local).filter(|_| strength > 0.0) else {
+            return LightSample::default();
+        };
+        if !is_visible(&self.center) {
+            return LightSample::default();
         }
-        Lit { strength: [strength; 2], uv, sigma: s.sharp_sigma_px.hypot(self.defocus_px(&local)) }
+        LightSample { strength: [strength; 2], uv, sigma: s.sharp_sigma_px.hypot(self.defocus_px(&local)) }
     }
 
-    /// Standard deviation of the blur away from the focus at a point of the projector's frame, px.
+    /// Returns the standard deviation of the blur away from the focus at a point of the projector's frame, px.
     ///
     /// Circle of confusion of a thin lens: its opening A, seen from the point through the plane of focus, has the diameter
     /// `A · |z − z_f| / z_f` at the point, and `A · f · |1/z_f − 1/z|` in pixels of the image plane. A uniform disc's
@@ -85,20 +96,26 @@ impl ProjectorLight {
         0.25 * s.aperture_mm * s.fx * (at_focus - 1.0 / local.z).abs()
     }
 
-    pub(super) fn irradiance(&self, frames: &[Frame], lit: &Lit, scratch: &mut Vec<f32>, out: &mut [[f32; 3]]) {
-        let [strength, _] = lit.strength;
+    pub(super) fn irradiance(
+        &self,
+        frames: &[Illumination],
+        sample: &LightSample,
+        scratch: &mut Vec<f32>,
+        out: &mut [[f32; 3]],
+    ) {
+        let [strength, _] = sample.strength;
         if strength == 0.0 {
             out.fill([0.0; 3]);
             return;
         }
         scratch.resize(self.shown.channels(), 0.0);
-        self.shown.at(lit.uv, lit.sigma, scratch);
+        self.shown.at(sample.uv, sample.sigma, scratch);
         let black = if self.spec.black == BlackImage::Off { 0.0 } else { self.spec.black_leak as f32 };
         for (frame, rgb) in frames.iter().zip(out) {
             let emitted = match frame {
-                Frame::White => [scratch[0]; 3],
-                Frame::Black => [scratch[0] * black; 3],
-                Frame::Pattern(i) => match self.channels[*i] {
+                Illumination::White => [scratch[0]; 3],
+                Illumination::Black => [scratch[0] * black; 3],
+                Illumination::Pattern(i) => match self.channels[*i] {
                     (at, 3) => [0, 1, 2].map(|c| scratch[at + c]),
                     (at, _) => [scratch[at]; 3],
                 },
@@ -114,7 +131,7 @@ impl ProjectorLight {
     }
 }
 
-/// An image of red, green and blue: a gray one's channel thrice.
+/// Returns an image of red, green and blue: a gray one's channel thrice.
 fn in_three_channels(image: &Image) -> Image {
     if image.channels == 3 {
         return image.clone();

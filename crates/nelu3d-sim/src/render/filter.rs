@@ -2,7 +2,7 @@
 
 /// A separable filter over lines of n subsamples per pixel.
 #[derive(Clone, Debug)]
-pub(crate) struct Filter {
+pub(crate) struct PixelFilter {
     n: usize,
     /// Subsamples it reaches beyond the pixel's own on either side.
     radius: usize,
@@ -10,8 +10,8 @@ pub(crate) struct Filter {
     taps: Vec<f32>,
 }
 
-impl Filter {
-    /// `n` subsamples per pixel, a blur of standard deviation `sigma_px`.
+impl PixelFilter {
+    /// Returns the filter of `n` subsamples per pixel and a blur of standard deviation `sigma_px`.
     pub(crate) fn new(n: usize, sigma_px: f64) -> Self {
         let sigma = sigma_px * n as f64;
         let radius = (4.0 * sigma).ceil() as usize;
@@ -29,22 +29,22 @@ impl Filter {
         Self { n, radius, taps: taps.iter().map(|t| (t / total) as f32).collect() }
     }
 
-    /// Subsamples it reaches beyond the pixel.
+    /// Returns the number of subsamples it reaches beyond the pixel.
     pub(crate) fn radius(&self) -> usize {
         self.radius
     }
 
-    /// Pixels it reaches beyond the image.
+    /// Returns the number of pixels it reaches beyond the image.
     pub(crate) fn margin_px(&self) -> usize {
         self.radius.div_ceil(self.n)
     }
 
-    /// The weight of a subsample by its offset to the pixel's first.
+    /// Returns the weight of a subsample by its offset to the pixel's first.
     pub(crate) fn weight(&self, offset: i64) -> f32 {
         usize::try_from(offset + self.radius as i64).ok().and_then(|i| self.taps.get(i)).copied().unwrap_or(0.0)
     }
 
-    /// A line of subsamples (with `radius` more on either side) to a line of pixels, of `values` (1 or 3) each.
+    /// Filters a line of subsamples (with `radius` more on either side) to a line of pixels, of `values` (1 or 3) each.
     pub(crate) fn reduce_line(&self, line: &[f32], values: usize, pixels: &mut [f32]) {
         match values {
             1 => self.reduce::<1>(line, pixels),
@@ -74,7 +74,7 @@ mod tests {
     #[test]
     fn it_keeps_sums_and_has_the_variance_of_pixel_and_blur() {
         for (n, sigma) in [(1, 0.0), (4, 0.0), (4, 0.4), (3, 1.2), (16, 0.3)] {
-            let filter = Filter::new(n, sigma);
+            let filter = PixelFilter::new(n, sigma);
             let taps: Vec<f64> = filter.taps.iter().map(|&t| f64::from(t)).collect();
             let at = |i: usize| (i as f64 - filter.radius as f64 + 0.5) / n as f64;
             let total: f64 = taps.iter().sum();

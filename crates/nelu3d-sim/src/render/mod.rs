@@ -12,18 +12,18 @@ use nelu3d_scan::camera::Camera;
 use nelu3d_scan::rig::Channels;
 use rayon::prelude::*;
 
-use crate::light::{Frame, Light};
-use crate::random::{Use, hash, mix};
-use crate::scene::Scene;
+use crate::light::{Illumination, LightSource};
+use crate::random::{RandomPurpose, hash, mix};
+use crate::scene::VirtualScene;
 use crate::spec::{InterreflectionSpec, Spec};
-use filter::Filter;
+use filter::PixelFilter;
 use rays::RayGrid;
-use transport::{Place, Transport};
+use transport::{LightTransport, RayId};
 
 /// Rows rendered together. More rows repeat less of the filter's margin, fewer spread better over threads.
 const BAND_ROWS: usize = 24;
 
-/// A camera ready to look at scenes.
+/// A camera with its rays, ready to render scenes.
 #[derive(Debug)]
 pub(crate) struct Renderer {
     camera: Camera,
@@ -36,15 +36,15 @@ pub(crate) struct Renderer {
     /// Sub-rows and sub-columns of a pixel.
     n: usize,
     seed: u64,
-    filter: Filter,
+    filter: PixelFilter,
     rays: RayGrid,
 }
 
 impl Renderer {
-    /// The camera of a checked spec.
+    /// Prepares the camera of a checked spec.
     pub(crate) fn new(spec: &Spec) -> Self {
         let camera = spec.camera.optics().expect("checked with the spec");
-        let filter = Filter::new(spec.supersampling, spec.camera.psf_sigma_px);
+        let filter = PixelFilter::new(spec.supersampling, spec.camera.psf_sigma_px);
         Self {
             rays: RayGrid::new(&camera, filter.margin_px()),
             camera,
@@ -59,13 +59,20 @@ impl Renderer {
         }
     }
 
+    /// Returns the camera's optics.
     pub(crate) fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// The light that every pixel of every frame collects; 1: albedo 1, facing the flash at its reference distance. Images
+    /// Returns the light that every pixel of every frame collects; 1: albedo 1, facing the flash at its reference distance. Images
     /// have the channels of the file: a mosaic is one channel. `shot` numbers the shot, for its random numbers.
-    pub(crate) fn render(&self, scene: &Scene, light: &Light, frames: &[Frame], shot: u64) -> Vec<Image> {
+    pub(crate) fn render(
+        &self,
+        scene: &VirtualScene,
+        light: &LightSource,
+        frames: &[Illumination],
+        shot: u64,
+    ) -> Vec<Image> {
         let (w, h) = (self.camera.width, self.camera.height);
         let bands: Vec<Vec<f32>> = (0..h.div_ceil(BAND_ROWS))
             .into_par_iter()
@@ -87,17 +94,17 @@ impl Renderer {
             .collect()
     }
 
-    /// Channels that are rendered: a mosaic's are picked at the end.
+    /// Returns the number of channels that are rendered: a mosaic's are picked at the end.
     fn values_per_pixel(&self) -> usize {
         self.channels.count()
     }
 
-    /// `frames × rows × width × values` of a band of rows.
+    /// Returns `frames × rows × width × values` of a band of rows.
     fn render_rows(
         &self,
-        scene: &Scene,
-        light: &Light,
-        frames: &[Frame],
+        scene: &VirtualScene,
+        light: &LightSource,
+        frames: &[Illumination],
         shot: u64,
         rows: std::ops::Range<usize>,
     ) -> Vec<f32> {
@@ -128,15 +135,24 @@ impl Renderer {
         band
     }
 
-    /// The light along a line of subsamples, for all frames.
-    fn sample_line(&self, scene: &Scene, light: &Light, frames: &[Frame], shot: u64, sub_row: i64, lines: &mut [f32]) {
+    /// Writes the light along a line of subsamples to `lines`, for all frames.
+    fn sample_line(
+        &self,
+        scene: &VirtualScene,
+        light: &LightSource,
+        frames: &[Illumination],
+        shot: u64,
+        sub_row: i64,
+        lines: &mut [f32],
+    ) {
         let (n, values) = (self.n as i64, self.values_per_pixel());
         let radius = self.filter.radius() as i64;
         let length = lines.len() / frames.len();
         let (y, sub_y) = (sub_row.div_euclid(n), sub_row.rem_euclid(n));
-        let mut transport = Transport::new(scene, light, frames, self.ambient, self.interreflection, self.n * self.n);
-        let row_hash = hash(self.seed, Use::Pixels, [shot, sub_row as u64, 0]);
-        let pixels_hash = hash(self.seed, Use::Pixels, [shot, y as u64, 1]);
+        let mut transport =
+            LightTransport::new(scene, light, frames, self.ambient, self.interreflection, self.n * self.n);
+        let row_hash = hash(self.seed, RandomPurpose::Pixels, [shot, sub_row as u64, 0]);
+        let pixels_hash = hash(self.seed, RandomPurpose::Pixels, [shot, y as u64, 1]);
         for (i, sub_column) in (-radius..self.camera.width as i64 * n + radius).enumerate() {
             let (x, sub_x) = (sub_column.div_euclid(n), sub_column.rem_euclid(n));
             // Multi-jittered (Chiu, Shirley and Wang, Graphics Gems IV): the n² samples of a pixel also differ by 1/n² in x
@@ -153,8 +169,8 @@ impl Renderer {
                 continue;
             };
             let falloff = ray.dir.z.powf(self.vignetting) as f32;
-            let place = Place { pixel: mix(pixels_hash ^ x as u64), sample: (sub_y * n + sub_x) as usize };
-            for (f, radiance) in transport.radiance(&hit, &-ray.dir, place).iter().enumerate() {
+            let id = RayId { pixel: mix(pixels_hash ^ x as u64), sample: (sub_y * n + sub_x) as usize };
+            for (f, radiance) in transport.radiance(&hit, &-ray.dir, id).iter().enumerate() {
                 let radiance = radiance.map(|r| r * falloff);
                 let out = &mut lines[f * length + i * values..][..values];
                 if values == 1 {
@@ -168,6 +184,7 @@ impl Renderer {
         }
     }
 
+    /// Returns rendered channels as an image with the channels of the file.
     fn to_file_channels(&self, data: Vec<f32>) -> Image {
         let (width, height) = (self.camera.width, self.camera.height);
         let Channels::Bayer(cell) = self.channels else {

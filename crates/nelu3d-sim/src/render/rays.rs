@@ -14,6 +14,7 @@ pub(crate) struct RayGrid {
 }
 
 impl RayGrid {
+    /// Computes the rays of all pixels and of `margin_px` around them.
     pub(crate) fn new(camera: &Camera, margin_px: usize) -> Self {
         let columns = camera.width + 2 * margin_px + 1;
         let rows = camera.height + 2 * margin_px + 1;
@@ -25,7 +26,7 @@ impl RayGrid {
         Self { margin: margin_px as i64, columns, corners }
     }
 
-    /// The ray through pixel (x, y) at (fx, fy) of its width and height from its top left corner, all in `[0, 1]`.
+    /// Returns the ray through pixel (x, y) at (fx, fy) of its width and height from its top left corner, all in `[0, 1]`.
     pub(crate) fn ray(&self, x: i64, y: i64, fx: f64, fy: f64) -> Ray {
         let i = (y + self.margin) as usize * self.columns + (x + self.margin) as usize;
         let [a, b] = [self.corners[i], self.corners[i + 1]];

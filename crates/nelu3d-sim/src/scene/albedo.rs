@@ -1,4 +1,4 @@
-//! Colors of surfaces.
+//! Albedo of surfaces.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -12,6 +12,7 @@ use nelu3d_scan::image::{ImageFileError, read_any};
 use crate::random::mix;
 use crate::spec::AlbedoSpec;
 
+/// The reflectance of a surface by its point; see [`AlbedoSpec`].
 #[derive(Clone, Debug)]
 pub(crate) enum Albedo {
     Constant([f32; 3]),
@@ -44,12 +45,12 @@ pub(crate) enum Albedo {
         paper: f32,
         dot_mm: f64,
     },
-    /// Of the mesh's vertices: they need to know the place on the mesh, see [`super::Scene::albedo`].
+    /// Colors of the mesh's vertices, which the scene interpolates: they need the point of the mesh.
     Vertices(Arc<Vec<Vector3<f64>>>),
 }
 
 impl Albedo {
-    /// The color of a checked spec. `colors` are the mesh's.
+    /// Returns the albedo of a checked spec. `colors` are the mesh's.
     pub(crate) fn new(spec: &AlbedoSpec, colors: &[[u8; 3]]) -> Result<Self, ImageFileError> {
         let f32s = |rgb: &[f64; 3]| rgb.map(|v| v as f32);
         Ok(match spec {
@@ -75,7 +76,7 @@ impl Albedo {
         })
     }
 
-    /// Red, green and blue at a point of the object's frame.
+    /// Returns red, green and blue at a point of the object's frame.
     pub(crate) fn at(&self, p: &Point3<f64>) -> [f32; 3] {
         match self {
             Self::Constant(rgb) => *rgb,
@@ -116,7 +117,7 @@ fn between(from: &[f32; 3], to: &[f32; 3], part: f32) -> [f32; 3] {
     std::array::from_fn(|c| from[c] + part * (to[c] - from[c]))
 }
 
-/// A picture as albedos, three channels.
+/// Reads a picture as albedos, three channels.
 fn read_image(file: &Path, srgb: bool) -> Result<Image, ImageFileError> {
     let image = read_any(file)?;
     let value = |v: &f32| if srgb { linear(*v) } else { *v }.clamp(0.0, 1.0);
@@ -127,12 +128,12 @@ fn read_image(file: &Path, srgb: bool) -> Result<Image, ImageFileError> {
     Ok(Image { channels: 3, data, ..image })
 }
 
-/// An sRGB value to linear light (IEC 61966-2-1).
+/// Returns the linear light of an sRGB value (IEC 61966-2-1).
 fn linear(c: f32) -> f32 {
     if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Bilinear; beyond its border a picture goes on as it ends.
+/// Interpolates bilinearly; beyond its border a picture goes on as it ends.
 fn sample(image: &Image, at: [f64; 2]) -> [f32; 3] {
     let sides = [image.width, image.height];
     let at: [f64; 2] = std::array::from_fn(|i| at[i].clamp(0.0, (sides[i] - 1) as f64));
@@ -152,7 +153,7 @@ fn smoothstep(x: f64) -> f64 {
     x * x * (3.0 - 2.0 * x)
 }
 
-/// Smooth noise in `[−1, 1]` with features of size 1: random values at whole coordinates, between them smooth.
+/// Returns smooth noise in `[−1, 1]` with features of size 1: random values at whole coordinates, between them smooth.
 fn noise(p: &Vector3<f64>, seed: u64) -> f64 {
     let cell = p.map(f64::floor);
     let part = (p - cell).map(smoothstep);

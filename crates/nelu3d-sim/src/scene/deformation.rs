@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::spec::{AxisSpec, DeformationSpec};
 
-/// See [`DeformationSpec`].
+/// A smooth map of the object's frame; see [`DeformationSpec`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Deformation(pub(crate) DeformationSpec);
 
@@ -14,7 +14,7 @@ pub(crate) struct Deformation(pub(crate) DeformationSpec);
 const STEP_MM: f64 = 1e-3;
 
 impl Deformation {
-    /// Where a point goes.
+    /// Returns where a point goes.
     pub(crate) fn map(&self, p: &Point3<f64>) -> Point3<f64> {
         match self.0 {
             DeformationSpec::Wave { amplitude_mm, wavelength_mm, phase, direction } => {
@@ -50,7 +50,7 @@ impl Deformation {
         }
     }
 
-    /// The normal of the deformed surface at the image of `p`: the cofactors of the map's derivative, applied to the normal.
+    /// Returns the normal of the deformed surface at the image of `p`: the cofactors of the map's derivative, applied to the normal.
     pub(crate) fn normal(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> Vector3<f64> {
         let [x, y, z] = [0, 1, 2].map(|i| {
             let step = Vector3::ith(i, STEP_MM);
@@ -61,7 +61,7 @@ impl Deformation {
     }
 }
 
-/// sin(x) / x.
+/// Returns sin(x) / x.
 fn sinc(x: f64) -> f64 {
     if x.abs() < 1e-4 { 1.0 - x * x / 6.0 } else { x.sin() / x }
 }

@@ -48,7 +48,16 @@ pub enum BoardSpec {
 }
 
 impl BoardSpec {
-    /// The board.
+    /// Returns the outline `[x_min, y_min, x_max, y_max]`, mm.
+    pub fn extent_mm(&self) -> [f64; 4] {
+        match self {
+            BoardSpec::Charuco { extent_mm, .. }
+            | BoardSpec::Chessboard { extent_mm, .. }
+            | BoardSpec::Markers { extent_mm, .. } => *extent_mm,
+        }
+    }
+
+    /// Returns the board in the form that rigs and detectors use.
     pub fn board(&self) -> Board {
         let (kind, extent_mm) = match self.clone() {
             BoardSpec::Charuco { columns, rows, square_mm, marker_mm, dictionary, legacy, extent_mm } => {

@@ -4,6 +4,8 @@ use nelu3d_scan::camera::{Camera, Distortion};
 use nelu3d_scan::rig::Channels;
 use serde::{Deserialize, Serialize};
 
+use super::defaults::{identity, one};
+
 /// One number for all three colors, or one each for red, green and blue.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "give a number, or three for [red, green, blue]")]
@@ -88,24 +90,14 @@ pub struct CameraSpec {
     pub mono_images: Vec<String>,
 }
 
-fn one() -> f64 {
-    1.0
-}
-
 fn frozen() -> usize {
     1
-}
-
-pub(super) fn identity() -> [[f64; 3]; 3] {
-    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 }
 
 impl CameraSpec {
     /// The optics, or `None` for a number of distortion coefficients that OpenCV does not know.
     pub(crate) fn optics(&self) -> Option<Camera> {
-        let distortion = Distortion::new(&self.distortion)?;
-        let pinhole = Camera::pinhole(self.width, self.height, self.fx, self.fy, self.cx, self.cy);
-        Some(Camera { distortion, ..pinhole })
+        opencv_camera([self.width, self.height], [self.fx, self.fy, self.cx, self.cy], &self.distortion)
     }
 
     /// The color mode, or `None` for an unknown name.
@@ -117,4 +109,15 @@ impl CameraSpec {
     pub fn saturation(&self) -> f64 {
         2f64.powi(self.bits as i32) - 1.0
     }
+}
+
+/// Returns a pinhole camera with OpenCV's distortion from its size and `[fx, fy, cx, cy]`, px, or `None` for a number of
+/// coefficients that OpenCV does not know.
+pub(super) fn opencv_camera(
+    [width, height]: [usize; 2],
+    [fx, fy, cx, cy]: [f64; 4],
+    distortion: &[f64],
+) -> Option<Camera> {
+    let distortion = Distortion::new(distortion)?;
+    Some(Camera { distortion, ..Camera::pinhole(width, height, fx, fy, cx, cy) })
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ObjectSpec;
+use super::object::ObjectSpec;
 
 /// A moving scene, captured frame after frame: each frame has its pattern images and one flash, taken one after another.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

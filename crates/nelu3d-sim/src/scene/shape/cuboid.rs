@@ -3,9 +3,10 @@
 use nalgebra::Vector3;
 use nelu3d_scan::{Mesh, Ray};
 
+/// A box about the origin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cuboid {
-    /// Half its sides.
+    /// Half sides, mm.
     pub(super) half: [f64; 3],
 }
 

@@ -3,8 +3,9 @@
 use nalgebra::{Point3, Vector3};
 use nelu3d_scan::{Mesh, Ray};
 
-use super::{N_RINGS, close_with_discs, revolve};
+use crate::scene::tessellation::{N_RINGS, close_with_discs, revolve};
 
+/// A cylinder about the y axis, closed by discs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cylinder {
     pub(super) radius: f64,
@@ -63,7 +64,7 @@ impl Cylinder {
         p.x.hypot(p.z) < self.radius && p.y.abs() < self.half_height
     }
 
-    /// `disc_rings`: rings of triangles of the discs.
+    /// Returns the surface as triangles, with `disc_rings` rings of them on each disc.
     pub(super) fn mesh(&self, disc_rings: usize) -> Mesh {
         let (r, h) = (self.radius, self.half_height);
         let mut mesh = revolve(|i| [h - 2.0 * h * i as f64 / N_RINGS as f64, r, 0.0, 1.0]);

@@ -1,25 +1,28 @@
-//! Forms whose first intersection with a ray is exact. One file per form; triangles have a folder of their own.
+//! Shapes whose first intersection with a ray is exact. One file per shape; triangles have a folder of their own.
 //!
 //! Every closed form promises, in its own frame: `hit(ray, limit)`, the smallest distance in `(0, limit)` at which the ray meets
 //! the surface, with a unit normal on either side of it; and `mesh()`, triangles with vertices and normals on the surface,
 //! facing outward (toward −z, the camera, where there is no outside). To add one, write its file, add it to [`Shape`], to
-//! the spec and to the test of all forms.
+//! the spec and to the test of all shapes.
 
 mod cuboid;
 mod cylinder;
 mod rectangle;
 mod roots;
 mod sphere;
+mod spline;
 mod step;
 mod torus;
 mod vase;
 
 use std::sync::Arc;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 use nelu3d_scan::{Mesh, Ray};
 
 use super::deformation::Deformation;
+use super::hit::ShapeHit;
+use super::tessellation::subdivide;
 use super::triangles::Triangles;
 use crate::spec::{DeformationSpec, ShapeSpec};
 pub(crate) use cuboid::Cuboid;
@@ -30,28 +33,13 @@ pub(crate) use step::Step;
 pub(crate) use torus::Torus;
 pub(crate) use vase::Vase;
 
-/// Where a ray meets a surface, in the form's frame.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Meeting {
-    /// Distance along the ray.
-    pub(crate) t: f64,
-    /// Unit normal of the surface itself, on either side.
-    pub(crate) normal: Vector3<f64>,
-    /// Unit normal of the smooth surface that triangles stand for; of a closed form the same.
-    pub(crate) smooth: Vector3<f64>,
-    /// Where on the triangles.
-    pub(crate) place: Option<Place>,
-}
+/// Times that a flat side is subdivided before it is bent: into 256 × 256 squares.
+const FLAT_LEVELS: usize = 8;
 
-/// A place on a mesh.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
-    pub(crate) face: u32,
-    /// Of the face's corners.
-    pub(crate) weights: [f64; 3],
-}
+/// Rings of triangles of a disc that is bent.
+const FINE_DISC_RINGS: usize = 64;
 
-/// A form in its own frame.
+/// A shape in its own frame.
 #[derive(Clone, Debug)]
 pub(crate) enum Shape {
     Rectangle(Rectangle),
@@ -65,7 +53,7 @@ pub(crate) enum Shape {
 }
 
 impl Shape {
-    /// The form of a checked spec; `mesh` has the triangles of [`ShapeSpec::Mesh`].
+    /// Returns the shape of a checked spec; `mesh` has the triangles of [`ShapeSpec::Mesh`].
     pub(crate) fn new(spec: &ShapeSpec, mesh: &Mesh) -> Self {
         match spec {
             ShapeSpec::Plane { width_mm, height_mm } => {
@@ -86,7 +74,7 @@ impl Shape {
         }
     }
 
-    /// The form as triangles, bent.
+    /// Returns the shape as triangles, bent.
     pub(crate) fn deformed(self, spec: &DeformationSpec) -> Self {
         let triangles = match self {
             Self::Triangles(t) => Arc::try_unwrap(t).unwrap_or_else(|t| Triangles::new(&t.mesh(), 1.0)),
@@ -95,8 +83,8 @@ impl Shape {
         Self::Triangles(Arc::new(triangles.deformed(&Deformation(*spec))))
     }
 
-    /// The first intersection nearer than `limit`.
-    pub(crate) fn hit(&self, ray: &Ray, limit: f64) -> Option<Meeting> {
+    /// Returns the first intersection nearer than `limit`.
+    pub(crate) fn hit(&self, ray: &Ray, limit: f64) -> Option<ShapeHit> {
         let exact = match self {
             Self::Rectangle(s) => s.hit(ray, limit),
             Self::Sphere(s) => s.hit(ray, limit),
@@ -107,13 +95,13 @@ impl Shape {
             Self::Torus(s) => s.hit(ray, limit),
             Self::Triangles(s) => return s.hit(ray, limit),
         };
-        exact.map(|(t, normal)| Meeting { t, normal, smooth: normal, place: None })
+        exact.map(|(t, normal)| ShapeHit { t, normal, shading_normal: normal, mesh_point: None })
     }
 
-    /// Whether anything is nearer than `limit`.
-    pub(crate) fn blocks(&self, ray: &Ray, limit: f64) -> bool {
+    /// Whether the ray meets anything nearer than `limit`.
+    pub(crate) fn occludes(&self, ray: &Ray, limit: f64) -> bool {
         match self {
-            Self::Triangles(s) => s.blocks(ray, limit),
+            Self::Triangles(s) => s.occludes(ray, limit),
             _ => self.hit(ray, limit).is_some(),
         }
     }
@@ -129,7 +117,7 @@ impl Shape {
         }
     }
 
-    /// The surface as triangles.
+    /// Returns the surface as triangles.
     pub(crate) fn mesh(&self) -> Mesh {
         match self {
             Self::Rectangle(s) => s.mesh(),
@@ -143,11 +131,11 @@ impl Shape {
         }
     }
 
-    /// Triangles small enough to be bent.
+    /// Returns the surface as triangles that are small enough to be bent.
     fn fine_mesh(&self) -> Mesh {
         match self {
             Self::Rectangle(_) | Self::Step(_) | Self::Cuboid(_) => {
-                (0..FLAT_LEVELS).fold(self.mesh(), |m, _| divided(&m))
+                (0..FLAT_LEVELS).fold(self.mesh(), |m, _| subdivide(&m))
             }
             Self::Vase(s) => s.mesh(FINE_DISC_RINGS),
             Self::Cylinder(s) => s.mesh(FINE_DISC_RINGS),
@@ -156,114 +144,12 @@ impl Shape {
     }
 }
 
-/// Times a flat side is divided before it is bent: into 256 × 256 squares.
-const FLAT_LEVELS: usize = 8;
-/// Rings of a disc that is bent.
-const FINE_DISC_RINGS: usize = 64;
-
-/// Every triangle cut into four at the middles of its sides.
-fn divided(mesh: &Mesh) -> Mesh {
-    let mut fine = Mesh { faces: Vec::with_capacity(4 * mesh.faces.len()), ..mesh.clone() };
-    let mut middles = std::collections::HashMap::new();
-    for &[a, b, c] in &mesh.faces {
-        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(i, j)| {
-            *middles.entry((i.min(j), i.max(j))).or_insert_with(|| {
-                let mean = |v: &[[f32; 3]]| -> [f32; 3] {
-                    std::array::from_fn(|k| 0.5 * (v[i as usize][k] + v[j as usize][k]))
-                };
-                fine.vertices.push(mean(&mesh.vertices));
-                fine.normals.push(mean(&mesh.normals));
-                fine.vertices.len() as u32 - 1
-            })
-        });
-        fine.faces.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-    }
-    fine
-}
-
-/// Closes the first (lowest) and last ring of a revolved surface by discs of `rings` rings of triangles.
-fn close_with_discs(mesh: &mut Mesh, rings: usize) {
-    for (ring, ny) in [(0, 1.0f32), (N_RINGS, -1.0)] {
-        let rim: Vec<[f32; 3]> = mesh.vertices[ring * N_SEGMENTS..][..N_SEGMENTS].to_vec();
-        let center = mesh.vertices.len() as u32;
-        mesh.vertices.push([0.0, rim[0][1], 0.0]);
-        // The rim has a vertex of its own on the disc: its normal is another.
-        for k in 1..=rings {
-            let part = k as f32 / rings as f32;
-            mesh.vertices.extend(rim.iter().map(|[x, y, z]| [x * part, *y, z * part]));
-        }
-        mesh.normals.resize(mesh.vertices.len(), [0.0, ny, 0.0]);
-        let at = |k: usize, j: usize| center + 1 + (k * N_SEGMENTS + j % N_SEGMENTS) as u32;
-        let mut push = |[a, b, c]: [u32; 3]| mesh.faces.push(if ny > 0.0 { [a, c, b] } else { [a, b, c] });
-        for j in 0..N_SEGMENTS {
-            push([center, at(0, j), at(0, j + 1)]);
-            for k in 1..rings {
-                push([at(k - 1, j), at(k, j), at(k, j + 1)]);
-                push([at(k - 1, j), at(k, j + 1), at(k - 1, j + 1)]);
-            }
-        }
-    }
-}
-
-/// Rings and segments of a tessellated solid of revolution; 256 keep chords within 0.01 mm of a 100 mm ball.
-const N_RINGS: usize = 256;
-const N_SEGMENTS: usize = 256;
-
-/// A closed surface of revolution about the y axis as triangles: `ring(i)` for i in 0..=N_RINGS is
-/// `[y, radius, normal_y, normal_r]` from the bottom (largest y) to the top.
-fn revolve(ring: impl Fn(usize) -> [f64; 4]) -> Mesh {
-    let mut mesh = Mesh::default();
-    for i in 0..=N_RINGS {
-        let [y, r, ny, nr] = ring(i);
-        for j in 0..N_SEGMENTS {
-            let (s, c) = (std::f64::consts::TAU * j as f64 / N_SEGMENTS as f64).sin_cos();
-            mesh.vertices.push([(r * c) as f32, y as f32, (r * s) as f32]);
-            mesh.normals.push([(nr * c) as f32, ny as f32, (nr * s) as f32]);
-        }
-    }
-    let at = |i: usize, j: usize| (i * N_SEGMENTS + j % N_SEGMENTS) as u32;
-    for i in 0..N_RINGS {
-        for j in 0..N_SEGMENTS {
-            mesh.faces.push([at(i, j), at(i, j + 1), at(i + 1, j)]);
-            mesh.faces.push([at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)]);
-        }
-    }
-    mesh
-}
-
 #[cfg(test)]
-pub(crate) mod tests {
-    use super::*;
+mod tests {
+    use nalgebra::Vector3;
 
-    /// A ball of 20 · 4^levels triangles with exact vertices and normals.
-    pub(crate) fn icosphere(radius: f32, levels: usize) -> Mesh {
-        let g = (1.0 + 5f32.sqrt()) / 2.0;
-        let mut vertices = Vec::new();
-        for (a, b) in [(1.0, g), (-1.0, g), (1.0, -g), (-1.0, -g)] {
-            vertices.extend([[0.0, a, b], [a, b, 0.0], [b, 0.0, a]]);
-        }
-        // The faces of an icosahedron are its triples of vertices at distance 2.
-        let near = |i: usize, j: usize| (Vector3::from(vertices[i]) - Vector3::from(vertices[j])).norm() < 2.01;
-        let mut faces = Vec::new();
-        for i in 0..12 {
-            for j in i + 1..12 {
-                for k in j + 1..12 {
-                    if near(i, j) && near(j, k) && near(i, k) {
-                        let [a, b, c] = [i, j, k].map(|i| Vector3::from(vertices[i]));
-                        let outward = (b - a).cross(&(c - a)).dot(&a) > 0.0;
-                        faces.push(if outward { [i, j, k] } else { [i, k, j] }.map(|i| i as u32));
-                    }
-                }
-            }
-        }
-        let mut mesh = Mesh { normals: vertices.clone(), vertices, faces, ..Mesh::default() };
-        mesh = (0..levels).fold(mesh, |m, _| divided(&m));
-        for (v, n) in mesh.vertices.iter_mut().zip(&mut mesh.normals) {
-            *n = Vector3::from(*v).normalize().into();
-            *v = n.map(|c| c * radius);
-        }
-        mesh
-    }
+    use super::*;
+    use crate::scene::tessellation::icosphere;
 
     fn all() -> Vec<Shape> {
         vec![
@@ -313,7 +199,7 @@ pub(crate) mod tests {
                     assert!(n.dot(&outward) > 0.7, "{}: normal {n} against {outward}", name(&shape));
                 }
                 let ray = Ray { origin: Point3::from(middle + outward * 200.0), dir: -outward };
-                let Meeting { t, normal, .. } =
+                let ShapeHit { t, normal, .. } =
                     shape.hit(&ray, f64::INFINITY).unwrap_or_else(|| panic!("{} missed", name(&shape)));
                 assert!(t < 200.1, "{}: {t}", name(&shape));
                 assert!((normal.norm() - 1.0).abs() < 1e-9);

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use nelu3d_scan::{Mesh, Ray};
 
+/// A rectangle in the plane z = 0.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rectangle {
     min: [f64; 2],

@@ -5,8 +5,9 @@ use std::f64::consts::PI;
 use nalgebra::{Point3, Vector3};
 use nelu3d_scan::{Mesh, Ray};
 
-use super::{N_RINGS, revolve};
+use crate::scene::tessellation::{N_RINGS, revolve};
 
+/// A ball about the origin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sphere {
     pub(super) radius: f64,

@@ -3,8 +3,9 @@
 use nalgebra::{Point3, Vector3};
 use nelu3d_scan::{Mesh, Ray};
 
-use super::Rectangle;
+use super::rectangle::Rectangle;
 
+/// Two rectangles side by side at different depths, joined by a wall.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Step {
     pub(super) half_width: f64,
@@ -22,7 +23,7 @@ impl Step {
         Rectangle::new([0.0, -self.half_height], [self.half_width, self.half_height])
     }
 
-    /// The outward normal of the wall points to the half that lies deeper.
+    /// Returns the outward normal of the wall, which points to the half that lies deeper.
     fn wall_normal(&self) -> Vector3<f64> {
         Vector3::new(self.jump.signum(), 0.0, 0.0)
     }

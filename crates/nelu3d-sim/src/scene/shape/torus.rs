@@ -5,8 +5,10 @@ use std::f64::consts::TAU;
 use nalgebra::{Point3, Vector3};
 use nelu3d_scan::{Mesh, Ray};
 
-use super::{N_RINGS, N_SEGMENTS, revolve, roots::first_root};
+use super::roots::first_root;
+use crate::scene::tessellation::{N_RINGS, N_SEGMENTS, revolve};
 
+/// A ring about the y axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Torus {
     pub(super) major: f64,
@@ -43,7 +45,7 @@ impl Torus {
         (t > 0.0 && t < limit).then(|| (t, self.normal(&ray.at(t))))
     }
 
-    /// From the nearest point of the ring's middle line.
+    /// Returns the unit normal: away from the nearest point of the ring's middle line.
     fn normal(&self, p: &Point3<f64>) -> Vector3<f64> {
         let axis_distance = p.x.hypot(p.z);
         let part = 1.0 - self.major / axis_distance;

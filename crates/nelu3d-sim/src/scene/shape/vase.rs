@@ -4,9 +4,11 @@
 use nalgebra::Vector3;
 use nelu3d_scan::{Mesh, Ray};
 
-use super::{N_RINGS, close_with_discs, revolve};
+use super::roots::first_crossing;
+use super::spline::{cubic, natural_spline, substitute_linear};
+use crate::scene::tessellation::{N_RINGS, close_with_discs, revolve};
 
-/// Heights grow toward −y; the foot is at y = 0.
+/// A solid of revolution about the y axis, closed by discs. Heights grow toward −y; the foot is at y = 0.
 #[derive(Clone, Debug)]
 pub(crate) struct Vase {
     /// Heights of the knots, mm.
@@ -21,7 +23,7 @@ pub(crate) struct Vase {
 const CHECKS: usize = 64;
 
 impl Vase {
-    /// The vase through `[height, radius]` pairs, or `None` where they make none: see the spec.
+    /// Returns the vase through `[height, radius]` pairs, or `None` where they make none: see the spec.
     pub(crate) fn new(profile: &[[f64; 2]]) -> Option<Self> {
         let rising = profile.windows(2).all(|w| w[1][0] > w[0][0]);
         let good = profile.iter().all(|p| p[0].is_finite() && p[1] > 0.0 && p[1] < 1e6);
@@ -37,7 +39,7 @@ impl Vase {
         for i in 0..vase.pieces.len() {
             let length = vase.heights[i + 1] - vase.heights[i];
             for k in 0..=CHECKS {
-                let square = value(&vase.pieces[i], length * k as f64 / CHECKS as f64);
+                let square = cubic(&vase.pieces[i], length * k as f64 / CHECKS as f64);
                 // Far from zero, not merely above it: nothing happens between two checks then.
                 if square.is_nan() || square < 0.05 * smallest * smallest {
                     return None;
@@ -54,11 +56,11 @@ impl Vase {
         self.heights[self.heights.len() - 1]
     }
 
-    /// Squared radius and its slope at a height.
+    /// Returns the squared radius and its slope at a height.
     fn square(&self, h: f64) -> (f64, f64) {
         let i = self.heights.partition_point(|&k| k <= h).clamp(1, self.pieces.len()) - 1;
         let (c, x) = (&self.pieces[i], h - self.heights[i]);
-        (value(c, x), c[1] + x * (2.0 * c[2] + x * 3.0 * c[3]))
+        (cubic(c, x), c[1] + x * (2.0 * c[2] + x * 3.0 * c[3]))
     }
 
     pub(super) fn hit(&self, ray: &Ray, limit: f64) -> Option<(f64, Vector3<f64>)> {
@@ -92,7 +94,7 @@ impl Vase {
         loop {
             let knot = if dh > 0.0 { self.heights[i + 1] } else { self.heights[i] };
             let leaves = if dh == 0.0 { length } else { ((knot - h0) / dh).clamp(s, length) };
-            let c = shifted(&self.pieces[i], h0 - self.heights[i], dh);
+            let c = substitute_linear(&self.pieces[i], h0 - self.heights[i], dh);
             let poly = [quadratic[0] - c[0], quadratic[1] - c[1], quadratic[2] - c[2], -c[3]];
             if let Some(root) = first_crossing(&poly, s, leaves, inside) {
                 let p = ray.at(start + root);
@@ -110,7 +112,7 @@ impl Vase {
         (inside && end < limit).then(|| (end, Vector3::new(0.0, ray.dir.y.signum(), 0.0)))
     }
 
-    /// Where the ray is within the heights and the largest radius.
+    /// Returns where the ray is within the heights and the largest radius.
     fn bounds(&self, ray: &Ray) -> Option<(f64, f64)> {
         let (o, d) = (ray.origin, ray.dir);
         let (mut start, mut end) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -137,7 +139,7 @@ impl Vase {
         (start < end).then_some((start, end))
     }
 
-    /// `disc_rings`: rings of triangles of the discs.
+    /// Returns the surface as triangles, with `disc_rings` rings of them on each disc.
     pub(super) fn mesh(&self, disc_rings: usize) -> Mesh {
         let mut mesh = revolve(|i| {
             let h = self.height() * i as f64 / N_RINGS as f64;
@@ -149,83 +151,6 @@ impl Vase {
         close_with_discs(&mut mesh, disc_rings);
         mesh
     }
-}
-
-fn value(c: &[f64; 4], x: f64) -> f64 {
-    c[0] + x * (c[1] + x * (c[2] + x * c[3]))
-}
-
-/// The coefficients in s of `Σ c_k (x0 + d s)^k`.
-fn shifted(c: &[f64; 4], x0: f64, d: f64) -> [f64; 4] {
-    let c1 = c[1] + x0 * (2.0 * c[2] + x0 * 3.0 * c[3]);
-    let c2 = c[2] + x0 * 3.0 * c[3];
-    [value(c, x0), c1 * d, c2 * d * d, c[3] * d * d * d]
-}
-
-/// The first s in `[from, to]` where the cubic goes from positive to not positive (or, from `inside`, from negative to not
-/// negative). The cubic is cut at its extrema, so that every part has at most one crossing and none is missed.
-fn first_crossing(poly: &[f64; 4], from: f64, to: f64, inside: bool) -> Option<f64> {
-    let sign = if inside { -1.0 } else { 1.0 };
-    let f = |s: f64| sign * value(poly, s);
-    let mut cuts = [from, from, from, to];
-    let (a, b, c) = (3.0 * poly[3], 2.0 * poly[2], poly[1]);
-    let root = (b * b - 4.0 * a * c).max(0.0).sqrt();
-    // Both roots of the derivative without cancellation; a vanishing divisor gives infinity or NaN, which is no cut.
-    let q = -0.5 * (b + root.copysign(b));
-    let mut extrema = [q / a, c / q];
-    extrema.sort_by(f64::total_cmp);
-    let mut n = 1;
-    for e in extrema {
-        if e > from && e < to {
-            cuts[n] = e;
-            n += 1;
-        }
-    }
-    cuts[n] = to;
-    for part in cuts[..=n].windows(2) {
-        let (mut p, mut q) = (part[0], part[1]);
-        if f(p) > 0.0 && f(q) <= 0.0 {
-            // Bisection ends when no number lies between; 200 halvings are more than there are.
-            for _ in 0..200 {
-                let middle = 0.5 * (p + q);
-                if middle <= p || middle >= q || q - p < 1e-12 {
-                    break;
-                }
-                if f(middle) > 0.0 {
-                    p = middle;
-                } else {
-                    q = middle;
-                }
-            }
-            return Some(0.5 * (p + q));
-        }
-    }
-    None
-}
-
-/// The natural cubic spline through `(x, y)`: its pieces' coefficients about their left knots. Thomas algorithm for the
-/// second derivatives (de Boor, *A Practical Guide to Splines*, ch. IV).
-fn natural_spline(x: &[f64], y: &[f64]) -> Vec<[f64; 4]> {
-    let n = x.len();
-    let h: Vec<f64> = x.windows(2).map(|w| w[1] - w[0]).collect();
-    let slope: Vec<f64> = (0..n - 1).map(|i| (y[i + 1] - y[i]) / h[i]).collect();
-    // Second derivatives m; m[0] = m[n − 1] = 0.
-    let (mut upper, mut right) = (vec![0.0; n], vec![0.0; n]);
-    for i in 1..n - 1 {
-        let diagonal = 2.0 * (h[i - 1] + h[i]) - h[i - 1] * upper[i - 1];
-        upper[i] = h[i] / diagonal;
-        right[i] = (6.0 * (slope[i] - slope[i - 1]) - h[i - 1] * right[i - 1]) / diagonal;
-    }
-    let mut m = vec![0.0; n];
-    for i in (1..n - 1).rev() {
-        m[i] = right[i] - upper[i] * m[i + 1];
-    }
-    (0..n - 1)
-        .map(|i| {
-            let linear = slope[i] - h[i] * (2.0 * m[i] + m[i + 1]) / 6.0;
-            [y[i], linear, 0.5 * m[i], (m[i + 1] - m[i]) / (6.0 * h[i])]
-        })
-        .collect()
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::ray::{Ray as BoxRay, RayHit};
 
 use super::deformation::Deformation;
-use super::shape::{Meeting, Place};
+use super::hit::{MeshPoint, ShapeHit};
 use watertight::Shear;
 
 /// Boxes are larger than their triangles by this part of the mesh's radius: more than all rounding in their tests.
@@ -26,10 +26,10 @@ pub(crate) struct Triangles {
     /// Unit vertex normals, or empty.
     normals: Vec<Vector3<f64>>,
     faces: Vec<[u32; 3]>,
-    /// Over `vertices − center`.
+    /// Tree of boxes over `vertices − center`.
     tree: Bvh2,
     center: Point3<f64>,
-    /// Of a ball about `center` with everything in it.
+    /// Radius of a ball about `center` with everything in it.
     radius: f64,
 }
 
@@ -40,7 +40,7 @@ impl std::fmt::Debug for Triangles {
 }
 
 impl Triangles {
-    /// A mesh of finite vertices whose faces exist.
+    /// Returns a mesh of finite vertices whose faces exist.
     pub(crate) fn new(mesh: &Mesh, scale: f64) -> Self {
         let vertices = mesh.vertices.iter().map(|v| Point3::from(v.map(f64::from)) * scale).collect();
         let normals: Vec<Vector3<f64>> = mesh.normals.iter().map(|n| Vector3::from(n.map(f64::from))).collect();
@@ -49,7 +49,7 @@ impl Triangles {
         Self::build(vertices, Vec::new(), if smooth { normals } else { Vec::new() }, mesh.faces.clone())
     }
 
-    /// The mesh bent by a deformation of its frame.
+    /// Returns the mesh bent by a deformation of its frame.
     pub(crate) fn deformed(self, deformation: &Deformation) -> Self {
         let vertices = self.vertices.iter().map(|p| deformation.map(p)).collect();
         let normals = self.normals.iter().zip(&self.vertices).map(|(n, p)| deformation.normal(p, n)).collect();
@@ -84,8 +84,8 @@ impl Triangles {
         Self { vertices, rest, normals, faces, tree, center, radius }
     }
 
-    /// The first intersection nearer than `limit`; among equally near ones that of the first triangle.
-    pub(crate) fn hit(&self, ray: &Ray, limit: f64) -> Option<Meeting> {
+    /// Returns the first intersection nearer than `limit`; among equally near ones that of the first triangle.
+    pub(crate) fn hit(&self, ray: &Ray, limit: f64) -> Option<ShapeHit> {
         let (start, box_ray) = self.enter(ray, limit)?;
         let shear = Shear::new(ray);
         let pad = PADDING * self.radius;
@@ -101,11 +101,11 @@ impl Triangles {
             // Boxes that may hold something as near must still be opened.
             (t - start + pad) as f32 * (1.0 + f32::EPSILON)
         });
-        nearest.map(|(t, face, weights)| self.meeting(t, face, weights))
+        nearest.map(|(t, face, weights)| self.shape_hit(t, face, weights))
     }
 
-    /// Whether anything is nearer than `limit`.
-    pub(crate) fn blocks(&self, ray: &Ray, limit: f64) -> bool {
+    /// Whether the ray meets anything nearer than `limit`.
+    pub(crate) fn occludes(&self, ray: &Ray, limit: f64) -> bool {
         let Some((_, box_ray)) = self.enter(ray, limit) else { return false };
         let shear = Shear::new(ray);
         !self.tree.ray_traverse_miss(box_ray, |_, i| {
@@ -114,7 +114,7 @@ impl Triangles {
         })
     }
 
-    /// The ray for the tree, and how far along the other it starts: close to the mesh, where `f32` is exact enough.
+    /// Returns the ray for the tree, and how far along `ray` it starts: close to the mesh, where `f32` is exact enough.
     fn enter(&self, ray: &Ray, limit: f64) -> Option<(f64, BoxRay)> {
         let from = ray.origin - self.center;
         let middle = -from.dot(&ray.dir);
@@ -139,36 +139,37 @@ impl Triangles {
         self.faces[face as usize].map(|i| &self.vertices[i as usize])
     }
 
-    fn meeting(&self, t: f64, face: u32, weights: [f64; 3]) -> Meeting {
+    fn shape_hit(&self, t: f64, face: u32, weights: [f64; 3]) -> ShapeHit {
         let [a, b, c] = self.corners(face);
         let normal = (b - a).cross(&(c - a)).normalize();
-        let place = Place { face, weights };
-        let mut smooth = normal;
+        let point = MeshPoint { face, weights };
+        let mut shading_normal = normal;
         if !self.normals.is_empty() {
-            let sum: Vector3<f64> = self.interpolate(&place, |i| self.normals[i]);
+            let sum: Vector3<f64> = self.interpolate(&point, |i| self.normals[i]);
             let length = sum.norm();
             if length > 1e-6 {
-                smooth = sum / length;
+                shading_normal = sum / length;
             }
         }
-        Meeting { t, normal, smooth, place: Some(place) }
+        ShapeHit { t, normal, shading_normal, mesh_point: Some(point) }
     }
 
-    /// Where a point was before the deformation; `None` without one.
-    pub(crate) fn at_rest(&self, place: &Place) -> Option<Point3<f64>> {
-        (!self.rest.is_empty()).then(|| Point3::from(self.interpolate(place, |i| self.rest[i].coords)))
+    /// Returns where a point was before the deformation; `None` without one.
+    pub(crate) fn at_rest(&self, point: &MeshPoint) -> Option<Point3<f64>> {
+        (!self.rest.is_empty()).then(|| Point3::from(self.interpolate(point, |i| self.rest[i].coords)))
     }
 
-    /// A value at a place, between those at the vertices.
-    pub(crate) fn interpolate<T>(&self, place: &Place, value: impl Fn(usize) -> T) -> T
+    /// Returns a value at a point of the mesh, interpolated between those at the vertices.
+    pub(crate) fn interpolate<T>(&self, point: &MeshPoint, value: impl Fn(usize) -> T) -> T
     where
         T: std::ops::Mul<f64, Output = T> + std::ops::Add<Output = T>,
     {
-        let [a, b, c] = self.faces[place.face as usize].map(|i| value(i as usize));
-        let [u, v, w] = place.weights;
+        let [a, b, c] = self.faces[point.face as usize].map(|i| value(i as usize));
+        let [u, v, w] = point.weights;
         a * u + b * v + c * w
     }
 
+    /// Returns the triangles as a mesh.
     pub(crate) fn mesh(&self) -> Mesh {
         Mesh {
             vertices: self.vertices.iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect(),
@@ -184,7 +185,7 @@ mod tests {
     use rand::RngExt;
 
     use super::*;
-    use crate::random::{Use, generator};
+    use crate::random::{RandomPurpose, generator};
 
     /// Every face tested, none left out.
     fn brute_force(mesh: &Triangles, ray: &Ray) -> Option<(f64, u32)> {
@@ -195,7 +196,7 @@ mod tests {
 
     #[test]
     fn the_tree_finds_what_testing_every_triangle_finds() {
-        let mut random = generator(5, Use::Pixels, [0; 3]);
+        let mut random = generator(5, RandomPurpose::Pixels, [0; 3]);
         let mut unit = || 2.0 * random.random::<f64>() - 1.0;
         let mut vector = |scale: f64| Vector3::new(scale * unit(), scale * unit(), scale * unit());
         let (mut hits, mut twice) = (0, 0);
@@ -225,13 +226,13 @@ mod tests {
                 let ray = Ray { origin, dir };
                 let expected = brute_force(&mesh, &ray);
                 let got = mesh.hit(&ray, f64::INFINITY);
-                let face = got.as_ref().and_then(|m| m.place).map(|p| p.face);
+                let face = got.as_ref().and_then(|m| m.mesh_point).map(|p| p.face);
                 assert_eq!(got.map(|m| m.t.to_bits()), expected.map(|e| e.0.to_bits()), "{ray:?}");
                 assert_eq!(face, expected.map(|e| e.1), "{ray:?}");
                 if let Some((t, face)) = expected {
                     hits += 1;
                     twice += usize::from(face % 11 == 0);
-                    assert!(mesh.blocks(&ray, t * (1.0 + 1e-12)) && !mesh.blocks(&ray, t));
+                    assert!(mesh.occludes(&ray, t * (1.0 + 1e-12)) && !mesh.occludes(&ray, t));
                     assert!(mesh.hit(&ray, t).is_none());
                 }
             }
@@ -243,7 +244,7 @@ mod tests {
     #[test]
     fn a_closed_surface_has_no_gaps() {
         let n = 24;
-        let sphere = super::super::shape::tests::icosphere(30.0, 3);
+        let sphere = super::super::tessellation::icosphere(30.0, 3);
         let mesh = Triangles::new(&sphere, 1.0);
         let mut rays = 0;
         for face in &mesh.faces {
@@ -267,6 +268,6 @@ mod tests {
     fn nothing_is_hit_in_an_empty_mesh() {
         let mesh = Triangles::new(&Mesh::default(), 1.0);
         let ray = Ray { origin: Point3::origin(), dir: Vector3::z() };
-        assert!(mesh.hit(&ray, f64::INFINITY).is_none() && !mesh.blocks(&ray, f64::INFINITY));
+        assert!(mesh.hit(&ray, f64::INFINITY).is_none() && !mesh.occludes(&ray, f64::INFINITY));
     }
 }

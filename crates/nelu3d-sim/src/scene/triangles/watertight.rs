@@ -4,7 +4,7 @@
 use nalgebra::{Point3, Vector3};
 use nelu3d_scan::Ray;
 
-/// The map that makes a ray the unit vector z from the origin: what of a ray its intersections share.
+/// The map that takes a ray to the unit vector z from the origin, which all intersections of the ray share.
 pub(super) struct Shear {
     origin: Point3<f64>,
     axes: [usize; 3],
@@ -12,6 +12,7 @@ pub(super) struct Shear {
 }
 
 impl Shear {
+    /// Returns the map of a ray.
     pub(super) fn new(ray: &Ray) -> Self {
         let z = ray.dir.iamax();
         let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
@@ -23,7 +24,7 @@ impl Shear {
         Self { origin: ray.origin, axes: [x, y, z], shear: [d[x] / d[z], d[y] / d[z], 1.0 / d[z]] }
     }
 
-    /// Distance along the ray, above 0, and the corners' weights.
+    /// Returns the distance along the ray, above 0, and the corners' weights.
     #[inline]
     pub(super) fn hit(&self, corners: [&Point3<f64>; 3]) -> Option<(f64, [f64; 3])> {
         let ([x, y, z], s) = (self.axes, self.shear);

@@ -1,10 +1,10 @@
 //! Scanners with a film projector, one with a machine-vision and one with a high-speed camera. The numbers and their sources
 //! are in docs/simulator.md.
 
-use super::{MIDDLE_MM, object, vase};
+use super::parts::{MIDDLE_MM, charuco_board, vase};
 use crate::spec::{
-    AlbedoSpec, BoardSpec, CameraSpec, FilmSpec, InterreflectionSpec, LightSpec, MotionSpec, MovingObjectSpec,
-    ObjectSpec, SceneSpec, SequenceSpec, ShapeSpec, Spec, SweepSpec,
+    AlbedoSpec, CameraSpec, FilmSpec, InterreflectionSpec, LightSpec, MotionSpec, MovingObjectSpec, ObjectSpec,
+    SceneSpec, SequenceSpec, ShapeSpec, Spec, SweepSpec,
 };
 
 /// A LUCID Triton with a Sony IMX273 (3.45 µm pixels), a 6 mm lens, cropped to 640 × 480.
@@ -40,15 +40,7 @@ pub(super) fn triton() -> Spec {
         },
         light: LightSpec::Film(film()),
         pattern_sets: Vec::new(),
-        board: BoardSpec::Charuco {
-            columns: 10,
-            rows: 8,
-            square_mm: 20.0,
-            marker_mm: 15.0,
-            dictionary: "DICT_4X4_50".into(),
-            legacy: false,
-            extent_mm: [0.0, 0.0, 200.0, 160.0],
-        },
+        board: charuco_board(10, 8, 20.0),
         board_albedo: [0.3, 0.85],
         print_dpi: Some(600.0),
         sweep: SweepSpec::Stage {
@@ -63,8 +55,8 @@ pub(super) fn triton() -> Spec {
             write_poses: false,
         },
         scenes: vec![
-            SceneSpec { name: "vase".into(), black: false, objects: vec![vase(colors())] },
-            SceneSpec { name: "ball".into(), black: false, objects: vec![ball([0.0, 0.0, MIDDLE_MM])] },
+            SceneSpec { black: false, ..SceneSpec::new("vase", vec![vase(colors())]) },
+            SceneSpec { black: false, ..SceneSpec::new("ball", vec![ball([0.0, 0.0, MIDDLE_MM])]) },
         ],
         // 400 images a second, pattern and flash in turns.
         sequences: vec![flying_ball(200.0, 0.0025)],
@@ -129,7 +121,8 @@ fn colors() -> AlbedoSpec {
 }
 
 fn ball(at: [f64; 3]) -> ObjectSpec {
-    ObjectSpec { albedo: colors(), ..object(at, [0.3, 0.2, 0.1], ShapeSpec::Sphere { radius_mm: 45.0 }) }
+    let ball = ObjectSpec::new(ShapeSpec::Sphere { radius_mm: 45.0 }, at);
+    ObjectSpec { rotation: [0.3, 0.2, 0.1], albedo: colors(), ..ball }
 }
 
 /// A thrown ball, 0.6 m/s sideways and 0.5 m/s nearer, that turns and falls; four frames.

@@ -1,12 +1,9 @@
 //! Scanners with a projector: a good one and a cheap one. The numbers and their sources are in docs/simulator.md.
 
-use nelu3d_scan::board::Marker;
-use nelu3d_scan::pattern::{Axis, Pattern, Random, Sinusoid, Triangle};
-
-use super::{IDENTITY, MIDDLE_MM, object, vase};
+use super::parts::{IDENTITY, MIDDLE_MM, marker_board, mixed_patterns, vase};
 use crate::spec::{
-    AlbedoSpec, BlackImage, BoardSpec, CameraSpec, InterreflectionSpec, LightSpec, PatternSetSpec, ProjectorSpec,
-    SceneSpec, ShapeSpec, Spec, SweepSpec,
+    AlbedoSpec, BlackImage, CameraSpec, InterreflectionSpec, LightSpec, ObjectSpec, ProjectorSpec, SceneSpec,
+    ShapeSpec, Spec, SweepSpec,
 };
 
 /// A machine-vision camera (Sony IMX273, 3.45 µm pixels) behind a 6 mm lens, cropped to 640 × 480.
@@ -69,8 +66,8 @@ pub(super) fn dlp() -> Spec {
             primaries: IDENTITY,
             black: BlackImage::Darkest,
         }),
-        pattern_sets: vec![mixed(1280.0, 32.0)],
-        board: board(),
+        pattern_sets: vec![mixed_patterns(1280.0, 32.0, 9)],
+        board: marker_board(6, 20.0, 27.0, 108.0, [115.0, 85.0]),
         board_albedo: [0.05, 0.85],
         print_dpi: Some(600.0),
         sweep: SweepSpec::Stage {
@@ -116,46 +113,19 @@ pub(super) fn lcd() -> Spec {
             gamma: 2.2.into(),
             ..good
         }),
-        pattern_sets: vec![mixed(800.0, 40.0)],
+        pattern_sets: vec![mixed_patterns(800.0, 40.0, 9)],
         ..dlp
     }
 }
 
-/// Three patterns across a projector's `width`.
-fn mixed(width: f64, period_px: f64) -> PatternSetSpec {
-    PatternSetSpec {
-        name: "mixed3".into(),
-        patterns: vec![
-            Pattern::Sinusoid(Sinusoid { axis: Axis::X, period_px, steps: 1 }),
-            Pattern::Triangle(Triangle { axis: Axis::X, period_px: width / 3.0 }),
-            Pattern::Random(Random { axis: Axis::X, min_period_px: width / 16.0, max_period_px: width / 2.0, seed: 9 }),
-        ],
-    }
-}
-
-/// A white board with a column of markers at its left and right edge.
-fn board() -> BoardSpec {
-    let (side, pitch) = (20.0, 27.0);
-    let mut markers = Vec::new();
-    for x in [-108.0, 108.0 - side] {
-        for row in 0..6 {
-            let y = (f64::from(row) - 2.5) * pitch - side / 2.0;
-            let corners_mm = [[x, y], [x + side, y], [x + side, y + side], [x, y + side]];
-            markers.push(Marker { id: markers.len() as u32, corners_mm });
-        }
-    }
-    BoardSpec::Markers { dictionary: "DICT_4X4_50".into(), markers, extent_mm: [-115.0, -85.0, 115.0, 85.0] }
-}
-
 fn scenes() -> Vec<SceneSpec> {
-    let scene = |name: &str, objects| SceneSpec { name: name.into(), black: true, objects };
-    let ball = |at: [f64; 3], radius_mm| object(at, [0.0; 3], ShapeSpec::Sphere { radius_mm });
+    let ball = |at: [f64; 3], radius_mm| ObjectSpec::new(ShapeSpec::Sphere { radius_mm }, at);
     let mut beside = vase(AlbedoSpec::default());
     beside.position_mm[0] = -38.0;
     beside.position_mm[2] += 15.0;
     vec![
-        scene("sphere", vec![ball([0.0, 0.0, MIDDLE_MM], 60.0)]),
-        scene("vase", vec![vase(AlbedoSpec::default())]),
-        scene("two", vec![beside, ball([48.0, 30.0, MIDDLE_MM - 25.0], 34.0)]),
+        SceneSpec::new("sphere", vec![ball([0.0, 0.0, MIDDLE_MM], 60.0)]),
+        SceneSpec::new("vase", vec![vase(AlbedoSpec::default())]),
+        SceneSpec::new("two", vec![beside, ball([48.0, 30.0, MIDDLE_MM - 25.0], 34.0)]),
     ]
 }

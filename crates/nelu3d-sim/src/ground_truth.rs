@@ -1,16 +1,16 @@
-//! What is really there: depth, mask and mesh of a scene.
+//! Ground truth: depth, mask and mesh of a scene.
 
 use nelu3d_scan::Mesh;
 use nelu3d_scan::camera::Camera;
 use rayon::prelude::*;
 
-use crate::light::Light;
-use crate::scene::Scene;
+use crate::light::LightSource;
+use crate::scene::VirtualScene;
 use crate::spec::Spec;
 
-/// The truth about a scene, exact but for rounding to `f32`.
+/// The ground truth of a scene, exact but for rounding to `f32`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Truth {
+pub struct GroundTruth {
     /// `height × width`: camera-frame z of the first surface at the pixel's center, mm; NaN where there is none.
     pub depth: Vec<f32>,
     /// `height × width`: whether depth is finite and the light source's pattern and flash reach the point.
@@ -19,16 +19,17 @@ pub struct Truth {
     pub mesh: Mesh,
 }
 
-impl Truth {
-    pub(crate) fn new(camera: &Camera, scene: &Scene, light: &Light) -> Self {
+impl GroundTruth {
+    /// Computes the ground truth of what a camera sees.
+    pub(crate) fn new(camera: &Camera, scene: &VirtualScene, light: &LightSource) -> Self {
         let w = camera.width;
         let pixels: Vec<(f32, bool)> = (0..camera.n_pixels())
             .into_par_iter()
             .map(|i| match scene.hit(&camera.ray([(i % w) as f64, (i / w) as f64])) {
                 None => (f32::NAN, false),
                 Some(hit) => {
-                    let lit = light.lit(&hit.point, &hit.normal, |to| scene.sees(&hit, to));
-                    (hit.point.z as f32, light.reaches(&lit))
+                    let sample = light.sample(&hit.point, &hit.shading_normal, &|to| scene.is_visible_from(&hit, to));
+                    (hit.point.z as f32, light.illuminates(&sample))
                 }
             })
             .collect();
@@ -36,15 +37,15 @@ impl Truth {
         Self { depth, mask, mesh: scene.mesh() }
     }
 
-    /// The truth about scene `index` of a spec.
+    /// Returns the ground truth of scene `index` of a spec.
     ///
     /// # Panics
     ///
     /// If the spec does not pass [`Spec::check`] (which reads the files it names) or has no such scene.
     pub fn of_scene(spec: &Spec, index: usize) -> Self {
         let camera = spec.camera.optics().expect("checked with the spec");
-        let scene = Scene::new(&spec.scenes[index].objects).expect("checked with the spec");
-        // What the light shows does not matter for whether it reaches.
-        Self::new(&camera, &scene, &Light::new(spec, &[]))
+        let scene = VirtualScene::new(&spec.scenes[index].objects).expect("checked with the spec");
+        // What the light source shows does not matter for where it reaches.
+        Self::new(&camera, &scene, &LightSource::new(spec, &[]))
     }
 }

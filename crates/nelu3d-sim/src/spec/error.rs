@@ -1,0 +1,76 @@
+//! Errors of specs.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use nelu3d_scan::image::ImageFileError;
+use nelu3d_scan::mesh::MeshFileError;
+use nelu3d_scan::pattern::PatternError;
+
+/// Why a spec cannot be simulated.
+#[derive(Debug, thiserror::Error)]
+pub enum SpecError {
+    /// The file cannot be read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Something in a file.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: Box<SpecError>,
+    },
+    /// Not TOML, an unknown key, or a value of another type.
+    #[error("{reason}")]
+    Syntax {
+        /// What the parser said, with the line.
+        reason: String,
+    },
+    /// A value that makes no sense.
+    #[error("`{key}` is {value}; {remedy}")]
+    Value {
+        /// The key.
+        key: String,
+        /// Its value.
+        value: String,
+        /// What it must be.
+        remedy: String,
+    },
+    /// A mesh that cannot be read.
+    #[error("`{key}`: {source}")]
+    Mesh {
+        /// The key.
+        key: String,
+        /// What is wrong with the file.
+        source: MeshFileError,
+    },
+    /// A picture that cannot be read.
+    #[error("`{key}`: {source}")]
+    Image {
+        /// The key.
+        key: String,
+        /// What is wrong with the file.
+        source: ImageFileError,
+    },
+    /// A pattern that cannot be made.
+    #[error("pattern set `{set}`: {source}")]
+    Pattern {
+        /// Its set.
+        set: String,
+        /// What is wrong with it.
+        source: PatternError,
+    },
+}
+
+impl SpecError {
+    /// Names the spec file in which the error is.
+    pub(crate) fn in_file(self, path: &Path) -> Self {
+        Self::File { path: path.into(), source: Box::new(self) }
+    }
+}
