@@ -7,7 +7,7 @@ use nelu3d_scan::rig::PatternSet;
 use nelu3d_scan::{Image, Projector, Rig};
 
 use super::error::DecodeError;
-use super::projector::Response;
+use super::response::Response;
 
 /// How much an image may vary across its axis, as a share of full scale: a code of eight bits and a half.
 const FLAT: f32 = 1.5 / 255.0;
@@ -23,7 +23,7 @@ pub(crate) enum ProjectedLight {
 }
 
 impl ProjectedLight {
-    /// ProjectedLight, 0 to 1, of a value 0 to 1.
+    /// Returns the light, 0 to 1, of a value 0 to 1.
     fn of(&self, value: f32) -> f32 {
         match self {
             ProjectedLight::Power(gamma) => value.max(0.0).powf(*gamma),
@@ -41,7 +41,7 @@ pub(crate) struct Line {
     pub(super) channel: usize,
     /// The file.
     pub(super) path: PathBuf,
-    /// ProjectedLight, 0 to 1, one per column (or row).
+    /// Light, 0 to 1, one per column (or row).
     pub(super) values: Vec<f32>,
 }
 
@@ -75,7 +75,12 @@ impl Code {
     /// # Errors
     ///
     /// One is missing, cannot be read, has another size than the projector, or changes along both axes.
-    pub(crate) fn read(rig: &Rig, set: &PatternSet, projector: &Projector, light: &ProjectedLight) -> Result<Self, DecodeError> {
+    pub(crate) fn read(
+        rig: &Rig,
+        set: &PatternSet,
+        projector: &Projector,
+        light: &ProjectedLight,
+    ) -> Result<Self, DecodeError> {
         let size = [projector.optics.width, projector.optics.height];
         Self::read_sized(rig, set, Some(size), light)
     }
@@ -138,7 +143,12 @@ impl Code {
 
 /// The axis along which an image changes (none if it does not change at all) and its values along it, one line per color
 /// channel, or one if the channels are the same.
-fn lines(image: Image, path: &Path, index: usize, light: &ProjectedLight) -> Result<(Option<Axis>, Vec<Line>), DecodeError> {
+fn lines(
+    image: Image,
+    path: &Path,
+    index: usize,
+    light: &ProjectedLight,
+) -> Result<(Option<Axis>, Vec<Line>), DecodeError> {
     let (w, h, c) = (image.width, image.height, image.channels);
     let gray = image.data.chunks_exact(c).all(|p| p.iter().all(|v| *v == p[0]));
     let channels = if gray { 1 } else { c };

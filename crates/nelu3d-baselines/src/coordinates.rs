@@ -22,3 +22,9 @@ pub(crate) struct DecodedCoordinates {
     /// The status of every pixel so far.
     pub(crate) status: Vec<PixelStatus>,
 }
+
+/// Says in words why no pixel has a depth.
+pub(crate) fn describe_no_depth(status: &[PixelStatus]) -> String {
+    let rejected = PixelStatus::describe_rejections(status, "the depth range");
+    format!("{rejected}; check the exposure, and that projector.json and patterns/ are those of this scene")
+}

@@ -1,13 +1,13 @@
 //! From the captures of a scene to a surface, by any of the methods.
 
 use nelu3d::progress::{Progress, StageClock};
-use nelu3d::surface::{PixelStatus, SurfaceMaps, assemble, image_plane, reject_small_components};
+use nelu3d::surface::{SurfaceMaps, assemble, image_plane, reject_small_components};
 use nelu3d_scan::Rig;
 use nelu3d_scan::rig::{PatternSet, Shot};
 
 use super::captured::{Captured, Images};
 use super::code::{Code, ProjectedLight};
-use super::coordinates::DecodedCoordinates;
+use super::coordinates::{DecodedCoordinates, describe_no_depth};
 use super::diagnostics::{DecodeDiagnostics, Decoding, MethodDiagnostics};
 use super::error::DecodeError;
 use super::method::Method;
@@ -70,7 +70,8 @@ fn decode_with_projector(
 
     clock.begin("decode");
     let (maps, own_normals, training) = if opts.method == Method::TurboSl {
-        let scene = turbosl::Scene::new(&rig.camera, projector, &plane, range.mm, &images.patterns, &captured, &code)?;
+        let scene =
+            turbosl::TurboSlScene::new(&rig.camera, projector, &plane, range.mm, &images.patterns, &captured, &code)?;
         let found = turbosl::decode(&scene, &captured, &opts.turbosl, progress)?;
         (found.maps, found.normals, Some(found.diagnostics))
     } else {
@@ -84,7 +85,7 @@ fn decode_with_projector(
     let SurfaceMaps { mut depth, mut status, sigma, residual, ambient } = maps;
     reject_small_components(&mut depth, &mut status, &rig.camera, opts.min_component);
     if depth.iter().all(|z| z.is_nan()) {
-        return Err(DecodeError::Nothing { path: shot.dir.clone(), reason: why_nothing(&status) });
+        return Err(DecodeError::Nothing { path: shot.dir.clone(), reason: describe_no_depth(&status) });
     }
     stop()?;
 
@@ -124,10 +125,4 @@ fn light(rig: &Rig, opts: &DecodeOptions) -> Result<ProjectedLight, DecodeError>
         None => read_response(&rig.root.join(nelu3d_scan::rig::PROJECTOR_FILE))?
             .map_or(ProjectedLight::Power(1.0), ProjectedLight::Response),
     })
-}
-
-/// Why nothing was decoded, in words.
-fn why_nothing(status: &[PixelStatus]) -> String {
-    let rejected = PixelStatus::describe_rejections(status, "the depth range");
-    format!("{rejected}; check the exposure, and that projector.json and patterns/ are those of this scene")
 }

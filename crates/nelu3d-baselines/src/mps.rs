@@ -12,17 +12,17 @@ use rayon::prelude::*;
 
 use super::captured::Captured;
 use super::code::Code;
-use super::phase::Phase;
-use super::triangulate::Geometry;
-use super::wave::learn;
 use super::coordinates::{Coordinate, DecodedCoordinates};
 use super::error::DecodeError;
 use super::options::Columns;
+use super::phase::Phase;
+use super::triangulate::Geometry;
+use super::wave::learn;
 use nelu3d::surface::PixelStatus;
 
 use std::f32::consts::TAU;
 
-/// DecodeError of a cosine that noise does not explain: the amplitude is not quite the same for all frequencies.
+/// Error of a cosine that noise does not explain: the amplitude is not quite the same for all frequencies.
 const MODEL: f32 = 0.06;
 
 /// The second best column must explain the cosines worse by this much (χ²).

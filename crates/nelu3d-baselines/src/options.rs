@@ -85,24 +85,33 @@ impl DecodeOptions {
     /// Rejects settings that make no sense.
     pub(crate) fn check(&self) -> Result<(), DecodeError> {
         let opts = self;
-    if let Some(gamma) = opts.gamma.filter(|g| !(*g > 0.0 && g.is_finite())) {
-        return Err(DecodeError::Setting { setting: "--gamma", problem: format!("is {gamma}: give a positive number") });
+        if let Some(gamma) = opts.gamma.filter(|g| !(*g > 0.0 && g.is_finite())) {
+            return Err(DecodeError::Setting {
+                setting: "--gamma",
+                problem: format!("is {gamma}: give a positive number"),
+            });
+        }
+        if !(0.0..1.0).contains(&opts.min_contrast) {
+            let problem = format!("is {}: give a number from 0 to below 1", opts.min_contrast);
+            return Err(DecodeError::Setting { setting: "--min-contrast", problem });
+        }
+        let longest = if opts.columns == Columns::All { 1 } else { 63 };
+        if let Some(patch) = opts.patch.filter(|w| w.is_multiple_of(2) || *w > longest) {
+            let problem = format!("is {patch}: give an odd number of pixels up to 63, and 1 with --columns all");
+            return Err(DecodeError::Setting { setting: "--patch", problem });
+        }
+        if !(-1.0..=1.0).contains(&opts.min_score) {
+            return Err(DecodeError::Setting {
+                setting: "--min-score",
+                problem: format!("is {}: give -1 to 1", opts.min_score),
+            });
+        }
+        if opts.blur.is_some_and(|b| !(0.0..=100.0).contains(&b)) {
+            return Err(DecodeError::Setting {
+                setting: "--blur",
+                problem: "is no number of pixels from 0 to 100".into(),
+            });
+        }
+        Ok(())
     }
-    if !(0.0..1.0).contains(&opts.min_contrast) {
-        let problem = format!("is {}: give a number from 0 to below 1", opts.min_contrast);
-        return Err(DecodeError::Setting { setting: "--min-contrast", problem });
-    }
-    let longest = if opts.columns == Columns::All { 1 } else { 63 };
-    if let Some(patch) = opts.patch.filter(|w| w.is_multiple_of(2) || *w > longest) {
-        let problem = format!("is {patch}: give an odd number of pixels up to 63, and 1 with --columns all");
-        return Err(DecodeError::Setting { setting: "--patch", problem });
-    }
-    if !(-1.0..=1.0).contains(&opts.min_score) {
-        return Err(DecodeError::Setting { setting: "--min-score", problem: format!("is {}: give -1 to 1", opts.min_score) });
-    }
-    if opts.blur.is_some_and(|b| !(0.0..=100.0).contains(&b)) {
-        return Err(DecodeError::Setting { setting: "--blur", problem: "is no number of pixels from 0 to 100".into() });
-    }
-    Ok(())
-}
 }

@@ -9,10 +9,10 @@ use rayon::prelude::*;
 
 use super::captured::Captured;
 use super::code::Code;
-use super::triangulate::Geometry;
-use super::wave::{Group, learn, wrap};
 use super::coordinates::{Coordinate, DecodedCoordinates};
 use super::error::DecodeError;
+use super::triangulate::Geometry;
+use super::wave::{Group, learn, wrap};
 use nelu3d::surface::PixelStatus;
 
 use std::f32::consts::TAU;
@@ -207,8 +207,8 @@ fn repeats_after(groups: &[Group], n: f64) -> Option<f32> {
 
 #[cfg(test)]
 mod tests {
-    use crate::wave::tests::sinusoids;
     use super::*;
+    use crate::wave::tests::sinusoids;
 
     fn groups(parts: &[(f64, usize)]) -> Vec<Group> {
         let set = PatternSet { name: "s".into(), images: Vec::new(), inverse: Vec::new() };

@@ -1,27 +1,14 @@
-//! The projector's radiometric response: how much light a projected value makes.
-//!
-//! Measured on the boards of the sweep, wherever an image with values between black and white was projected: the computed
-//! projector pixel of a camera pixel says which value it saw, the normalized intensity how much light that made. Only where the
-//! projected image is straight over a few pixels around, so that blur does not matter.
+//! The radiometric response of a projector: how much light a projected value makes.
 
-use nalgebra::{Isometry3, Point3, Vector3};
-use nelu3d_scan::pattern::Axis;
-use nelu3d_scan::rig::{PatternSet, Shot};
-use nelu3d_scan::{Projector, Rig};
 use serde::{Deserialize, Serialize};
 
-use super::Error;
-use crate::captured::{Captured, Images};
-use crate::code::{Code, ProjectedLight, Line, value_at};
-use nelu3d_scan::statistics::percentile;
-use nelu3d::surface::PixelStatus;
-
-/// ProjectedLight as a function of the projected value: piecewise linear, monotone, both from 0 to 1 (light 1 is the flash).
+/// Light as a function of the projected value: piecewise linear, monotone, both from 0 to 1, where light 1 is the white
+/// (flash) image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Response {
     /// Projected values, rising.
     pub value: Vec<f32>,
-    /// ProjectedLight at each.
+    /// Light at each value.
     pub light: Vec<f32>,
     /// The power γ of `value^γ` that is nearest to it.
     pub gamma: f64,
@@ -45,170 +32,12 @@ impl Response {
         Ok(())
     }
 
-    /// ProjectedLight of a projected value.
+    /// Returns the light of a projected value.
     pub fn light_of(&self, value: f32) -> f32 {
         let last = self.value.len() - 1;
         let at = self.value.partition_point(|v| *v <= value).clamp(1, last);
         let (a, b) = (self.value[at - 1], self.value[at]);
         let f = ((value - a) / (b - a)).clamp(0.0, 1.0);
         self.light[at - 1] + f * (self.light[at] - self.light[at - 1])
-    }
-}
-
-/// Bins of the value.
-const BINS: usize = 32;
-
-/// Fewest samples of a bin.
-const FEWEST: usize = 50;
-
-/// Board positions that are read.
-const POSITIONS: usize = 4;
-
-/// Samples within this many px on both sides must lie on a straight line, to this share of full scale.
-const STRAIGHT: (f32, f32) = (5.0, 0.02);
-
-/// Measures the response; `None` if the sweep has no image with values between black and white, or too little of one.
-pub(crate) fn measure(
-    rig: &Rig,
-    projector: &Projector,
-    extent_mm: [f64; 4],
-    positions: &[(usize, Isometry3<f64>)],
-    shots: &[Shot],
-) -> Result<Option<Response>, Error> {
-    let mut names: Vec<&String> = rig.pattern_sets.iter().flat_map(|s| &s.images).collect();
-    names.sort();
-    names.dedup();
-    let at: Vec<&(usize, Isometry3<f64>)> =
-        positions.iter().step_by(positions.len().div_ceil(POSITIONS).max(1)).collect();
-    names.retain(|name| rig.projected(name).exists() && at.iter().all(|p| shots[p.0].dir.join(name).exists()));
-    // Only images of several values that one axis explains; what cannot be read is no reason to fail here.
-    let set_of = |images: Vec<String>| PatternSet { name: "response".into(), images, inverse: Vec::new() };
-    let size = Some([projector.optics.width, projector.optics.height]);
-    let mut lines: Vec<(String, Axis, Line)> = Vec::new();
-    for name in names {
-        let Ok(code) = Code::read_sized(rig, &set_of(vec![name.clone()]), size, &ProjectedLight::Power(1.0)) else { continue };
-        let [axis] = &code.axes[..] else { continue };
-        let between = axis.lines[0].values.iter().filter(|v| (0.1..0.9).contains(*v)).count();
-        if !code.colored && between * 4 > axis.len() {
-            lines.push((name.clone(), axis.axis, axis.lines[0].clone()));
-        }
-    }
-    if lines.is_empty() {
-        return Ok(None);
-    }
-    let set = set_of(lines.iter().map(|l| l.0.clone()).collect());
-    let mut bins: Vec<Vec<f64>> = vec![Vec::new(); BINS];
-    for (shot, pose) in at {
-        let captured = Captured::new(&Images::read_position(rig, &shots[*shot], &set)?, rig, 0.1);
-        let gray: Vec<_> = (0..lines.len()).map(|i| captured.gray(i, false)).collect();
-        let normal = pose.rotation * Vector3::z();
-        let offset = normal.dot(&pose.translation.vector);
-        let [x0, y0, x1, y1] = extent_mm;
-        for i in (0..captured.status.len()).step_by(3) {
-            if captured.status[i] != PixelStatus::Valid {
-                continue;
-            }
-            let ray = rig.camera.ray([(i % captured.width) as f64, (i / captured.width) as f64]);
-            let point: Point3<f64> = ray.at(offset / normal.dot(&ray.dir));
-            let on = pose.inverse() * point;
-            let Some(px) = projector.project(&point) else { continue };
-            if !((x0..x1).contains(&on.x) && (y0..y1).contains(&on.y)) {
-                continue;
-            }
-            for ((_, axis, line), p) in lines.iter().zip(&gray) {
-                let u = px[*axis as usize] as f32;
-                let (reach, most) = STRAIGHT;
-                if !(u > 2.0 * reach && u < line.values.len() as f32 - 2.0 * reach) {
-                    continue;
-                }
-                let [a, v, b] = [u - reach, u, u + reach].map(|u| value_at(&line.values, u));
-                if (0.5 * (a + b) - v).abs() < most && (a - b).abs() < 0.4 {
-                    bins[((v * BINS as f32) as usize).min(BINS - 1)].push(f64::from(p[i] / v.max(1e-3)));
-                }
-            }
-        }
-    }
-    let images = lines.into_iter().map(|l| l.0).collect();
-    Ok(curve(bins, images))
-}
-
-/// The curve of bins of light per value.
-fn curve(bins: Vec<Vec<f64>>, images: Vec<String>) -> Option<Response> {
-    let mut knots = Vec::new();
-    for (k, bin) in bins.into_iter().enumerate() {
-        let (n, value) = (bin.len(), (k as f64 + 0.5) / BINS as f64);
-        // The ratio changes slowly within a bin, the light itself does not.
-        if n >= FEWEST {
-            knots.push((value, percentile(bin, 50.0) * value));
-        }
-    }
-    // Enough of the range to call it a curve.
-    if knots.len() < BINS / 2 || knots.first()?.0 > 0.25 || knots.last()?.0 < 0.75 {
-        return None;
-    }
-    monotone(&mut knots);
-    // The flash is what light is measured in. Black is what is left by going on from the first two knots.
-    let (a, b) = (knots[0], knots[1]);
-    let black = (a.1 - a.0 * (b.1 - a.1) / (b.0 - a.0)).clamp(0.0, a.1);
-    let (mut value, mut light) = (vec![0.0f32], vec![black as f32]);
-    for (v, l) in knots.iter().filter(|k| k.1 < 1.0) {
-        value.push(*v as f32);
-        light.push(*l as f32);
-    }
-    value.push(1.0);
-    light.push(1.0);
-    // Least squares of log light against log value, above what black leaks.
-    let (mut xx, mut xy) = (0.0, 0.0);
-    for (v, l) in knots.iter().filter(|k| k.0 > 0.1 && k.1 > black + 0.01) {
-        let (x, y) = (v.ln(), ((l - black) / (1.0 - black)).ln());
-        xx += x * x;
-        xy += x * y;
-    }
-    Some(Response { value, light, gamma: if xx > 0.0 { xy / xx } else { 1.0 }, images })
-}
-
-/// The nearest rising sequence in the sense of least squares (pool adjacent violators).
-fn monotone(knots: &mut [(f64, f64)]) {
-    let mut pools: Vec<(f64, usize)> = Vec::new();
-    for (_, l) in knots.iter() {
-        pools.push((*l, 1));
-        while let [.., a, b] = pools[..]
-            && a.0 > b.0
-        {
-            pools.truncate(pools.len() - 2);
-            let n = a.1 + b.1;
-            pools.push(((a.0 * a.1 as f64 + b.0 * b.1 as f64) / n as f64, n));
-        }
-    }
-    let levels = pools.into_iter().flat_map(|(l, n)| std::iter::repeat_n(l, n));
-    knots.iter_mut().zip(levels).for_each(|(k, l)| k.1 = l);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_rising_sequence_is_the_nearest() {
-        let mut knots: Vec<(f64, f64)> = [1.0, 3.0, 2.0, 4.0, 3.0, 2.0].iter().map(|l| (0.0, *l)).collect();
-        monotone(&mut knots);
-        assert_eq!(knots.iter().map(|k| k.1).collect::<Vec<_>>(), [1.0, 2.5, 2.5, 3.0, 3.0, 3.0]);
-    }
-
-    #[test]
-    fn a_power_comes_back() {
-        let bins = (0..BINS)
-            .map(|k| {
-                (0..100).map(|i| (k as f64 + (i as f64 + 0.5) / 100.0) / BINS as f64).map(|v| v.powf(1.2)).collect()
-            })
-            .collect();
-        // ProjectedLight per value v^1.2 is light v^2.2.
-        let r = curve(bins, Vec::new()).unwrap();
-        assert!((r.gamma - 2.2).abs() < 0.05, "{}", r.gamma);
-        for v in [0.1f32, 0.33, 0.5, 0.77, 0.95] {
-            assert!((r.light_of(v) - v.powf(2.2)).abs() < 0.01, "{v}: {}", r.light_of(v));
-        }
-        assert_eq!((r.light_of(1.0), r.light_of(2.0)), (1.0, 1.0));
-        assert!(curve(vec![Vec::new(); BINS], Vec::new()).is_none());
     }
 }

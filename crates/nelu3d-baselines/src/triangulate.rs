@@ -11,8 +11,8 @@ use super::code::{AxisCode, Code, value_at};
 use super::coordinates::DecodedCoordinates;
 use super::error::DecodeError;
 use super::options::DecodeOptions;
-use nelu3d::from_projector::crossing_depth;
 use nelu3d::color_field::ColorField;
+use nelu3d::from_projector::crossing_depth;
 use nelu3d::surface::{PixelStatus, SurfaceMaps};
 
 /// Between which depths a surface is looked for.
@@ -37,7 +37,12 @@ enum RangeSource {
 
 impl DepthRange {
     /// The range of the settings, of the set's color field, or a guess.
-    pub(crate) fn new(rig: &Rig, set: &PatternSet, projector: &Projector, opts: &DecodeOptions) -> Result<Self, DecodeError> {
+    pub(crate) fn new(
+        rig: &Rig,
+        set: &PatternSet,
+        projector: &Projector,
+        opts: &DecodeOptions,
+    ) -> Result<Self, DecodeError> {
         match opts.depth.as_deref() {
             Some(&[near, far]) if near > 0.0 && far > near && far.is_finite() => {
                 return Ok(Self { mm: [near, far], source: RangeSource::Given });
@@ -109,13 +114,6 @@ impl Along {
     pub(crate) fn inverse(&self, u: f32) -> f32 {
         (u - self.a) / (self.p - u * self.d)
     }
-}
-
-/// Depth and its standard deviation, mm, NaN where there is none.
-pub(crate) struct Surface {
-    pub(super) depth: Vec<f32>,
-    pub(super) sigma: Vec<f32>,
-    pub(super) status: Vec<PixelStatus>,
 }
 
 impl<'a> Geometry<'a> {

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use nelu3d_scan::rig::PatternSet;
 
-use super::error::DecodeError;
 use super::code::{AxisCode, Line};
+use super::error::DecodeError;
 
 /// Largest RMS misfit of a sinusoid, as a share of full scale.
 const MAX_MISFIT: f64 = 0.01;

@@ -1,4 +1,4 @@
-//! Zero-mean normalized cross-correlation (Mirdehghan, Chen & Kutulakos, "Optimal Structured ProjectedLight à la Carte", CVPR 2018):
+//! Zero-mean normalized cross-correlation (Mirdehghan, Chen & Kutulakos, "Optimal Structured Light à la Carte", CVPR 2018):
 //! the column whose codeword, less its mean and divided by its norm, looks most like what a pixel saw. It needs no white
 //! and no black: ambient light goes with the mean, albedo with the norm.
 //!
@@ -14,10 +14,10 @@ use rayon::prelude::*;
 
 use super::captured::Captured;
 use super::code::{AxisCode, Code};
-use super::triangulate::{Along, Geometry, line_of};
 use super::coordinates::{Coordinate, DecodedCoordinates};
 use super::error::DecodeError;
 use super::options::{Columns, DecodeOptions};
+use super::triangulate::{Along, Geometry, line_of};
 use nelu3d::surface::PixelStatus;
 
 /// Variance of a normalized intensity that noise does not explain: the projected images' eight bits, and, where three images
@@ -106,7 +106,7 @@ impl Seen {
 struct Table {
     /// Columns.
     n: usize,
-    /// ProjectedLight, k lines of n columns.
+    /// Light, k lines of n columns.
     lines: Vec<Vec<f32>>,
     /// The same less the mean over the lines and divided by the norm: zero where a column has no contrast.
     normalized: Vec<Vec<f32>>,
@@ -215,8 +215,8 @@ fn blur_from_misfit(
             let at = low + largest(scores).0;
             refiner.refine(&table, seen.at(*i), at as f32, 1.0).map_or(1.0, |_| f64::from(refiner.misfit))
         };
-        let all = sample.par_iter().map_init(|| (vec![0.0; k], Vec::new(), Refiner::new(k)), one).collect();
-        nelu3d_scan::statistics::percentile(all, 50.0)
+        let all = sample.par_iter().map_init(|| (vec![0.0; k], Vec::new(), Refiner::new(k)), one).collect::<Vec<f64>>();
+        nelu3d_scan::statistics::percentile(&mut { all }, 50.0)
     };
     let candidates = (0..=8).map(|i| 0.5 * i as f32);
     candidates.map(|b| (score(b), b)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |b| b.1)
@@ -278,7 +278,9 @@ fn single(
         if captured.status[i] != PixelStatus::Valid {
             return none(captured.status[i]);
         }
-        let Some((low, high)) = columns(geometry, axis, opts.columns, i) else { return none(PixelStatus::OutsideVolume) };
+        let Some((low, high)) = columns(geometry, axis, opts.columns, i) else {
+            return none(PixelStatus::OutsideVolume);
+        };
         let norm = centered(seen.at(i), code);
         table.correlate(code, low, high, scores);
         let (at, best) = largest(scores);
@@ -311,7 +313,7 @@ struct Refiner {
     p: Vec<f32>,
     c: Vec<f32>,
     d: Vec<f32>,
-    /// Sum of squares that the last codeword status unexplained.
+    /// Sum of squares that the last codeword left unexplained.
     misfit: f32,
 }
 
@@ -441,7 +443,11 @@ fn windowed(
             (f32::NAN, f32::NAN)
         };
         let Some(a) = &along[i] else {
-            return none(if captured.status[i] == PixelStatus::Valid { PixelStatus::OutsideVolume } else { captured.status[i] });
+            return none(if captured.status[i] == PixelStatus::Valid {
+                PixelStatus::OutsideVolume
+            } else {
+                captured.status[i]
+            });
         };
         let (s, score) = best[i];
         if score.is_nan() || score < min_score {
@@ -599,8 +605,8 @@ impl<'a> Sums<'a> {
 
 #[cfg(test)]
 mod tests {
-    use crate::wave::tests::sinusoids;
     use super::*;
+    use crate::wave::tests::sinusoids;
 
     #[test]
     fn columns_come_back_under_any_light_and_between_columns() {

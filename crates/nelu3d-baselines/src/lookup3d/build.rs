@@ -4,18 +4,19 @@ use nelu3d_scan::Rig;
 use nelu3d_scan::rig::PatternSet;
 use rayon::prelude::*;
 
+use super::error::LookupTableError;
 use super::file::MAX_STRIDE;
-use super::{Error, FullTable, Shape};
-use nelu3d::sensor::DarkLevel;
-use nelu3d::sensor::{NoiseEstimator, NoiseModel};
-use nelu3d::calibrate::Position;
-use nelu3d::calibrate;
+use super::full::FullTable;
+use super::shape::{TableShape, free_memory};
+use nelu3d::calibrate::{CalibrationError, CalibrationOptions, Position, SweepGeometry, solve_board_poses};
 use nelu3d::progress::Progress;
 use nelu3d::progress::StageClock;
+use nelu3d::sensor::DarkLevel;
+use nelu3d::sensor::{NoiseEstimator, NoiseModel};
 
 /// A table and what the sweep told of the sensor on the way.
 #[derive(Clone, Debug)]
-pub struct Built {
+pub struct BuiltTable {
     /// The table.
     pub table: FullTable,
     /// The sensor's noise.
@@ -25,7 +26,7 @@ pub struct Built {
 }
 
 /// Share of the free memory that a table may take.
-const MOST_OF_FREE: f64 = 0.8;
+const MAX_SHARE_OF_FREE: f64 = 0.8;
 
 /// Builds the table of a rig's sweep for one pattern set, of every `step`th pixel. Positions are put in order of their depth
 /// in the middle of the volume, so that neighbors in the table are neighbors in space.
@@ -36,29 +37,29 @@ pub fn build(
     rig: &Rig,
     set: &PatternSet,
     step: usize,
-    opts: &calibrate::CalibrationOptions,
+    opts: &CalibrationOptions,
     progress: &Progress,
     clock: &mut StageClock<'_>,
-) -> Result<Built, Error> {
+) -> Result<BuiltTable, LookupTableError> {
     let (w, h) = (rig.camera.width, rig.camera.height);
     if step == 0 || step > MAX_STRIDE.min(w.min(h) - 1) {
-        return Err(Error::Step(step));
+        return Err(LookupTableError::Stride(step));
     }
     // Told before the work, from the number of folders.
     let k = rig.channels_of(set);
-    let n_folders = rig.positions().map_err(calibrate::CalibrationError::from)?.len();
-    let needed = |step| memory_bytes(&Shape::of_picture(w, h, step, n_folders, k)) as f64;
-    if let Some(free) = free_memory().map(|free| free * MOST_OF_FREE)
+    let n_folders = rig.positions().map_err(CalibrationError::from)?.len();
+    let needed = |step| TableShape::of_picture(w, h, step, n_folders, k).bytes() as f64;
+    if let Some(free) = free_memory().map(|free| free * MAX_SHARE_OF_FREE)
         && needed(step) > free
     {
         let mb = |bytes: f64| (bytes / 1e6).round() as u64;
         let fits = (step + 1..=MAX_STRIDE).find(|s| needed(*s) <= free).unwrap_or(MAX_STRIDE);
-        return Err(Error::Memory { needed_mb: mb(needed(step)), available_mb: mb(free), step: fits });
+        return Err(LookupTableError::Memory { needed_mb: mb(needed(step)), available_mb: mb(free), stride: fits });
     }
-    let (placed, _, dark) = place(rig, set, opts, progress, clock)?;
+    let SweepGeometry { placed, dark, .. } = solve_board_poses(rig, set, opts, progress, clock)?;
 
     clock.begin("build the lookup table");
-    let shape = Shape::of_picture(w, h, step, placed.n_positions(), k);
+    let shape = TableShape::of_picture(w, h, step, placed.n_positions(), k);
     let mut table = FullTable::empty(shape);
     let middle = placed.mean_point().normalize();
     let along = |p: usize| placed.boards[p].offset / placed.boards[p].normal.dot(&middle);
@@ -116,20 +117,7 @@ pub fn build(
     if !found {
         let reason = "no pixel of the board is usable in any position: its images are clipped or too dark; check the \
                       exposure, `saturation` and `black_level`";
-        return Err(calibrate::CalibrationError::NoSamples { path: placed.sweep.folder(), reason: reason.into() }.into());
+        return Err(CalibrationError::NoSamples { path: placed.sweep.folder(), reason: reason.into() }.into());
     }
-    Ok(Built { table, noise, dark })
-}
-
-/// Memory that a table of this shape takes.
-pub fn memory_bytes(shape: &Shape) -> usize {
-    shape.n_pixels().saturating_mul(shape.row_len()).saturating_mul(size_of::<f32>())
-}
-
-/// Memory that is free, bytes; `None` where the system does not tell.
-pub(crate) fn free_memory() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let kib: f64 =
-        text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kib * 1024.0)
+    Ok(BuiltTable { table, noise, dark })
 }

@@ -10,7 +10,9 @@
 use nalgebra::{DMatrix, SymmetricEigen};
 use rayon::prelude::*;
 
-use super::{FullTable, LowRank, Shape};
+use super::full::FullTable;
+use super::low_rank::LowRank;
+use super::shape::TableShape;
 
 /// How many terms to keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +44,7 @@ const CHUNK: usize = 4096;
 /// Compresses a table.
 pub fn compress(table: &FullTable, rank: Rank) -> Compressed {
     let shape = table.shape;
-    let Shape { n_positions: p, k, .. } = shape;
+    let TableShape { n_positions: p, k, .. } = shape;
     let spectra: Vec<Spectrum> = (0..=k).map(|j| Spectrum::of(table, j)).collect();
     // What is not known from the sensor is told by the smallest quarter of the spectrum: white noise is all that reaches it.
     let tail = |s: &Spectrum| s.values[p - (p / 4).max(1)..].iter().sum::<f64>() / (p / 4).max(1) as f64 / s.n;

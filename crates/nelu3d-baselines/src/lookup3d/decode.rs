@@ -3,79 +3,13 @@
 use nelu3d_field::nearest::Hit;
 use nelu3d_scan::Camera;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use super::Table;
 use super::interpolate::Interpolator;
+use super::options::{Search, SearchSettings};
 use super::search::Windows;
+use super::table::Table;
 use nelu3d::sensor::Measurements;
 use nelu3d::surface::PixelStatus;
-
-/// Which positions are compared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-pub enum Search {
-    /// All of them.
-    Brute,
-    /// All for a part of the pixels, for the others those around what these found; all where that explains nothing.
-    CoarseToFine,
-}
-
-/// How the depth between positions is found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-pub enum Interpolation {
-    /// Not at all: the depth of the nearest position, as in the LookUp3D tools.
-    None,
-    /// Lowest point of the parabola through the squared distances at the nearest position and its neighbors.
-    Parabola,
-    /// Closest point of the polyline through the codewords, over inverse depth.
-    Linear,
-    /// Closest point of the cubic through the four codewords around a segment, over inverse depth.
-    Cubic,
-}
-
-/// Settings of a decoding.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::Args))]
-#[serde(default, deny_unknown_fields)]
-pub struct Settings {
-    /// Which positions of the lookup table are compared
-    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Search::Brute))]
-    pub search: Search,
-    /// How the depth between positions of the lookup table is found
-    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Interpolation::Cubic))]
-    pub interpolation: Interpolation,
-    /// Residual above which a pixel is status out, in standard deviations of the noise (0: keep all)
-    #[cfg_attr(feature = "clap", arg(long, value_name = "SIGMAS", default_value_t = 6.0))]
-    pub max_residual: f32,
-    /// Coarse to fine: every Nth pixel and row is decoded first
-    #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = 4))]
-    pub coarse: usize,
-    /// Coarse to fine, and with an earlier result: positions on either side of the expected ones
-    #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = 2))]
-    pub window: usize,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { search: Search::Brute, interpolation: Interpolation::Cubic, max_residual: 6.0, coarse: 4, window: 2 }
-    }
-}
-
-impl Interpolation {
-    /// What it gets wrong itself, in normalized intensity: on `dlp` the held-out positions are met to 0.022 linearly and to
-    /// 0.008 cubically. Without interpolation, the steps between codewords stand for it.
-    fn error(self) -> f32 {
-        match self {
-            Interpolation::None | Interpolation::Parabola => 0.005,
-            Interpolation::Linear => 0.02,
-            Interpolation::Cubic => 0.01,
-        }
-    }
-}
 
 /// What a decoding found, for every pixel of the camera.
 #[derive(Clone, Debug)]
@@ -96,9 +30,9 @@ pub struct LookupMaps {
 
 /// Memory that maps are made in. To touch fresh pages takes a system about as long as the search itself.
 #[derive(Debug, Default)]
-pub struct Memory([Vec<f32>; 3]);
+pub struct MapBuffers([Vec<f32>; 3]);
 
-impl Memory {
+impl MapBuffers {
     /// That of what decoding does not look at: [`Measurements::surround`], `contrast` and `light` are empty after this.
     pub fn of(m: &mut Measurements) -> Self {
         Self([&mut m.surround, &mut m.contrast, &mut m.light].map(std::mem::take))
@@ -120,12 +54,18 @@ impl Memory {
 ///
 /// # Panics
 /// If the scene has another size or other channels than the table.
-pub fn decode(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, memory: Memory) -> LookupMaps {
+pub fn decode(
+    table: &Table,
+    m: &Measurements,
+    camera: &Camera,
+    settings: &SearchSettings,
+    buffers: MapBuffers,
+) -> LookupMaps {
     let windows = match settings.search {
         Search::Brute => None,
         Search::CoarseToFine => Some(Windows::coarse_to_fine(table, &|i, q| query(table, m, i, q), settings)),
     };
-    run(table, m, camera, settings, windows.as_ref(), memory)
+    run(table, m, camera, settings, windows.as_ref(), buffers)
 }
 
 /// Decodes a frame of a sequence: around the depth of the frame before it, `previous` (mm, of every pixel of the camera, NaN
@@ -137,14 +77,14 @@ pub fn decode_near(
     table: &Table,
     m: &Measurements,
     camera: &Camera,
-    settings: &Settings,
-    memory: Memory,
+    settings: &SearchSettings,
+    buffers: MapBuffers,
     previous: &[f32],
 ) -> LookupMaps {
     assert_eq!(previous.len(), m.n());
     let before = |pixel: usize| previous[pixel_of_camera(table, m, pixel)];
     let windows = Windows::near(table, &before, settings.window);
-    run(table, m, camera, settings, Some(&windows), memory)
+    run(table, m, camera, settings, Some(&windows), buffers)
 }
 
 /// The camera's pixel that a pixel of the table is.
@@ -169,9 +109,9 @@ fn run(
     table: &Table,
     m: &Measurements,
     camera: &Camera,
-    settings: &Settings,
+    settings: &SearchSettings,
     windows: Option<&Windows>,
-    memory: Memory,
+    buffers: MapBuffers,
 ) -> LookupMaps {
     let shape = *table.shape();
     let sizes = [m.width, m.height].map(|n| n.div_ceil(shape.step));
@@ -180,7 +120,7 @@ fn run(
         1 => m.status.clone(),
         _ => (0..shape.n_pixels()).map(|i| m.status[pixel_of_camera(table, m, i)]).collect(),
     };
-    let mut maps = memory.maps(status);
+    let mut maps = buffers.maps(status);
     let tasks = (
         maps.depth.par_chunks_mut(TASK),
         maps.sigma.par_chunks_mut(TASK),
@@ -238,7 +178,7 @@ struct Decoder<'a> {
 }
 
 impl<'a> Decoder<'a> {
-    fn new(table: &'a Table, m: &'a Measurements, settings: &Settings, windows: Option<&'a Windows>) -> Self {
+    fn new(table: &'a Table, m: &'a Measurements, settings: &SearchSettings, windows: Option<&'a Windows>) -> Self {
         let k = table.shape().k;
         Self {
             table,
@@ -345,7 +285,7 @@ impl<'a> Decoder<'a> {
 const MAX_SLOPE: f32 = 4.0;
 
 /// Every pixel of the camera from every `step`th: bilinear in inverse depth inside of four that belong to one surface; a
-/// pixel next to one that was status out is status out for its reason, one between two surfaces as an edge.
+/// pixel next to a rejected one is rejected for its reason, one between two surfaces as a depth discontinuity.
 fn between(coarse: LookupMaps, table: &Table, m: &Measurements, camera: &Camera) -> LookupMaps {
     let s = *table.shape();
     let one = |i: usize| -> Result<Placed, PixelStatus> {

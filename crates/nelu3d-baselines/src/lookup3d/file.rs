@@ -20,8 +20,10 @@ use serde::Serialize;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use super::build::free_memory;
-use super::{FullTable, LowRank, Shape, Table, memory_bytes};
+use super::full::FullTable;
+use super::low_rank::LowRank;
+use super::shape::{TableShape, free_memory};
+use super::table::Table;
 
 /// Why a table could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -240,7 +242,7 @@ impl Reader<'_> {
     }
 
     /// The shape behind the four numbers of a table, if it is possible and what is expected.
-    fn shape(&self, sizes: &[u64], memory: impl Fn(&Shape) -> usize) -> Result<Shape, FileError> {
+    fn shape(&self, sizes: &[u64], memory: impl Fn(&TableShape) -> usize) -> Result<TableShape, FileError> {
         const MOST: u64 = 1 << 20;
         let [height, width, n_positions, channels] = match *sizes {
             [a, b, c, d] if sizes.iter().all(|n| (1..MOST).contains(n)) && d > 1 && c < 1 << 16 => {
@@ -251,7 +253,7 @@ impl Reader<'_> {
                 return Err(self.malformed(reason));
             }
         };
-        let mut shape = Shape { width, height, step: 1, n_positions, k: channels - 1 };
+        let mut shape = TableShape { width, height, step: 1, n_positions, k: channels - 1 };
         if let Some(e) = self.expected {
             let fits = |s: &usize| e.width.div_ceil(*s) == width && e.height.div_ceil(*s) == height;
             // Of strides that give the same size the one that ends closest to the border.
@@ -321,8 +323,8 @@ impl Reader<'_> {
 
     fn npy(&self, file: impl Read, size: u64) -> Result<Table, FileError> {
         let file = NpyFile::new(file).map_err(|e| self.malformed(e.to_string()))?;
-        let shape = self.shape(file.shape(), memory_bytes)?;
-        let Shape { n_positions, k, .. } = shape;
+        let shape = self.shape(file.shape(), TableShape::bytes)?;
+        let TableShape { n_positions, k, .. } = shape;
         // A damaged header must not make us ask for all memory there is.
         if (shape.n_pixels() * n_positions * (k + 1)) as u64 * 4 > size {
             return Err(self.malformed(format!("it has fewer values than its shape {:?} says", file.shape())));
@@ -363,7 +365,7 @@ impl Reader<'_> {
         let depth_rank = ranks.pop().unwrap_or(1);
         let rank = ranks.iter().copied().max().unwrap_or(1);
         let memory =
-            |s: &Shape| s.n_pixels().saturating_mul(s.k * rank + depth_rank + 2).saturating_mul(size_of::<f32>());
+            |s: &TableShape| s.n_pixels().saturating_mul(s.k * rank + depth_rank + 2).saturating_mul(size_of::<f32>());
         let shape = self.shape(&sizes, memory)?;
         let (n, p, stride) = (shape.n_pixels(), shape.n_positions, shape.stride());
         ranks.push(depth_rank);

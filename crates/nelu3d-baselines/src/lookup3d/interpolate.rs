@@ -3,7 +3,8 @@
 //! Positions stand far apart compared with what a code resolves, so the nearest one is only the start. Along a pixel's ray
 //! the code is a curve over inverse depth v = 1/z (disparity is linear in it), of which the table has points.
 
-use super::{Interpolation, Table};
+use super::options::Interpolation;
+use super::table::Table;
 
 /// A pixel's place on its curve.
 #[derive(Clone, Copy, Debug)]

@@ -2,13 +2,13 @@
 
 use nelu3d_field::nearest::{self, Codes, Hit};
 
-use super::Shape;
+use super::shape::TableShape;
 
 /// Per channel (and for the depth) two factors: entry = Σ_i left_i(pixel) · right_i(position).
 #[derive(Clone, Debug)]
 pub struct LowRank {
     /// Sizes of the table they stand for.
-    pub shape: Shape,
+    pub shape: TableShape,
     /// Variance that the sensor's noise gives a well-lit entry; 0 when it is not known.
     pub variance: f32,
     /// Terms of a channel's sum.
@@ -27,7 +27,7 @@ pub struct LowRank {
 
 impl LowRank {
     /// All factors zero, every sample present.
-    pub(crate) fn zeros(shape: Shape, rank: usize, depth_rank: usize) -> Self {
+    pub(crate) fn zeros(shape: TableShape, rank: usize, depth_rank: usize) -> Self {
         let n = shape.n_pixels();
         Self {
             shape,

@@ -20,60 +20,28 @@
 mod build;
 mod compress;
 mod decode;
+mod diagnostics;
+mod error;
 pub mod file;
+mod full;
 mod interpolate;
 mod low_rank;
-mod run;
+mod options;
+mod scene;
 mod search;
+mod shape;
 mod table;
 #[cfg(test)]
 mod tests;
 
-pub use build::{Built, build, memory_bytes};
+pub use build::{BuiltTable, build};
 pub use compress::{Compressed, Rank, compress};
-pub use decode::{Interpolation, SurfaceMaps, Memory, Search, Settings, decode, decode_near};
+pub use decode::{LookupMaps, MapBuffers, decode, decode_near};
+pub use diagnostics::{LookupDiagnostics, TableSummary};
+pub use error::LookupTableError;
+pub use full::FullTable;
 pub use low_rank::LowRank;
-pub use run::{Options, run};
-pub use table::{FullTable, Shape, Table};
-
-use nelu3d::calibrate;
-
-/// Why there is no table.
-#[derive(Debug, thiserror::Error)]
-pub enum Error {
-    /// The sweep cannot be used.
-    #[error(transparent)]
-    Calibrate(#[from] calibrate::CalibrationError),
-    /// The file of a table.
-    #[error(transparent)]
-    File(#[from] file::FileError),
-    /// The result to start from.
-    #[error(transparent)]
-    Previous(#[from] nelu3d::result::ReadError),
-    /// The result to start from is of another camera.
-    #[error("{}: a result of {found} pixels, but the camera has {wanted}; give a result of the same rig to --previous", path.display())]
-    PreviousSize {
-        /// The folder.
-        path: std::path::PathBuf,
-        /// Width × height.
-        found: String,
-        /// Of the camera.
-        wanted: String,
-    },
-    /// The table is too large.
-    #[error(
-        "the lookup table needs {needed_mb} MB and {available_mb} MB of memory are free; keep every {step}th pixel with \
-         --stride {step}"
-    )]
-    Memory {
-        /// What it needs.
-        needed_mb: u64,
-        /// What there is.
-        available_mb: u64,
-        /// A stride with which it fits.
-        step: usize,
-    },
-    /// A stride out of range.
-    #[error("--stride {0} is not possible; give a number from 1 to 16, less than the picture's sides")]
-    Step(usize),
-}
+pub use options::{Interpolation, LookupOptions, Search, SearchSettings};
+pub(crate) use scene::decode_scene;
+pub use shape::TableShape;
+pub use table::Table;

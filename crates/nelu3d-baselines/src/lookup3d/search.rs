@@ -3,7 +3,8 @@
 use nelu3d_field::nearest::Hit;
 use rayon::prelude::*;
 
-use super::{Settings, Table};
+use super::options::SearchSettings;
+use super::table::Table;
 
 /// Where to look first, for every pixel of the table; outside of it only where that finds nothing good.
 pub(crate) struct Windows {
@@ -14,7 +15,11 @@ pub(crate) struct Windows {
 impl Windows {
     /// From the positions of every `coarse`th pixel, decoded by brute force: for the pixels between them everything between
     /// what their surroundings found, and `window` positions more on either side. Where these are far apart, everything.
-    pub(crate) fn coarse_to_fine(table: &Table, queries: &(dyn Fn(usize, &mut [f32]) + Sync), s: &Settings) -> Self {
+    pub(crate) fn coarse_to_fine(
+        table: &Table,
+        queries: &(dyn Fn(usize, &mut [f32]) + Sync),
+        s: &SearchSettings,
+    ) -> Self {
         let shape = *table.shape();
         let coarse = s.coarse.max(1);
         let (w, h) = (shape.width.div_ceil(coarse), shape.height.div_ceil(coarse));

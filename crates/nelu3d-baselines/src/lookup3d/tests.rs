@@ -25,7 +25,7 @@ fn board(p: usize, n_positions: usize) -> f32 {
 }
 
 fn table(step: usize, n_positions: usize, missing: impl Fn(usize, usize) -> bool) -> FullTable {
-    let shape = Shape::of_picture(WIDTH, HEIGHT, step, n_positions, K);
+    let shape = TableShape::of_picture(WIDTH, HEIGHT, step, n_positions, K);
     let mut table = FullTable::empty(shape);
     for i in 0..shape.n_pixels() {
         let pixel = i / shape.width * step * WIDTH + i % shape.width * step;
@@ -73,8 +73,8 @@ fn camera() -> Camera {
     Camera::pinhole(WIDTH, HEIGHT, 1000.0, 1000.0, 19.5, 14.5)
 }
 
-fn with(interpolation: Interpolation) -> Settings {
-    Settings { interpolation, ..Settings::default() }
+fn with(interpolation: Interpolation) -> SearchSettings {
+    SearchSettings { interpolation, ..SearchSettings::default() }
 }
 
 fn worst(depth: &[f32], truth: impl Fn(usize) -> f32) -> f32 {
@@ -85,12 +85,18 @@ fn worst(depth: &[f32], truth: impl Fn(usize) -> f32) -> f32 {
         .fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a })
 }
 
-fn decode(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings) -> SurfaceMaps {
-    decode_in(table, m, camera, settings, Memory::default())
+fn decode(table: &Table, m: &Measurements, camera: &Camera, settings: &SearchSettings) -> LookupMaps {
+    decode_in(table, m, camera, settings, MapBuffers::default())
 }
 
-fn decode_near(table: &Table, m: &Measurements, camera: &Camera, settings: &Settings, previous: &[f32]) -> SurfaceMaps {
-    decode_near_in(table, m, camera, settings, Memory::default(), previous)
+fn decode_near(
+    table: &Table,
+    m: &Measurements,
+    camera: &Camera,
+    settings: &SearchSettings,
+    previous: &[f32],
+) -> LookupMaps {
+    decode_near_in(table, m, camera, settings, MapBuffers::default(), previous)
 }
 
 #[test]
@@ -172,13 +178,13 @@ fn channels_that_were_not_measured_take_no_part_and_nonsense_is_left_out() {
         m.p[(i + WIDTH) * K..][..K].copy_from_slice(&[0.95, 0.95, 0.95]);
         m.status[i + 2 * WIDTH] = PixelStatus::Saturated;
     }
-    let maps = decode(&table, &m, &camera(), &Settings::default());
+    let maps = decode(&table, &m, &camera(), &SearchSettings::default());
     // Two of three shifts leave two depths to a codeword at worst; most pixels know theirs.
     let close = maps.depth[..WIDTH].iter().filter(|z| (*z - 533.0).abs() < 0.5).count();
     assert!(close > WIDTH * 3 / 4, "{close}");
     assert!(maps.status[WIDTH..2 * WIDTH].iter().all(|l| *l == PixelStatus::Ambiguous));
     assert!(maps.status[2 * WIDTH..3 * WIDTH].iter().all(|l| *l == PixelStatus::Saturated));
-    let all = decode(&table, &m, &camera(), &Settings { max_residual: 0.0, ..Settings::default() });
+    let all = decode(&table, &m, &camera(), &SearchSettings { max_residual: 0.0, ..SearchSettings::default() });
     assert!(all.depth[WIDTH..2 * WIDTH].iter().all(|z| z.is_finite()));
 }
 
@@ -188,11 +194,11 @@ fn whatever_memory_maps_are_made_in_they_are_the_same() {
     let mut m = scene(surface);
     m.status[5] = PixelStatus::Underexposed;
     let bits =
-        |maps: &SurfaceMaps| [&maps.depth, &maps.sigma, &maps.residual].map(|m| m.iter().map(|v| v.to_bits()).collect());
-    let fresh = decode(&table, &m, &camera(), &Settings::default());
-    let memory = Memory::of(&mut m);
+        |maps: &LookupMaps| [&maps.depth, &maps.sigma, &maps.residual].map(|m| m.iter().map(|v| v.to_bits()).collect());
+    let fresh = decode(&table, &m, &camera(), &SearchSettings::default());
+    let memory = MapBuffers::of(&mut m);
     assert!(m.surround.is_empty() && m.contrast.is_empty() && m.light.is_empty());
-    let used = decode_in(&table, &m, &camera(), &Settings::default(), memory);
+    let used = decode_in(&table, &m, &camera(), &SearchSettings::default(), memory);
     let (fresh, used): ([Vec<u32>; 3], [Vec<u32>; 3]) = (bits(&fresh), bits(&used));
     assert_eq!(fresh, used);
 }
@@ -201,8 +207,9 @@ fn whatever_memory_maps_are_made_in_they_are_the_same() {
 fn coarse_to_fine_finds_what_brute_force_finds() {
     let table = Table::Full(table(1, 21, |_, _| false));
     let m = scene(surface);
-    let brute = decode(&table, &m, &camera(), &Settings::default());
-    let fine = decode(&table, &m, &camera(), &Settings { search: Search::CoarseToFine, ..Settings::default() });
+    let brute = decode(&table, &m, &camera(), &SearchSettings::default());
+    let fine =
+        decode(&table, &m, &camera(), &SearchSettings { search: Search::CoarseToFine, ..SearchSettings::default() });
     assert_eq!(brute.index, fine.index);
     assert_eq!(brute.depth, fine.depth);
     assert_eq!(brute.n_fallbacks, 0);
@@ -214,7 +221,7 @@ fn an_earlier_frame_narrows_the_search_and_a_wrong_one_does_no_harm() {
     let table = Table::Full(table(1, 21, |_, _| false));
     let moved = |i| surface(i) + 4.0;
     let m = scene(moved);
-    let settings = Settings { window: 3, ..Settings::default() };
+    let settings = SearchSettings { window: 3, ..SearchSettings::default() };
     let brute = decode(&table, &m, &camera(), &settings);
     let n = WIDTH * HEIGHT;
     let before: Vec<f32> = (0..n).map(|i| if i % 9 == 0 { f32::NAN } else { surface(i) }).collect();
@@ -243,7 +250,7 @@ fn all_terms_are_the_table_and_few_are_close_to_it() {
         }
     }
     let m = scene(surface);
-    let maps = decode(&product, &m, &camera(), &Settings::default());
+    let maps = decode(&product, &m, &camera(), &SearchSettings::default());
     assert!(worst(&maps.depth, surface) < 0.02);
 
     // A sine of any phase is two terms, a constant one: three are the whole table; planes of constant z are one term.
@@ -255,7 +262,7 @@ fn all_terms_are_the_table_and_few_are_close_to_it() {
     let two = compress(&full, Rank::Fixed(2));
     assert!(two.table.rank == 2 && two.rms[0] > 10.0 * few.rms[0]);
     assert!(few.table.bytes() * 4 < whole.bytes());
-    let maps = decode(&Table::LowRank(few.table), &m, &camera(), &Settings::default());
+    let maps = decode(&Table::LowRank(few.table), &m, &camera(), &SearchSettings::default());
     assert!(worst(&maps.depth, surface) < 0.1);
 }
 
@@ -285,7 +292,7 @@ fn noise_is_not_kept() {
 #[test]
 fn a_table_of_every_other_pixel_decodes_all_but_edges() {
     let table = Table::Full(table(2, 21, |_, _| false));
-    let maps = decode(&table, &scene(surface), &camera(), &Settings::default());
+    let maps = decode(&table, &scene(surface), &camera(), &SearchSettings::default());
     assert_eq!(maps.depth.len(), WIDTH * HEIGHT);
     assert_eq!(maps.index.len(), WIDTH * HEIGHT / 4);
     let inside = |i: &usize| i % WIDTH < WIDTH - 1 && i / WIDTH < HEIGHT - 1;
@@ -319,7 +326,7 @@ fn tables_are_read_back_as_they_were_written() {
     write_npz(&low, &path).unwrap();
     let Table::LowRank(back) = read(&path, Some(expected)).unwrap() else { panic!("another kind") };
     assert_eq!((back.shape, back.rank, back.depth_rank), (low.shape, low.rank, low.depth_rank));
-    assert_eq!((&back.status, &back.right), (&low.status, &low.right));
+    assert_eq!((&back.left, &back.right), (&low.left, &low.right));
     assert_eq!((&back.right_depth, &back.ranges), (&low.right_depth, &low.ranges));
     let info = super::file::info(&path).unwrap();
     assert_eq!((info.kind, info.rank, info.positions, info.channels), ("low-rank", Some(3), 7, K));

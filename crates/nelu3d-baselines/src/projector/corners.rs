@@ -25,7 +25,7 @@ pub(crate) fn decode(
     set: &PatternSet,
     corners: &[Corner],
     radius: usize,
-) -> Result<Vec<Option<[f64; 2]>>, Error> {
+) -> Result<Vec<Option<[f64; 2]>>, DecodeError> {
     let decoded = gray::decode(captured, code, set)?;
     let [x, y] = &decoded.coordinates[..] else { unreachable!("the set has a code along both axes") };
     let one = |corner: &Corner| -> Option<[f64; 2]> {

@@ -6,7 +6,8 @@ use nalgebra::{
 use nelu3d_scan::camera::Distortion;
 use nelu3d_scan::{Camera, Projector};
 
-use super::{Lens, Sample};
+use super::options::Lens;
+use super::sample::Sample;
 
 /// A fitted projector.
 pub(crate) struct Fitted {
@@ -40,7 +41,7 @@ pub(crate) fn fit(samples: &[Sample], size: [usize; 2], lens: Lens) -> Option<Fi
         p = refine(samples, &used, &free, p)?;
         let norms: Vec<f64> = samples.iter().map(|s| residual(&p, s).map_or(f64::MAX, |r| r[0].hypot(r[1]))).collect();
         // The median of a Rayleigh variable is 1.1774 σ.
-        let sigma = nelu3d_scan::statistics::percentile(norms.clone(), 50.0) / 1.1774;
+        let sigma = nelu3d_scan::statistics::percentile(&mut norms.clone(), 50.0) / 1.1774;
         used = norms.iter().map(|n| *n <= REJECT_SIGMAS * sigma.max(1e-6)).collect();
     }
     let p = refine(samples, &used, &free, p)?;

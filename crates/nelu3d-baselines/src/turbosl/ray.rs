@@ -102,7 +102,7 @@ struct Sample<T> {
     /// Φ(f + h), Φ(f − h)
     phi: [T; 2],
     alpha: T,
-    /// PreviousFrame the sample.
+    /// Before the sample.
     transmittance: T,
     weight: T,
     shade: T,

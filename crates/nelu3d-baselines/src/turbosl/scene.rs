@@ -4,16 +4,16 @@ use nalgebra::{Point3, Vector3};
 use nelu3d_scan::pattern::Axis;
 use nelu3d_scan::{Camera, Image, Projector};
 
-use crate::error::DecodeError;
 use crate::captured::Captured;
 use crate::code::Code;
+use crate::error::DecodeError;
 use crate::triangulate::line_of;
-use nelu3d::surface::PixelStatus;
 use nelu3d::reconstruct::neural::bounds::Bounds;
 use nelu3d::reconstruct::neural::march::March;
+use nelu3d::surface::PixelStatus;
 
 /// The scene; maps are of the camera's pixels unless they say otherwise.
-pub(crate) struct Scene<'a> {
+pub(crate) struct TurboSlScene<'a> {
     pub(super) camera: &'a Camera,
     pub(super) projector: &'a Projector,
     /// Undistorted image-plane coordinates.
@@ -35,7 +35,7 @@ pub(crate) struct Scene<'a> {
     pub(super) n_channels: usize,
 }
 
-impl<'a> Scene<'a> {
+impl<'a> TurboSlScene<'a> {
     pub(crate) fn new(
         camera: &'a Camera,
         projector: &'a Projector,

@@ -10,10 +10,10 @@ use rayon::prelude::*;
 
 use super::blur::{self, Blur, HALF};
 use super::ray::{self, Along, Gradient, Kind, Weights};
-use super::scene::Scene;
-use nelu3d::reconstruct::neural::march::{March, Samples, march};
+use super::scene::TurboSlScene;
 use nelu3d::reconstruct::neural::bounds::SIDE;
 use nelu3d::reconstruct::neural::config::{self, STEPS_PER_DIAGONAL};
+use nelu3d::reconstruct::neural::march::{March, Samples, march};
 
 /// Everything that is learned.
 pub(crate) struct Model {
@@ -46,7 +46,7 @@ impl Model {
     /// One step; `n_rays` of which half are the projector's if `reverse`. Returns the losses and the number of samples.
     pub(crate) fn step(
         &mut self,
-        scene: &Scene<'_>,
+        scene: &TurboSlScene<'_>,
         grid: &OccupancyGrid,
         n_rays: usize,
         reverse: bool,
@@ -113,7 +113,7 @@ impl Model {
 
 /// Draws rays and looks up what they see; also the pixels they belong to.
 fn draw(
-    scene: &Scene<'_>,
+    scene: &TurboSlScene<'_>,
     grid: &OccupancyGrid,
     n_rays: usize,
     reverse: bool,
@@ -169,7 +169,7 @@ fn draw(
 
 /// TurboSL's loss of a batch.
 struct Loss<'a> {
-    scene: &'a Scene<'a>,
+    scene: &'a TurboSlScene<'a>,
     batch: &'a Batch,
     /// Of camera rays, then of projector rays' samples, per channel.
     albedo: &'a [f32],
