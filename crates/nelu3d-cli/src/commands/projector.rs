@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
-use nelu3d_baselines::projector::{self, Report};
+use nelu3d_baselines::projector::{self, ProjectorReport, calibrate_projector};
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::Place;
 use nelu3d_scan::rig::PROJECTOR_FILE;
@@ -21,7 +21,7 @@ pub(crate) fn run(args: args::Projector, context: &Context) -> Result<ExitCode> 
     }
     // Before the work: it must not end at a file that cannot be written.
     let _place = Place::new(&output)?;
-    let (projector, report) = projector::calibrate(&rig, args.set.as_deref(), &args.options, &context.progress)?;
+    let (projector, report) = calibrate_projector(&rig, args.set.as_deref(), &args.options, &context.progress)?;
     context.stop_if_asked()?;
     projector::write(&output, &projector, &report)?;
     context.answer(&serde_json::json!({ "projector": output, "report": report }), || {
@@ -31,7 +31,7 @@ pub(crate) fn run(args: args::Projector, context: &Context) -> Result<ExitCode> 
 }
 
 /// The report for people.
-fn text(r: &Report) -> String {
+fn text(r: &ProjectorReport) -> String {
     let [x, y, z] = r.center_mm;
     let [sx, sy, sz] = r.center_sigma_mm;
     let [near, far] = r.depth_mm;

@@ -34,7 +34,7 @@ fn export(args: TableExport, context: &Context) -> Result<()> {
     // Before the work: it must not end at a file that cannot be written.
     let _place = Place::new(&args.output)?;
     let mut clock = StageClock::new(&context.progress);
-    let built = build(&rig, set, args.stride, &Options::default(), &context.progress, &mut clock)?;
+    let built = build(&rig, set, args.stride, &CalibrationOptions::default(), &context.progress, &mut clock)?;
     context.stop_if_asked()?;
     let mut lost = None;
     match args.low_rank {

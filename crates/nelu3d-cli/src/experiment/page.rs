@@ -84,16 +84,16 @@ fn pictures(numbers: &Numbers<'_>, cells: &[Cell]) -> Result<String> {
             cells.iter().filter(|c| c.case * n_values + c.value == row && c.document.is_ok()).collect();
         let Some(seed) = mine.iter().map(|c| c.seed).min() else { continue };
         mine.retain(|c| c.seed == seed);
-        let results: Vec<Saved> = mine.iter().map(|c| SavedResult::read(&c.folder)).collect::<Result<_, _>>()?;
+        let results: Vec<SavedResult> = mine.iter().map(|c| SavedResult::read(&c.folder)).collect::<Result<_, _>>()?;
         let truth_dir = mine[0].scene.join("truth");
         let truth = if truth_dir.exists() { Some(GroundTruth::read(&truth_dir, &results[0].camera)?) } else { None };
         // One scale for the whole row: that of the first method's depth, and of the best one's error.
         let [near, far] = limits(truth.as_ref().map_or(&results[0].depth, |t| &t.depth), 1.0, 99.0);
         let errors: Vec<Vec<f32>> =
             results.iter().map(|r| truth.as_ref().map_or_else(Vec::new, |t| error(r, t))).collect();
-        let p95 = errors
-            .iter()
-            .map(|e| percentile(e.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v.abs())).collect(), 95.0));
+        let p95 = errors.iter().map(|e| {
+            percentile(&mut e.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v.abs())).collect::<Vec<_>>(), 95.0)
+        });
         let limit = p95.filter(|v| v.is_finite() && *v > 0.0).fold(f64::INFINITY, f64::min);
         let limit = if limit.is_finite() { 2.0 * limit } else { 1.0 };
         let _ = write!(html, "<h3>{}</h3><div class=grid>", escape(&numbers.row_label(row)));

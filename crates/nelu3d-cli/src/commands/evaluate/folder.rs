@@ -46,7 +46,7 @@ pub(super) fn write(dir: &Path, content: &Content<'_>, context: &Context) -> Res
 
 /// The range of the colors: as far from zero on both sides as 95 % of the values reach.
 pub(super) fn range(values: &[f64]) -> [f64; 2] {
-    let p95 = percentile(values.iter().map(|v| v.abs()).collect(), 95.0);
+    let p95 = percentile(&mut values.iter().map(|v| v.abs()).collect::<Vec<_>>(), 95.0);
     if p95 > 0.0 { [-p95, p95] } else { [-1.0, 1.0] }
 }
 

@@ -180,7 +180,7 @@ mod tests {
                 for &i in &todo {
                     let (number, frame) = read.recv().unwrap();
                     assert_eq!(number, i);
-                    match (frame, rig.read_shot(&frames[i], set, Need::ReadFrame)) {
+                    match (frame, rig.read_shot(&frames[i], set, Need::Frame)) {
                         (Ok(frame), Ok(capture)) => {
                             assert!(frame.capture == capture && i != 1 && i != 3, "{i}");
                             assert_eq!((capture.black.is_some(), frame.inputs.len()), (i == 4, 3), "{i}");

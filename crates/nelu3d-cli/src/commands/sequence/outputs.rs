@@ -133,7 +133,7 @@ fn merged(mesh: &Mesh, cells: f64) -> Mesh {
 /// The moving picture: the surface as clay in the colors of its depth, one scale for all frames.
 fn preview(folder: &Folder, frames: &[&Shot], table: &Table, fps: f64) -> Result<()> {
     // A single pixel far off in one frame does not spread the colors of all.
-    let middle = |path: &str| percentile(table.numbers(path).collect(), 50.0);
+    let middle = |path: &str| percentile(&mut table.numbers(path).collect::<Vec<_>>(), 50.0);
     let range = [middle("/depth_mm/min"), middle("/depth_mm/max")];
     let mut out = None;
     for frame in frames {

@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
-use crate::mesh::model::{Mesh, normalized, push_polygon};
 use super::document::{COLORS, Document, FLOATS, INDICES, Primitive};
+use crate::mesh::model::{Mesh, normalized, push_polygon};
 
 pub(in super::super) fn parse(bytes: &[u8]) -> Result<Mesh, String> {
     let (document, binary) = Document::parse(bytes)?;
