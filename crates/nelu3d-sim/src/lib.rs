@@ -13,6 +13,19 @@
 //! A file imports only from above it here: `spec`; `random` and `geometry`; `scene` and `light`; `check`; `render`,
 //! `sensor` and `ground_truth`; `displayed`, `sweep`, `capture` and `sequence`; `simulate`.
 //!
+//! A preset's scanner before a sphere, as a rig folder:
+//!
+//! ```no_run
+//! use nelu3d_sim::spec::{ObjectSpec, SceneSpec, ShapeSpec};
+//! use nelu3d_sim::{Spec, simulate};
+//!
+//! let sphere = ObjectSpec::new(ShapeSpec::Sphere { radius_mm: 50.0 }, [0.0, 0.0, 700.0]);
+//! let demo = Spec::preset("demo").expect("a preset");
+//! let spec = Spec { scenes: vec![SceneSpec::new("sphere", vec![sphere])], ..demo };
+//! simulate(&spec, "rig".as_ref(), &|_, _, _| ())?;
+//! # Ok::<(), nelu3d_sim::SimulationError>(())
+//! ```
+//!
 //! Nothing that reconstructs may depend on this crate: it knows the ground truth.
 
 mod capture;
