@@ -69,7 +69,8 @@ impl VirtualCamera<'_> {
     }
 }
 
-/// Returns what a camera in its mono mode collects, in the unit of its green: its codes are the luma of those of its channels, however bright.
+/// Returns what a camera in its mono mode collects, in the unit of its green: its codes are the luma of those of its
+/// channels, however bright.
 fn mono_light(image: &Image, camera: &CameraSpec) -> Image {
     let rates = camera.electrons_per_sec.rgb();
     let weights = [0, 1, 2].map(|c| LUMA[c] * (rates[c] / rates[1]) as f32);

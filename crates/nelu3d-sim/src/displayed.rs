@@ -28,8 +28,8 @@ impl DisplayedImages {
     ///
     /// # Errors
     ///
-    /// A pattern that cannot be made, a film's picture that cannot be read, or a name in `camera.mono_images` that no image
-    /// has.
+    /// A pattern that cannot be made, a film's picture that cannot be read, or a name in `camera.mono_images` that no
+    /// image has.
     pub(crate) fn new(spec: &Spec) -> Result<Self, SpecError> {
         let (width, height) = match &spec.light {
             LightSpec::Projector(p) => (p.width, p.height),
@@ -93,8 +93,8 @@ struct DistinctImages {
 }
 
 impl DistinctImages {
-    /// Enters a pattern's image under the first free number from its own on and returns its file name. Sets that show the
-    /// same image share it.
+    /// Enters a pattern's image under the first free number from its own on and returns its file name. Sets that show
+    /// the same image share it.
     fn insert(&mut self, pattern: &PatternImage) -> String {
         let image = to_eight_bits(&pattern.image);
         let (stem, number) = pattern.name.rsplit_once('_').expect("named with a number");

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 
-/// Returns the pose, camera from thing, of something at `position` whose z axis points at `target` and whose x axis is level
-/// (has no y component). `target` must not lie straight above or below `position`.
+/// Returns the pose, camera from thing, of something at `position` whose z axis points at `target` and whose x axis is
+/// level (has no y component). `target` must not lie straight above or below `position`.
 pub(crate) fn look_at(position: [f64; 3], target: [f64; 3]) -> Isometry3<f64> {
     let position = Point3::from(position);
     let z = (Point3::from(target) - position).normalize();
@@ -15,7 +15,8 @@ pub(crate) fn look_at(position: [f64; 3], target: [f64; 3]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(position), rotation)
 }
 
-/// Returns a rotation that takes z to a unit vector: Duff et al. (Building an Orthonormal Basis, Revisited, JCGT 6(1), 2017).
+/// Returns a rotation that takes z to a unit vector: Duff et al. (Building an Orthonormal Basis, Revisited, JCGT 6(1),
+/// 2017).
 pub(crate) fn orthonormal_basis(n: &Vector3<f64>) -> Matrix3<f64> {
     let sign = 1f64.copysign(n.z);
     let a = -1.0 / (sign + n.z);

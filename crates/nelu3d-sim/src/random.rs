@@ -1,10 +1,11 @@
-//! Random numbers by their coordinates: every row of every image has a generator of its own, seeded by what it is for. So the order in
-//! which threads come to them does not matter, and one image's noise does not depend on whether another is made.
+//! Random numbers by their coordinates: every row of every image has a generator of its own, seeded by what it is for.
+//! So the order in which threads come to them does not matter, and one image's noise does not depend on whether another
+//! is made.
 
 use rand::SeedableRng;
 use rand::rngs::Xoshiro256PlusPlus;
 
-/// What random numbers are for. It keeps equal coordinates of different uses apart.
+/// The purpose of random numbers. It keeps equal coordinates of different uses apart.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum RandomPurpose {
     Sweep = 1,
@@ -13,7 +14,8 @@ pub(crate) enum RandomPurpose {
     Film = 4,
 }
 
-/// Returns a hash of the seed, the purpose and three coordinates, by SplitMix64's finalizer (Steele, Lea and Flood, OOPSLA 2014).
+/// Returns a hash of the seed, the purpose and three coordinates, by SplitMix64's finalizer (Steele, Lea and Flood,
+/// OOPSLA 2014).
 pub(crate) fn hash(seed: u64, purpose: RandomPurpose, coordinates: [u64; 3]) -> u64 {
     let mut h = mix(seed ^ 0x6e65_6c75_3364);
     for v in [purpose as u64, coordinates[0], coordinates[1], coordinates[2]] {

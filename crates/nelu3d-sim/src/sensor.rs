@@ -1,9 +1,10 @@
 //! The sensor: from light to codes.
 //!
 //! With L the light a pixel collects (1: albedo 1, facing the flash at its reference distance), the expected number of
-//! electrons is `(electrons_per_sec · L + dark_electrons_per_sec) · exposure_secs`. Photons and dark current make it a Poisson
-//! number, reading adds Gaussian noise, and the converter scales `[0, full well / gain]` to `[black level, largest code]`,
-//! rounds and clips. (The converter ends where the well does or before, so that a full pixel always reads the largest code.)
+//! electrons is `(electrons_per_sec · L + dark_electrons_per_sec) · exposure_secs`. Photons and dark current make it a
+//! Poisson number, reading adds Gaussian noise, and the converter scales `[0, full well / gain]` to `[black level,
+//! largest code]`, rounds and clips. (The converter ends where the well does or before, so that a full pixel always
+//! reads the largest code.)
 
 use rand::rngs::Xoshiro256PlusPlus;
 use rand_distr::{Distribution, Normal, Poisson};
@@ -36,7 +37,8 @@ impl Sensor {
         }
     }
 
-    /// Samples the code of a pixel of a channel (0 to 2) that collects `light`, as (code − black level) / (saturation − black level).
+    /// Samples the code of a pixel of a channel (0 to 2) that collects `light`, as (code − black level) / (saturation −
+    /// black level).
     pub(crate) fn read(&self, light: f32, channel: usize, random: &mut Xoshiro256PlusPlus) -> f32 {
         let mean = self.electrons[channel] * f64::from(light).max(0.0) + self.dark;
         // A Poisson number of mean 0 is 0; the library's distribution has no such mean.

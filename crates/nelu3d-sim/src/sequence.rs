@@ -51,8 +51,8 @@ fn start_secs(sequence: &SequenceSpec, frame: usize) -> f64 {
     frame as f64 / sequence.fps
 }
 
-/// Captures the images of a frame, each at its own moment, writes them into the folder `dir` and returns the ground truth of
-/// the moment of the first pattern.
+/// Captures the images of a frame, each at its own moment, writes them into the folder `dir` and returns the ground
+/// truth of the moment of the first pattern.
 pub(crate) fn capture_frame(
     camera: &VirtualCamera,
     sequence: &SequenceSpec,

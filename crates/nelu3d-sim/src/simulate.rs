@@ -32,9 +32,9 @@ const FIRST_SEQUENCE_SHOT: u64 = 1 << 33;
 /// Is told the stage, how many of its shots are done, and how many there are.
 type Progress<'a> = &'a (dyn Fn(&str, usize, usize) + Sync);
 
-/// Captures everything a spec describes and writes the rig folder `out`: patterns, sweep, scenes and sequences with their
-/// ground truth, and the spec itself as `simulation.toml` (with a film's picture beside it). The folder is written whole or
-/// not at all; an earlier simulation in its place is replaced, anything else is not.
+/// Captures everything a spec describes and writes the rig folder `out`: patterns, sweep, scenes and sequences with
+/// their ground truth, and the spec itself as `simulation.toml` (with a film's picture beside it). The folder is
+/// written whole or not at all; an earlier simulation in its place is replaced, anything else is not.
 ///
 /// `progress` is told the stage, how many of its shots are done, and how many there are.
 ///
@@ -164,7 +164,8 @@ fn frame_name(frame: usize, frames: usize) -> String {
     format!("{frame:0digits$}")
 }
 
-/// Returns the spec as it is saved: a film's picture is copied beside it, so that the rig can be made again from itself.
+/// Returns the spec as it is saved: a film's picture is copied beside it, so that the rig can be made again from
+/// itself.
 fn save_film(spec: &Spec, root: &Path) -> Result<Spec, SimulationError> {
     let mut saved = spec.clone();
     if let LightSpec::Film(FilmSpec { image: Some(image), .. }) = &mut saved.light {

@@ -74,8 +74,8 @@ fn deformations_move_too() {
     assert_eq!(at(bend, 0.5), bend);
 }
 
-/// Every image of a frame is that of a scene that stands still where the objects are at the image's own moment; the truth
-/// is that of the first pattern's.
+/// Every image of a frame is that of a scene that stands still where the objects are at the image's own moment; the
+/// truth is that of the first pattern's.
 #[test]
 fn images_and_truth_have_their_own_moments() {
     let mut spec = spec(waves());

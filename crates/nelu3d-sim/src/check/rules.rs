@@ -40,7 +40,7 @@ pub(super) fn name(key: &str, name: &str, taken: &mut HashSet<String>) -> Result
     check(taken.insert(name.to_owned()), key, format!("\"{name}\""), "it is used twice; give each its own")
 }
 
-/// What the optics of cameras and projectors have in common.
+/// The optics of a camera or projector, to be checked.
 pub(super) struct Optics<'a> {
     /// Section of the spec.
     pub(super) key: &'a str,

@@ -5,7 +5,8 @@ use std::sync::OnceLock;
 use nelu3d_scan::Image;
 
 /// Images of one size, their channels side by side, at levels of growing blur that are made when first needed. A lookup
-/// reads all channels at once and interpolates between two levels and (quadratic B-spline) between pixels. Outside of the images it is dark.
+/// reads all channels at once and interpolates between two levels and (quadratic B-spline) between pixels. Outside of
+/// the images it is dark.
 #[derive(Debug)]
 pub(crate) struct BlurStack {
     width: usize,
@@ -64,8 +65,8 @@ impl BlurStack {
         (x < self.width && y < self.height).then(|| &self.level(0)[at..at + self.channels])
     }
 
-    /// Writes all channels at (u, v) px under a Gaussian of standard deviation `sigma` px to `out`. A blur narrower than the
-    /// interpolation's own (0.5 px) is not possible.
+    /// Writes all channels at (u, v) px under a Gaussian of standard deviation `sigma` px to `out`. A blur narrower
+    /// than the interpolation's own (0.5 px) is not possible.
     pub(crate) fn at(&self, [u, v]: [f64; 2], sigma: f64, out: &mut [f32]) {
         out.fill(0.0);
         // NaN is outside too.
@@ -81,8 +82,8 @@ impl BlurStack {
         let variance = (sigma * sigma - INTERPOLATION_VARIANCE).max(0.0);
         let i = (1..N_LEVELS - 1).find(|&i| self.variances[i] >= variance).unwrap_or(N_LEVELS - 1);
         let (low, high) = (self.variances[i - 1], self.variances[i]);
-        // Mixed in proportion to the variances, the mixture has exactly the variance asked for (and, between close levels, nearly the
-        // shape of a Gaussian).
+        // Mixed in proportion to the variances, the mixture has exactly the variance asked for (and, between close
+        // levels, nearly the shape of a Gaussian).
         let part = ((variance - low) / (high - low)).clamp(0.0, 1.0) as f32;
         for (level, part) in [(i - 1, 1.0 - part), (i, part)] {
             if part == 0.0 {
@@ -130,8 +131,9 @@ fn b_spline(d: f32) -> [f32; 3] {
     [0.5 * (0.5 - d) * (0.5 - d), 0.75 - d * d, 0.5 * (0.5 + d) * (0.5 + d)]
 }
 
-/// Returns taps 0 to `radius` of a sampled Gaussian whose variance, as a sum over its samples, is `variance`. Below 1 px the samples
-/// are too few for the sum to equal the parameter of the exponential, which is therefore found by bisection.
+/// Returns taps 0 to `radius` of a sampled Gaussian whose variance, as a sum over its samples, is `variance`. Below 1
+/// px the samples are too few for the sum to equal the parameter of the exponential, which is therefore found by
+/// bisection.
 fn sampled_gaussian(variance: f64, radius: usize) -> Vec<f64> {
     let taps = |t: f64| -> Vec<f64> {
         let half: Vec<f64> = (0..=radius).map(|n| (-0.5 * (n * n) as f64 / t).exp()).collect();
@@ -175,8 +177,8 @@ mod tests {
             let data = (0..400 * 9).map(|i| value(i % 400) as f32).collect();
             Image { width: 400, height: 9, channels: 1, data }
         };
-        // Rows blur into the dark outside: white, blurred alike, tells how much. Within a hundredth, because a mixture of two
-        // Gaussians of the right variance is nearly, not quite, a Gaussian.
+        // Rows blur into the dark outside: white, blurred alike, tells how much. Within a hundredth, because a mixture
+        // of two Gaussians of the right variance is nearly, not quite, a Gaussian.
         let stack = BlurStack::new(&[image(&|i| wave(i as f64)), image(&|_| 1.0)]);
         for sigma in [0.5, 0.8, 1.3, 2.0, 4.0] {
             let expected = (-0.5 * (std::f64::consts::TAU * sigma / period).powi(2)).exp();

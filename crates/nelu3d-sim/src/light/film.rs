@@ -1,5 +1,6 @@
-//! A color film before a small lamp, and a second lamp beside it. There are no pixels: the film's transmission is a sum of
-//! plane waves, and the lamp's size damps each of them by a known factor; or it is a picture, blurred by the lamp's disc.
+//! A color film before a small lamp, and a second lamp beside it. There are no pixels: the film's transmission is a sum
+//! of plane waves, and the lamp's size damps each of them by a known factor; or it is a picture, blurred by the lamp's
+//! disc.
 
 use std::f64::consts::TAU;
 
@@ -19,7 +20,7 @@ use crate::spec::FilmSpec;
 pub(crate) struct FilmLight {
     spec: FilmSpec,
     lamp_from_cam: Isometry3<f64>,
-    /// Where the white lamp and the pattern's lamp are.
+    /// Positions of the white lamp and of the pattern's lamp.
     lamps: [Point3<f64>; 2],
     axis: Vector3<f64>,
     /// Strength of the flash's and of the film's lamp in red, green and blue.
@@ -27,7 +28,7 @@ pub(crate) struct FilmLight {
     transmission: Transmission,
 }
 
-/// What the film lets through.
+/// The part of light that the film lets through.
 #[derive(Debug)]
 enum Transmission {
     /// Plane waves of red, green and blue.
@@ -117,8 +118,8 @@ impl FilmLight {
         }
     }
 
-    /// Returns the transmission in red, green and blue at (u, v) mm under the lamp's disc of standard deviation `sigma` mm: a picture's,
-    /// or ½ + ½ · mean of the waves, each damped by exp(−½ σ² |k|²).
+    /// Returns the transmission in red, green and blue at (u, v) mm under the lamp's disc of standard deviation `sigma`
+    /// mm: a picture's, or ½ + ½ · mean of the waves, each damped by exp(−½ σ² |k|²).
     fn transmission(&self, [u, v]: [f64; 2], sigma: f64) -> [f32; 3] {
         let waves = match &self.transmission {
             Transmission::Waves(waves) => waves,

@@ -6,8 +6,8 @@ use nelu3d_scan::Image;
 
 use super::blur::BlurStack;
 
-/// The images of a projector, their channels side by side. Each pixel is an evenly lit square about its center, of the same
-/// side for all; the lens blurs by a Gaussian.
+/// The images of a projector, their channels side by side. Each pixel is an evenly lit square about its center, of the
+/// same side for all; the lens blurs by a Gaussian.
 #[derive(Debug)]
 pub(crate) struct PixelGrid {
     stack: BlurStack,
@@ -36,7 +36,8 @@ impl PixelGrid {
         self.stack.channels()
     }
 
-    /// Writes all channels at (u, v) px under a lens blur of standard deviation `sigma` px to `out`; 1 inside a sharp white square.
+    /// Writes all channels at (u, v) px under a lens blur of standard deviation `sigma` px to `out`; 1 inside a sharp
+    /// white square.
     pub(crate) fn at(&self, at: [f64; 2], sigma: f64, out: &mut [f32]) {
         if sigma < NARROW_PX {
             self.squares(at, sigma.max(1e-4), out);
@@ -47,8 +48,8 @@ impl PixelGrid {
         }
     }
 
-    /// Writes `Σ code(i, j) · W(u − i) · W(v − j)`, `W(d) = Φ((d + f/2) / σ) − Φ((d − f/2) / σ)`: the exact integral of the
-    /// squares under the Gaussian.
+    /// Writes `Σ code(i, j) · W(u − i) · W(v − j)`, `W(d) = Φ((d + f/2) / σ) − Φ((d − f/2) / σ)`: the exact integral of
+    /// the squares under the Gaussian.
     fn squares(&self, [u, v]: [f64; 2], sigma: f64, out: &mut [f32]) {
         out.fill(0.0);
         let (columns, wx, nx) = self.weights(u, sigma);
@@ -63,7 +64,8 @@ impl PixelGrid {
         }
     }
 
-    /// Returns the first pixel in reach along an axis, and the weights of as many as are. Indices may lie outside of the image.
+    /// Returns the first pixel in reach along an axis, and the weights of as many as are. Indices may lie outside of
+    /// the image.
     fn weights(&self, at: f64, sigma: f64) -> (i64, [f32; MAX_PIXELS], usize) {
         let mut weights = [0.0; MAX_PIXELS];
         let reach = 0.5 * self.fill + REACH_SIGMAS * sigma;

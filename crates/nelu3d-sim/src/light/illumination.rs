@@ -1,11 +1,11 @@
-//! What the light source shows in an image.
+//! States of the light source.
 
-/// What the light source shows in an image.
+/// The state of the light source in an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Illumination {
     /// The white image (flash).
     White,
-    /// What the spec says black is.
+    /// The black image, as the spec declares it.
     Black,
     /// A pattern: its index among all images the light source can show.
     Pattern(usize),

@@ -1,7 +1,7 @@
 //! Light sources: how much light of which color a point of a surface receives in which image.
 //!
-//! Every light source promises `sample`, what of a surface point matters to it (computed once for all images of a shot, with
-//! shadows), and `irradiance`, the light that arrives there in every image. To add one, write its file, add it to
+//! Every light source promises `sample`, what of a surface point matters to it (computed once for all images of a shot,
+//! with shadows), and `irradiance`, the light that arrives there in every image. To add one, write its file, add it to
 //! [`LightSource`] and to the spec.
 
 mod blur;
@@ -45,8 +45,8 @@ impl LightSource {
         }
     }
 
-    /// Returns what the light source needs to know about a surface point `p` with unit normal `normal`. `is_visible` tells
-    /// whether nothing stands between the surface and a point that light comes from.
+    /// Returns what the light source needs to know about a surface point `p` with unit normal `normal`. `is_visible`
+    /// tells whether nothing stands between the surface and a point that light comes from.
     pub(crate) fn sample(
         &self,
         p: &Point3<f64>,
@@ -59,8 +59,8 @@ impl LightSource {
         }
     }
 
-    /// Writes the irradiance in red, green and blue in every frame to `out`, without ambient light. 1: the flash of a lamp of
-    /// strength 1, falling perpendicularly at the reference distance. `scratch` is memory to use again.
+    /// Writes the irradiance in red, green and blue in every frame to `out`, without ambient light. 1: the flash of a
+    /// lamp of strength 1, falling perpendicularly at the reference distance. `scratch` is memory to use again.
     pub(crate) fn irradiance(
         &self,
         frames: &[Illumination],

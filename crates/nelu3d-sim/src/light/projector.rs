@@ -85,10 +85,10 @@ impl ProjectorLight {
 
     /// Returns the standard deviation of the blur away from the focus at a point of the projector's frame, px.
     ///
-    /// Circle of confusion of a thin lens: its opening A, seen from the point through the plane of focus, has the diameter
-    /// `A · |z − z_f| / z_f` at the point, and `A · f · |1/z_f − 1/z|` in pixels of the image plane. A uniform disc's
-    /// standard deviation per axis is a quarter of its diameter. On a tilted plane `z = focus + x tan a_x + y tan a_y` the
-    /// focus of the ray (x/z, y/z) is at `1/z_f = (1 − x/z tan a_x − y/z tan a_y) / focus`.
+    /// Circle of confusion of a thin lens: its opening A, seen from the point through the plane of focus, has the
+    /// diameter `A · |z − z_f| / z_f` at the point, and `A · f · |1/z_f − 1/z|` in pixels of the image plane. A uniform
+    /// disc's standard deviation per axis is a quarter of its diameter. On a tilted plane `z = focus + x tan a_x + y
+    /// tan a_y` the focus of the ray (x/z, y/z) is at `1/z_f = (1 − x/z tan a_x − y/z tan a_y) / focus`.
     fn defocus_px(&self, local: &Point3<f64>) -> f64 {
         let s = &self.spec;
         let [tilt_x, tilt_y] = s.focus_tilt.map(f64::tan);

@@ -64,8 +64,9 @@ impl Renderer {
         &self.camera
     }
 
-    /// Returns the light that every pixel of every frame collects; 1: albedo 1, facing the flash at its reference distance. Images
-    /// have the channels of the file: a mosaic is one channel. `shot` numbers the shot, for its random numbers.
+    /// Returns the light that every pixel of every frame collects; 1: albedo 1, facing the flash at its reference
+    /// distance. Images have the channels of the file: a mosaic is one channel. `shot` numbers the shot, for its random
+    /// numbers.
     pub(crate) fn render(
         &self,
         scene: &VirtualScene,
@@ -155,8 +156,8 @@ impl Renderer {
         let pixels_hash = hash(self.seed, RandomPurpose::Pixels, [shot, y as u64, 1]);
         for (i, sub_column) in (-radius..self.camera.width as i64 * n + radius).enumerate() {
             let (x, sub_x) = (sub_column.div_euclid(n), sub_column.rem_euclid(n));
-            // Multi-jittered (Chiu, Shirley and Wang, Graphics Gems IV): the n² samples of a pixel also differ by 1/n² in x
-            // and in y, so that an edge along rows or columns is located to 1/n² px.
+            // Multi-jittered (Chiu, Shirley and Wang, Graphics Gems IV): the n² samples of a pixel also differ by 1/n²
+            // in x and in y, so that an edge along rows or columns is located to 1/n² px.
             let bits = mix(row_hash ^ sub_column as u64);
             let [jx, jy] = [bits >> 40, (bits >> 16) & 0xff_ffff].map(|b| b as f64 / (1u64 << 24) as f64);
             let fx = (sub_x as f64 + (sub_y as f64 + jx) / n as f64) / n as f64;

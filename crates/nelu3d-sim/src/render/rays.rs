@@ -26,7 +26,8 @@ impl RayGrid {
         Self { margin: margin_px as i64, columns, corners }
     }
 
-    /// Returns the ray through pixel (x, y) at (fx, fy) of its width and height from its top left corner, all in `[0, 1]`.
+    /// Returns the ray through pixel (x, y) at (fx, fy) of its width and height from its top left corner, all in `[0,
+    /// 1]`.
     pub(crate) fn ray(&self, x: i64, y: i64, fx: f64, fy: f64) -> Ray {
         let i = (y + self.margin) as usize * self.columns + (x + self.margin) as usize;
         let [a, b] = [self.corners[i], self.corners[i + 1]];

@@ -1,7 +1,8 @@
-//! The light that a surface sends to the camera: what falls on it from the light source, and what other surfaces send it,
-//! found by path tracing (Kajiya, SIGGRAPH 1986) with the light source looked for at every surface on the way.
+//! The light that a surface sends to the camera: what falls on it from the light source, and what other surfaces send
+//! it, found by path tracing (Kajiya, SIGGRAPH 1986) with the light source looked for at every surface on the way.
 //!
-//! Light transport is linear: a path weighs the light of every image alike, so that one path serves all images of a shot.
+//! Light transport is linear: a path weighs the light of every image alike, so that one path serves all images of a
+//! shot.
 
 use nalgebra::{Point3, Vector3};
 
@@ -14,8 +15,8 @@ use crate::spec::InterreflectionSpec;
 /// Points per ray at which light enters a translucent surface.
 const ENTRIES: usize = 4;
 
-/// The generalized golden ratio's powers: multiples of it, mod 1, fill the unit square low_discrepancy_point in any number (Roberts, The
-/// Unreasonable Effectiveness of Quasirandom Sequences, 2018).
+/// The generalized golden ratio's powers: multiples of it, mod 1, fill the unit square evenly in any number (Roberts,
+/// The Unreasonable Effectiveness of Quasirandom Sequences, 2018).
 const R2: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
 
 /// A ray of a pixel: its random numbers come from it.
@@ -65,8 +66,8 @@ impl<'a> LightTransport<'a> {
         }
     }
 
-    /// Returns the light in red, green and blue that leaves a surface in the direction `out` in every frame: albedo times irradiance,
-    /// where the surface is diffuse.
+    /// Returns the light in red, green and blue that leaves a surface in the direction `out` in every frame: albedo
+    /// times irradiance, where the surface is diffuse.
     pub(super) fn radiance(&mut self, hit: &SurfaceHit, out: &Vector3<f64>, id: RayId) -> &[[f32; 3]] {
         self.radiance.fill([0.0; 3]);
         if let Material::Translucent { mean_free_path, share } = *self.scene.material(hit) {
@@ -110,8 +111,8 @@ impl<'a> LightTransport<'a> {
         }
     }
 
-    /// Samples a direction from which light comes that leaves in the direction `out`, and the part of that light that does;
-    /// `hit` moves to where it enters.
+    /// Samples a direction from which light comes that leaves in the direction `out`, and the part of that light that
+    /// does; `hit` moves to where it enters.
     fn sample_bounce(
         &self,
         hit: &mut SurfaceHit,
@@ -163,7 +164,8 @@ impl<'a> LightTransport<'a> {
         self.light.irradiance(self.frames, &lit, &mut self.scratch, &mut self.irradiance);
         let to_local = orthonormal_basis(&hit.shading_normal).transpose();
         let out = to_local * out;
-        // Of the flash and of the pattern's light. A lamp that gives no light here is not asked about, and does not matter.
+        // Reflectance of the flash and of the pattern's light. A lamp that gives no light here is not asked about, and
+        // does not matter.
         let reflectance = lamps.get().map(|lamp| {
             let Some(lamp) = lamp else { return [0.0; 3] };
             let to = to_local * (lamp - hit.point).normalize();
@@ -192,7 +194,8 @@ impl<'a> LightTransport<'a> {
     }
 }
 
-/// Returns the point `index` of a sequence that fills the unit square low_discrepancy_point, shifted by the pixel (Cranley and Patterson, 1976).
+/// Returns the point `index` of a sequence that fills the unit square evenly, shifted by the pixel (Cranley and
+/// Patterson, 1976).
 fn low_discrepancy_point(pixel: u64, index: usize) -> [f64; 2] {
     let mut shift = RandomStream(pixel);
     R2.map(|step| (shift.next() + index as f64 * step).fract())

@@ -2,7 +2,8 @@
 //!
 //! Glossy: GGX microfacets (Walter et al., EGSR 2007) with Smith's height-correlated masking (Heitz, JCGT 2014) and
 //! Schlick's Fresnel term, over a diffuse base that receives and emits what the microfacets do not reflect (Kelemen and
-//! Szirmay-Kalos, Eurographics 2001 short papers). Both parts are reciprocal, and together they reflect at most all light.
+//! Szirmay-Kalos, Eurographics 2001 short papers). Both parts are reciprocal, and together they reflect at most all
+//! light.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -11,7 +12,7 @@ use nalgebra::Vector3;
 
 use crate::spec::MaterialSpec;
 
-/// How a surface reflects light; see [`MaterialSpec`].
+/// The reflection of a surface by direction; see [`MaterialSpec`].
 #[derive(Clone, Debug)]
 pub(crate) enum Material {
     Lambert,
@@ -92,8 +93,8 @@ impl GlossyCoating {
         self.specular_albedo[i] + (at - i as f64) * (self.specular_albedo[i + 1] - self.specular_albedo[i])
     }
 
-    /// Returns the diffuse base's reflectance between directions of the cosines `wo` and `wi`, as a part of what it would
-    /// reflect without the coating.
+    /// Returns the diffuse base's reflectance between directions of the cosines `wo` and `wi`, as a part of what it
+    /// would reflect without the coating.
     pub(crate) fn diffuse(&self, wo: f64, wi: f64) -> f64 {
         let passed = 1.0 - self.mean_specular_albedo;
         // Nothing passes a perfect mirror.
@@ -115,8 +116,8 @@ impl GlossyCoating {
         PI * distribution * masking * self.fresnel(half.dot(wo)) / (4.0 * o * i)
     }
 
-    /// Samples a direction in which the microfacets reflect light from `wo` by the distribution of visible normals (Heitz,
-    /// JCGT 2018). Returns it with the part of the light it stands for, or `None` below the surface.
+    /// Samples a direction in which the microfacets reflect light from `wo` by the distribution of visible normals
+    /// (Heitz, JCGT 2018). Returns it with the part of the light it stands for, or `None` below the surface.
     pub(crate) fn sample_specular(&self, wo: &Vector3<f64>, [u0, u1]: [f64; 2]) -> Option<(Vector3<f64>, f64)> {
         let wo = Vector3::new(wo.x, wo.y, wo.z.max(MIN_COSINE)).normalize();
         let v = Vector3::new(self.alpha * wo.x, self.alpha * wo.y, wo.z).normalize();

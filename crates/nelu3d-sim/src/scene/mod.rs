@@ -1,4 +1,5 @@
-//! What the camera sees: closed-form objects and triangles, with exact intersections. The sweep's board is such an object too.
+//! What the camera sees: closed-form objects and triangles, with exact intersections. The sweep's board is such an
+//! object too.
 
 mod albedo;
 mod deformation;
@@ -90,9 +91,9 @@ impl VirtualScene {
         self.hit(&Ray { origin: hit.point + hit.geometric_normal * SURFACE_OFFSET_MM, dir })
     }
 
-    /// Samples where light enters a translucent surface that leaves it at `hit`: a point of the same surface in any direction,
-    /// at a distance that is exponentially distributed. Where the surface ends before, it is the point itself. `u` are two
-    /// random numbers.
+    /// Samples where light enters a translucent surface that leaves it at `hit`: a point of the same surface in any
+    /// direction, at a distance that is exponentially distributed. Where the surface ends before, it is the point
+    /// itself. `u` are two random numbers.
     pub(crate) fn sample_subsurface_entry(&self, hit: &SurfaceHit, mean_distance: f64, u: [f64; 2]) -> SurfaceHit {
         let distance = -mean_distance * (1.0 - u[0]).ln();
         let (sine, cosine) = (TAU * u[1]).sin_cos();
@@ -132,8 +133,8 @@ impl VirtualScene {
         }
     }
 
-    /// Returns all surfaces as triangles in the camera's frame, with vertices and normals on the true surface; of a mesh, its
-    /// own.
+    /// Returns all surfaces as triangles in the camera's frame, with vertices and normals on the true surface; of a
+    /// mesh, its own.
     pub(crate) fn mesh(&self) -> Mesh {
         let mut all = Mesh::default();
         for o in &self.objects {

@@ -57,8 +57,8 @@ impl SceneObject {
         Ok(Self::new(shape, cam_from_object, albedo, Material::new(&spec.material)))
     }
 
-    /// Returns the surface point of an intersection of `ray` (in the camera's frame; `local` in the object's). `object` is the
-    /// index of this object.
+    /// Returns the surface point of an intersection of `ray` (in the camera's frame; `local` in the object's). `object`
+    /// is the index of this object.
     pub(super) fn surface_hit(&self, object: usize, ray: &Ray, local: &Ray, shape_hit: &ShapeHit) -> SurfaceHit {
         let mut geometric_normal = self.cam_from_object * shape_hit.normal;
         if geometric_normal.dot(&ray.dir) > 0.0 {

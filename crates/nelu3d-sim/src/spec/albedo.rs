@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 use super::axis::AxisSpec;
 use super::defaults::{y_axis, yes};
 
-/// A surface's color: how much of the red, green and blue light it reflects. A mono camera sees the mean.
+/// The albedo of a surface: the part of red, green and blue light that it reflects. A mono camera sees the mean.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum AlbedoSpec {
-    /// The same everywhere.
+    /// One color everywhere.
     Constant {
         /// Red, green, blue, each 0 to 1.
         rgb: [f64; 3],

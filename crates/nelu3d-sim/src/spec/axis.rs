@@ -16,7 +16,7 @@ pub enum AxisSpec {
 }
 
 impl AxisSpec {
-    /// 0, 1 or 2.
+    /// Returns the index of the coordinate: 0, 1 or 2.
     pub(crate) fn index(self) -> usize {
         self as usize
     }

@@ -10,14 +10,14 @@ use super::defaults::{identity, one};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "give a number, or three for [red, green, blue]")]
 pub enum PerColor {
-    /// The same for all.
+    /// One number for all colors.
     Same(f64),
-    /// Red, green, blue.
+    /// One number each for red, green and blue.
     Each([f64; 3]),
 }
 
 impl PerColor {
-    /// Red, green, blue.
+    /// Returns the numbers of red, green and blue.
     pub fn rgb(self) -> [f64; 3] {
         match self {
             PerColor::Same(v) => [v; 3],
@@ -32,8 +32,8 @@ impl From<f64> for PerColor {
     }
 }
 
-/// A camera: a pinhole with OpenCV's distortion, a point spread function, and a sensor with shot noise, dark current, read
-/// noise, gain, clipping and quantization.
+/// A camera: a pinhole with OpenCV's distortion, a point spread function, and a sensor with shot noise, dark current,
+/// read noise, gain, clipping and quantization.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSpec {
@@ -54,7 +54,8 @@ pub struct CameraSpec {
     pub distortion: Vec<f64>,
     /// Color: `mono`, `rgb`, or `bayer-rggb` and its three permutations.
     pub channels: String,
-    /// Bits of a sensor code, 1 to 16. Up to 8 make 8-bit files, more make 16-bit files. The largest code is saturation.
+    /// Bits of a sensor code, 1 to 16. Up to 8 make 8-bit files, more make 16-bit files. The largest code is
+    /// saturation.
     pub bits: u32,
     /// Sensor code for no light.
     pub black_level: f64,
@@ -67,8 +68,8 @@ pub struct CameraSpec {
     pub read_noise_electrons: f64,
     /// Standard deviation of the lens's Gaussian blur, px; the pixel's own area comes on top.
     pub psf_sigma_px: f64,
-    /// Electrons per pixel and second from a surface of albedo 1 that faces a white flash at its reference distance: of each
-    /// channel, or one number for all. A mono camera has one.
+    /// Electrons per pixel and second from a surface of albedo 1 that faces a white flash at its reference distance: of
+    /// each channel, or one number for all. A mono camera has one.
     pub electrons_per_sec: PerColor,
     /// Exposure time, seconds.
     pub exposure_secs: f64,
@@ -78,14 +79,15 @@ pub struct CameraSpec {
     /// Moments of the exposure that are averaged where things move, 1 to 64. One freezes the motion.
     #[serde(default = "frozen")]
     pub shutter_samples: usize,
-    /// Natural vignetting: a pixel's light falls by the cosine of its angle to the optical axis to this power (4 for a thin
-    /// lens).
+    /// Natural vignetting: a pixel's light falls by the cosine of its angle to the optical axis to this power (4 for a
+    /// thin lens).
     #[serde(default)]
     pub vignetting: f64,
-    /// How much of each band of light (columns: red, green, blue) each channel of a color camera collects (rows).
+    /// Part of each band of light (columns: red, green, blue) that each channel of a color camera collects (rows).
     #[serde(default = "identity")]
     pub color_mixing: [[f64; 3]; 3],
-    /// Patterns that an `rgb` camera takes in its mono mode: files of one channel, the luma of its three. Names as in `rig.toml`.
+    /// Patterns that an `rgb` camera takes in its mono mode: files of one channel, the luma of its three. Names as in
+    /// `rig.toml`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mono_images: Vec<String>,
 }
@@ -95,24 +97,24 @@ fn frozen() -> usize {
 }
 
 impl CameraSpec {
-    /// The optics, or `None` for a number of distortion coefficients that OpenCV does not know.
+    /// Returns the optics, or `None` for a number of distortion coefficients that OpenCV does not know.
     pub(crate) fn optics(&self) -> Option<Camera> {
         opencv_camera([self.width, self.height], [self.fx, self.fy, self.cx, self.cy], &self.distortion)
     }
 
-    /// The color mode, or `None` for an unknown name.
+    /// Returns the color mode, or `None` for an unknown name.
     pub(crate) fn channels(&self) -> Option<Channels> {
         Channels::from_name(&self.channels)
     }
 
-    /// The sensor code at which a value is clipped: the largest code.
+    /// Returns the sensor code at which a value is clipped: the largest code.
     pub fn saturation(&self) -> f64 {
         2f64.powi(self.bits as i32) - 1.0
     }
 }
 
-/// Returns a pinhole camera with OpenCV's distortion from its size and `[fx, fy, cx, cy]`, px, or `None` for a number of
-/// coefficients that OpenCV does not know.
+/// Returns a pinhole camera with OpenCV's distortion from its size and `[fx, fy, cx, cy]`, px, or `None` for a number
+/// of coefficients that OpenCV does not know.
 pub(super) fn opencv_camera(
     [width, height]: [usize; 2],
     [fx, fy, cx, cy]: [f64; 4],

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::axis::AxisSpec;
 use super::defaults::y_axis;
 
-/// A smooth map of the object's frame that bends the object. A closed form becomes a fine mesh first, which is then what
-/// is seen and what is true; a mesh of a file is bent at its vertices.
+/// A smooth map of the object's frame that bends the object. A closed form becomes a fine mesh first, which is then
+/// what is seen and what is true; a mesh of a file is bent at its vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum DeformationSpec {
@@ -19,15 +19,16 @@ pub enum DeformationSpec {
         /// Its phase at the origin, radians.
         #[serde(default)]
         phase: f64,
-        /// Where it runs in the object's frame; its length does not matter.
+        /// Direction in which it runs in the object's frame; its length does not matter.
         #[serde(default = "along_x")]
         direction: [f64; 3],
     },
-    /// What is flat in z = 0 becomes a part of a cylinder whose axis is parallel to `axis` (x or y), at z = 1/curvature.
+    /// What is flat in z = 0 becomes a part of a cylinder whose axis is parallel to `axis` (x or y), at z =
+    /// 1/curvature.
     Bend {
         /// One over the cylinder's radius, 1/mm; positive: the middle comes forward (the axis lies behind it).
         curvature_per_mm: f64,
-        /// What stays straight: x or y.
+        /// Axis that stays straight: x or y.
         #[serde(default = "y_axis")]
         axis: AxisSpec,
     },
@@ -35,7 +36,7 @@ pub enum DeformationSpec {
     Twist {
         /// Radians per mm.
         rate_per_mm: f64,
-        /// About which axis.
+        /// Axis of the twist.
         #[serde(default = "y_axis")]
         axis: AxisSpec,
     },

@@ -15,21 +15,21 @@ pub enum SpecError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// Something in a file.
+    /// An error in a spec file.
     #[error("{}: {source}", path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error in it.
         source: Box<SpecError>,
     },
     /// Not TOML, an unknown key, or a value of another type.
     #[error("{reason}")]
     Syntax {
-        /// What the parser said, with the line.
+        /// The parser's message, with the line.
         reason: String,
     },
     /// A value that makes no sense.
@@ -39,7 +39,7 @@ pub enum SpecError {
         key: String,
         /// Its value.
         value: String,
-        /// What it must be.
+        /// Instruction what it must be.
         remedy: String,
     },
     /// A mesh that cannot be read.
@@ -47,7 +47,7 @@ pub enum SpecError {
     Mesh {
         /// The key.
         key: String,
-        /// What is wrong with the file.
+        /// The error in the file.
         source: MeshFileError,
     },
     /// A picture that cannot be read.
@@ -55,15 +55,15 @@ pub enum SpecError {
     Image {
         /// The key.
         key: String,
-        /// What is wrong with the file.
+        /// The error in the file.
         source: ImageFileError,
     },
     /// A pattern that cannot be made.
     #[error("pattern set `{set}`: {source}")]
     Pattern {
-        /// Its set.
+        /// Name of its set.
         set: String,
-        /// What is wrong with it.
+        /// The error in it.
         source: PatternError,
     },
 }

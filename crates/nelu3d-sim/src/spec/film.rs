@@ -8,15 +8,16 @@ use super::defaults::one;
 
 /// A color film before a small lamp, which throws the film's shadow on the scene, and a white lamp beside it.
 ///
-/// The film's transmission is a sum of plane waves per color, whose blur by the lamp's size has a closed form, or an image.
+/// The film's transmission is a sum of plane waves per color, whose blur by the lamp's size has a closed form, or an
+/// image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FilmSpec {
-    /// Where the lamp behind the film is in the camera's frame, mm.
+    /// Position of the lamp behind the film in the camera's frame, mm.
     pub position_mm: [f64; 3],
     /// The point its axis passes through, mm.
     pub target_mm: [f64; 3],
-    /// Where the white lamp is relative to the other, camera's frame, mm. Away from zero, white and pattern light fall
+    /// Offset of the white lamp from the other, camera's frame, mm. Away from zero, white and pattern light fall
     /// differently on a surface, and their ratio is not exactly the pattern.
     #[serde(default)]
     pub flash_offset_mm: [f64; 3],
@@ -37,8 +38,8 @@ pub struct FilmSpec {
     /// Intensity falls by the cosine of the angle to the axis to this power.
     #[serde(default)]
     pub vignetting: f64,
-    /// A picture of the film instead of the waves: PNG, TIFF or EXR, its values are the transmission (linear, no gamma), it
-    /// fills the film. A path in a spec file starts from that file's folder.
+    /// A picture of the film instead of the waves: PNG, TIFF or EXR, its values are the transmission (linear, no
+    /// gamma), it fills the film. A path in a spec file starts from that file's folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image: Option<PathBuf>,
     /// Plane waves per color, 1 to 64. Few keep the contrast, many avoid repetition.
@@ -50,8 +51,8 @@ pub struct FilmSpec {
     /// Longest period on the film, mm.
     #[serde(default = "five")]
     pub max_period_mm: f64,
-    /// Waves run along the film's rows give or take this angle. A change of depth shifts the pattern along the line from
-    /// lamp to camera only, so waves across that line tell nothing.
+    /// Waves run along the film's rows give or take this angle. A change of depth shifts the pattern along the line
+    /// from lamp to camera only, so waves across that line tell nothing.
     #[serde(default = "any_direction")]
     pub spread: f64,
     /// Seed of the film's waves.

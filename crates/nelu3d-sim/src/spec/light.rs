@@ -16,7 +16,7 @@ pub enum LightSpec {
 }
 
 impl LightSpec {
-    /// What the black image is.
+    /// Returns the state of the light source in black.png.
     pub fn black(&self) -> BlackImage {
         match self {
             LightSpec::Projector(p) => p.black,

@@ -4,14 +4,15 @@ use serde::{Deserialize, Serialize};
 
 use super::defaults::one;
 
-/// How a surface reflects light.
+/// The reflection of a surface by direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum MaterialSpec {
-    /// Alike in all directions.
+    /// Diffuse: alike in all directions.
     #[default]
     Lambert,
-    /// Lacquer over a diffuse ground: a microfacet reflection (GGX) of uncolored light, and below it what it lets through.
+    /// A coating over a diffuse base: a microfacet reflection (GGX) of uncolored light, and below it what it lets
+    /// through.
     Glossy {
         /// From 0.05 (nearly a mirror) to 1 (dull). The microfacets' slope is its square.
         roughness: f64,
@@ -19,8 +20,8 @@ pub enum MaterialSpec {
         #[serde(default = "plastic")]
         reflectance: f64,
     },
-    /// Wax, marble, skin: a share of the light leaves the surface beside where it entered. The distance between the two,
-    /// along the surface, is exponentially distributed.
+    /// Wax, marble, skin: a share of the light leaves the surface beside where it entered. The distance between the
+    /// two, along the surface, is exponentially distributed.
     Translucent {
         /// Mean of that distance, mm.
         mean_free_path_mm: f64,

@@ -1,5 +1,5 @@
-//! What to simulate, declared: [`Spec`] is one value (or TOML file) that says everything about a virtual scanner and its
-//! scenes. One file per section; `check/` tells whether the values make sense.
+//! What to simulate, declared: [`Spec`] is one value (or TOML file) that says everything about a virtual scanner and
+//! its scenes. One file per section; `check/` tells whether the values make sense.
 
 mod albedo;
 mod axis;

@@ -9,24 +9,24 @@ use super::deformation::DeformationSpec;
 use super::material::MaterialSpec;
 use super::shape::ShapeSpec;
 
-/// A shape in its place, with its color.
+/// A shape in its pose, with its albedo and material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectSpec {
-    /// Where its origin is in the camera's frame, mm.
+    /// Position of its origin in the camera's frame, mm.
     pub position_mm: [f64; 3],
     /// Its rotation, a Rodrigues vector, object to camera.
     #[serde(default)]
     pub rotation: [f64; 3],
-    /// Its form.
+    /// Its shape.
     pub shape: ShapeSpec,
-    /// A smooth change of the form, in the object's frame.
+    /// A smooth change of the shape, in the object's frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub deformation: Option<DeformationSpec>,
-    /// Its color.
+    /// Its albedo.
     #[serde(default)]
     pub albedo: AlbedoSpec,
-    /// How it reflects.
+    /// Its material.
     #[serde(default)]
     pub material: MaterialSpec,
 }
@@ -38,7 +38,7 @@ impl ObjectSpec {
         Self { position_mm, rotation: [0.0; 3], shape, deformation: None, albedo, material }
     }
 
-    /// Takes the files it names from `dir` where they are given relative.
+    /// Takes the files that it names from `dir` where they are given relative.
     pub(crate) fn resolve(&mut self, dir: &Path) {
         let absolute = |file: &mut PathBuf| {
             let joined = dir.join(&*file);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::camera::{PerColor, opencv_camera};
 use super::defaults::{identity, one};
 
-/// What is captured as black.png.
+/// State of the light source in black.png.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BlackImage {
@@ -17,8 +17,8 @@ pub enum BlackImage {
     Darkest,
 }
 
-/// A projector. Its rays leave one point; a surface at distance d receives (reference/d)² of the reference irradiance, inside
-/// the lit square of a white pixel.
+/// A projector. Its rays leave one point; a surface at distance d receives (reference/d)² of the reference irradiance,
+/// inside the lit square of a white pixel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProjectorSpec {
@@ -37,7 +37,7 @@ pub struct ProjectorSpec {
     /// OpenCV's distortion coefficients: 0, 4, 5, 8, 12 or 14 of them.
     #[serde(default)]
     pub distortion: Vec<f64>,
-    /// Where its center is in the camera's frame, mm.
+    /// Position of its center in the camera's frame, mm.
     pub position_mm: [f64; 3],
     /// The point its optical axis passes through, mm. Without roll its rows lie level with the camera's.
     pub target_mm: [f64; 3],
@@ -46,7 +46,8 @@ pub struct ProjectorSpec {
     pub roll: f64,
     /// Distance at which the irradiance of the flash is 1, mm.
     pub reference_mm: f64,
-    /// Side of a pixel's lit square, as a part of the pixels' pitch: the rest are dark gaps. The area that is lit is its square.
+    /// Side of a pixel's lit square, as a part of the pixels' pitch: the rest are dark gaps. The area that is lit is
+    /// its square.
     #[serde(default = "one")]
     pub fill_factor: f64,
     /// Depth (in the projector's frame) of sharpest focus on the optical axis, mm.
@@ -70,7 +71,7 @@ pub struct ProjectorSpec {
     /// Light of each channel (rows: red, green, blue) in the camera's bands (columns). The flash is their sum.
     #[serde(default = "identity")]
     pub primaries: [[f64; 3]; 3],
-    /// What black.png is.
+    /// State of the light source in black.png.
     #[serde(default)]
     pub black: BlackImage,
 }

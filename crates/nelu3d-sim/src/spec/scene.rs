@@ -14,7 +14,7 @@ pub struct SceneSpec {
     /// Whether it has a black.png.
     #[serde(default = "yes")]
     pub black: bool,
-    /// What is in it.
+    /// Its objects.
     pub objects: Vec<ObjectSpec>,
 }
 

@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::object::ObjectSpec;
 
-/// A moving scene, captured frame after frame: each frame has its pattern images and one flash, taken one after another.
+/// A moving scene, captured frame after frame: each frame has its pattern images and one flash, taken one after
+/// another.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SequenceSpec {
@@ -26,7 +27,7 @@ pub struct SequenceSpec {
     /// Whether its frames have a black.png. Ambient light and what it falls on are those of the flash's moment.
     #[serde(default)]
     pub black: bool,
-    /// What is in it.
+    /// Its moving objects.
     pub objects: Vec<MovingObjectSpec>,
 }
 
@@ -36,7 +37,7 @@ pub struct SequenceSpec {
 pub struct MovingObjectSpec {
     /// The object as it is at the time 0.
     pub object: ObjectSpec,
-    /// How it moves from there.
+    /// Its motion from there on.
     pub motion: MotionSpec,
 }
 
@@ -50,14 +51,15 @@ pub struct MotionSpec {
     /// Constant acceleration, mm/s²; free fall is `[0, 9810, 0]` for a level camera.
     #[serde(default)]
     pub acceleration_mm_per_sec2: [f64; 3],
-    /// Constant angular velocity, a Rodrigues vector per second (rad/s) in the camera's frame, about the object's origin.
+    /// Constant angular velocity, a Rodrigues vector per second (rad/s) in the camera's frame, about the object's
+    /// origin.
     #[serde(default)]
     pub angular_velocity: [f64; 3],
-    /// The object's deformation swings with this frequency, Hz: its strength (amplitude, curvature or rate) is multiplied by
-    /// cos(2π f t).
+    /// The object's deformation swings with this frequency, Hz: its strength (amplitude, curvature or rate) is
+    /// multiplied by cos(2π f t).
     #[serde(default)]
     pub vibration_hz: f64,
-    /// How fast the phase of a deformation of kind `wave` grows, rad/s: the wave runs.
+    /// Rate at which the phase of a deformation of kind `wave` grows, rad/s: the wave runs.
     #[serde(default)]
     pub phase_per_sec: f64,
 }
@@ -76,7 +78,8 @@ impl TryFrom<toml::Table> for MovingObjectSpec {
 
 impl From<MovingObjectSpec> for toml::Table {
     fn from(moving: MovingObjectSpec) -> Self {
-        let mut table = toml::Table::try_from(&moving.object).expect("an object is plain data with string keys");
+        let object: &dyn erased_serde::Serialize = &moving.object;
+        let mut table = toml::Table::try_from(object).expect("an object is plain data with string keys");
         let motion = toml::Value::try_from(&moving.motion).expect("a motion is plain data with string keys");
         table.insert(MOTION.into(), motion);
         table

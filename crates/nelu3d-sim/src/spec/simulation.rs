@@ -27,14 +27,14 @@ pub struct Spec {
     /// distance. It falls on every surface alike and casts no shadow.
     #[serde(default)]
     pub ambient: f64,
-    /// Light between surfaces; off where it is not given.
+    /// Interreflection; off where it is not given.
     #[serde(default = "no_interreflection")]
     pub interreflection: InterreflectionSpec,
     /// The camera.
     pub camera: CameraSpec,
     /// The light source.
     pub light: LightSpec,
-    /// What a projector shows; none for film, which has its own pattern.
+    /// Pattern sets that a projector shows; none for film, which has its own pattern.
     #[serde(default)]
     pub pattern_sets: Vec<PatternSetSpec>,
     /// The board of the calibration sweep.
@@ -45,7 +45,7 @@ pub struct Spec {
     /// Resolution of the printer that made the board, dots per inch; none: edges are exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub print_dpi: Option<f64>,
-    /// Where the board is put.
+    /// Poses of the board in the calibration sweep.
     pub sweep: SweepSpec,
     /// The scenes to scan.
     #[serde(default)]

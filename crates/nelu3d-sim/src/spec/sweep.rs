@@ -1,8 +1,8 @@
-//! The sweep: where the board is put.
+//! The calibration sweep.
 
 use serde::{Deserialize, Serialize};
 
-/// Where the board is put. Positions are those of the middle of the board's outline.
+/// Poses of the board in the sweep. Positions are those of the middle of the board's outline.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum SweepSpec {
@@ -14,7 +14,7 @@ pub enum SweepSpec {
         first_mm: f64,
         /// Depth of the last position, mm.
         last_mm: f64,
-        /// Where the line meets the middle of the depths, x and y, mm.
+        /// Point where the line meets the middle of the depths, x and y, mm.
         #[serde(default)]
         center_mm: [f64; 2],
         /// Sideways motion per depth, x and y (the stage is never exactly parallel to the camera's axis).
@@ -55,7 +55,7 @@ pub enum SweepSpec {
 }
 
 impl SweepSpec {
-    /// Number of positions.
+    /// Returns the number of positions.
     pub fn positions(&self) -> usize {
         match self {
             SweepSpec::Stage { positions, .. } | SweepSpec::Handheld { positions, .. } => *positions,

@@ -1,5 +1,5 @@
-//! A small scanner without noise whose light source stands beside the camera and looks the same way, so that what it throws
-//! where is a matter of similar triangles.
+//! A small scanner without noise whose light source stands beside the camera and looks the same way, so that what it
+//! throws where is a matter of similar triangles.
 
 #![allow(dead_code, unreachable_pub, reason = "every test file uses a part of this")]
 

@@ -1,9 +1,9 @@
 //! Shapes whose first intersection with a ray is exact. One file per shape; triangles have a folder of their own.
 //!
-//! Every closed form promises, in its own frame: `hit(ray, limit)`, the smallest distance in `(0, limit)` at which the ray meets
-//! the surface, with a unit normal on either side of it; and `mesh()`, triangles with vertices and normals on the surface,
-//! facing outward (toward −z, the camera, where there is no outside). To add one, write its file, add it to [`Shape`], to
-//! the spec and to the test of all shapes.
+//! Every closed form promises, in its own frame: `hit(ray, limit)`, the smallest distance in `(0, limit)` at which the
+//! ray meets the surface, with a unit normal on either side of it; and `mesh()`, triangles with vertices and normals on
+//! the surface, facing outward (toward −z, the camera, where there is no outside). To add one, write its file, add it
+//! to [`Shape`], to the spec and to the test of all shapes.
 
 mod cuboid;
 mod cylinder;
@@ -178,8 +178,8 @@ mod tests {
         Vector3::from(v.map(f64::from))
     }
 
-    /// Rays aimed from outside at the middle of every triangle hit the surface there, or something in front of it; and what
-    /// they hit agrees with the triangle.
+    /// Rays aimed from outside at the middle of every triangle hit the surface there, or something in front of it; and
+    /// what they hit agrees with the triangle.
     #[test]
     fn meshes_lie_on_the_surfaces_that_rays_hit() {
         for shape in all() {

@@ -32,8 +32,8 @@ pub(super) fn first_root(c: &[f64; 5], to: f64) -> Option<f64> {
     None
 }
 
-/// Returns the zero between two places where f has different signs, by false position that never leaves the interval (Illinois)
-/// and halving where that is slow.
+/// Returns the zero between two places where f has different signs, by false position that never leaves the interval
+/// (Illinois) and halving where that is slow.
 fn crossing(f: impl Fn(f64) -> f64, from: f64, to: f64) -> Option<f64> {
     let (mut a, mut b) = (from, to);
     let (mut fa, mut fb) = (f(a), f(b));
@@ -74,8 +74,9 @@ fn crossing(f: impl Fn(f64) -> f64, from: f64, to: f64) -> Option<f64> {
     Some(0.5 * (a + b))
 }
 
-/// Returns the first s in `[from, to]` where the cubic goes from positive to not positive (or, from `inside`, from negative to not
-/// negative). The cubic is cut at its extrema, so that every part has at most one crossing and none is missed.
+/// Returns the first s in `[from, to]` where the cubic goes from positive to not positive (or, from `inside`, from
+/// negative to not negative). The cubic is cut at its extrema, so that every part has at most one crossing and none is
+/// missed.
 pub(super) fn first_crossing(poly: &[f64; 4], from: f64, to: f64, inside: bool) -> Option<f64> {
     let sign = if inside { -1.0 } else { 1.0 };
     let f = |s: f64| sign * cubic(poly, s);

@@ -12,8 +12,8 @@ pub(super) fn substitute_linear(c: &[f64; 4], x0: f64, d: f64) -> [f64; 4] {
     [cubic(c, x0), c1 * d, c2 * d * d, c[3] * d * d * d]
 }
 
-/// Returns the natural cubic spline through `(x, y)`: its pieces' coefficients about their left knots. Thomas algorithm for the
-/// second derivatives (de Boor, *A Practical Guide to Splines*, ch. IV).
+/// Returns the natural cubic spline through `(x, y)`: its pieces' coefficients about their left knots. Thomas algorithm
+/// for the second derivatives (de Boor, *A Practical Guide to Splines*, ch. IV).
 pub(super) fn natural_spline(x: &[f64], y: &[f64]) -> Vec<[f64; 4]> {
     let n = x.len();
     let h: Vec<f64> = x.windows(2).map(|w| w[1] - w[0]).collect();

@@ -1,5 +1,5 @@
-//! A solid of revolution about the y axis. Its squared radius is a cubic spline of the height, so that a ray meets it where
-//! a cubic polynomial is zero, found without any tolerance on missing roots.
+//! A solid of revolution about the y axis. Its squared radius is a cubic spline of the height, so that a ray meets it
+//! where a cubic polynomial is zero, found without any tolerance on missing roots.
 
 use nalgebra::Vector3;
 use nelu3d_scan::{Mesh, Ray};

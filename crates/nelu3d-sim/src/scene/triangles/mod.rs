@@ -21,7 +21,7 @@ const PADDING: f64 = 4e-6;
 /// A triangle mesh in its object's frame.
 pub(crate) struct Triangles {
     vertices: Vec<Point3<f64>>,
-    /// Where the vertices were before a deformation; empty without one.
+    /// Vertices before a deformation; empty without one.
     rest: Vec<Point3<f64>>,
     /// Unit vertex normals, or empty.
     normals: Vec<Vector3<f64>>,

@@ -1,5 +1,5 @@
-//! Ray against triangle, after Woop, Benthin and Wald (Watertight Ray/Triangle Intersection, JCGT 2(1), 2013): seen along
-//! the ray, an edge passes on the same side for both triangles that share it, to the last bit.
+//! Ray against triangle, after Woop, Benthin and Wald (Watertight Ray/Triangle Intersection, JCGT 2(1), 2013): seen
+//! along the ray, an edge passes on the same side for both triangles that share it, to the last bit.
 
 use nalgebra::{Point3, Vector3};
 use nelu3d_scan::Ray;

@@ -1,5 +1,5 @@
-//! Scanners with a film projector, one with a machine-vision and one with a high-speed camera. The numbers and their sources
-//! are in docs/simulator.md.
+//! Scanners with a film projector, one with a machine-vision and one with a high-speed camera. The numbers and their
+//! sources are in docs/simulator.md.
 
 use super::parts::{MIDDLE_MM, charuco_board, vase};
 use crate::spec::{

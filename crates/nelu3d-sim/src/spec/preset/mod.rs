@@ -1,5 +1,5 @@
-//! The specs that come with the program. To add one, write its function in the file of its kind of scanner, and add it to
-//! [`PRESETS`] and to [`Spec::preset`].
+//! The specs that come with the program. To add one, write its function in the file of its kind of scanner, and add it
+//! to [`PRESETS`] and to [`Spec::preset`].
 
 mod demo;
 mod films;

@@ -14,8 +14,8 @@ pub(super) const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0
 /// The dictionary of all presets' markers.
 const DICTIONARY: &str = "DICT_4X4_50";
 
-/// Returns three patterns across a projector of `width_px` columns: a sinusoid of `period_px`, a triangle wave and a random
-/// one.
+/// Returns three patterns across a projector of `width_px` columns: a sinusoid of `period_px`, a triangle wave and a
+/// random one.
 pub(super) fn mixed_patterns(width_px: f64, period_px: f64, seed: u64) -> PatternSetSpec {
     let (min_period_px, max_period_px) = (width_px / 16.0, width_px / 2.0);
     PatternSetSpec {
@@ -28,8 +28,8 @@ pub(super) fn mixed_patterns(width_px: f64, period_px: f64, seed: u64) -> Patter
     }
 }
 
-/// Returns a white board with a column of `rows` markers at its left and right edge. Markers have sides of `side_mm`, one
-/// every `pitch_mm`, and end `edge_mm` beside the board's center; the outline is `half_mm` from it.
+/// Returns a white board with a column of `rows` markers at its left and right edge. Markers have sides of `side_mm`,
+/// one every `pitch_mm`, and end `edge_mm` beside the board's center; the outline is `half_mm` from it.
 pub(super) fn marker_board(rows: u32, side_mm: f64, pitch_mm: f64, edge_mm: f64, half_mm: [f64; 2]) -> BoardSpec {
     let mut markers = Vec::new();
     for x in [-edge_mm, edge_mm - side_mm] {
