@@ -52,8 +52,17 @@ pub struct Array {
 /// The file cannot be read, is truncated, or holds another type.
 pub fn read(path: &Path) -> Result<Array, NpyError> {
     let bytes = std::fs::read(path).map_err(|source| NpyError::Io { path: path.to_path_buf(), source })?;
+    from_bytes(path, &bytes)
+}
+
+/// Reads an array from the content of a file, as [`read`] does; `path` is only for messages.
+///
+/// # Errors
+///
+/// The content is truncated, or holds another type.
+pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Array, NpyError> {
     let damaged = |reason: String| NpyError::Damaged { path: path.to_path_buf(), reason };
-    let file = NpyFile::new(bytes.as_slice()).map_err(|e| damaged(e.to_string()))?;
+    let file = NpyFile::new(bytes).map_err(|e| damaged(e.to_string()))?;
     let shape: Vec<usize> = file.shape().iter().map(|&n| usize::try_from(n).unwrap_or(usize::MAX)).collect();
     let order = file.order();
     let width = match file.dtype() {

@@ -4,7 +4,10 @@ mod distortion;
 mod file;
 
 pub use distortion::Distortion;
-pub use file::{CameraFileError, read_camera, read_projector, write_camera, write_projector};
+pub use file::{
+    CameraFileError, camera_from_bytes, projector_from_bytes, read_camera, read_projector, write_camera,
+    write_projector,
+};
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 

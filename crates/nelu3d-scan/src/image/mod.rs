@@ -11,8 +11,7 @@ mod write;
 
 pub use apng::Apng;
 pub use bayer::demosaic;
-pub(crate) use decode::decode_bytes;
-pub use decode::{Depth, ImageFileError, Raw, RawData, decode, read_any};
+pub use decode::{Depth, ImageFileError, Raw, RawData, decode, decode_bytes, read_any};
 pub(crate) use write::write_png;
 pub use write::{write_gray8, write_png8, write_png16, write_rgb8};
 

@@ -32,6 +32,7 @@ use self::destination::{Destination, Plan};
 use self::frame::{Frame, Kind};
 use self::levels::{Codes, Levels};
 use self::order::Slots;
+use crate::image::{ImageFileError, Raw};
 use crate::output::{OutputDir, write_atomic};
 use crate::rig::{RIG_FILE, Rig};
 
@@ -165,6 +166,15 @@ fn note_what_is_missing(request: &ImportRequest, rig: &Rig, slots: &Slots, new_r
             rig.root.join(RIG_FILE).display()
         ));
     }
+}
+
+/// Decodes the content of a raw DNG file of this (width, height); `path` is only for messages.
+///
+/// # Errors
+///
+/// The file is damaged, compressed, of another size, or no raw image.
+pub fn decode_dng(path: &Path, bytes: Vec<u8>, size: (usize, usize)) -> Result<Raw, ImageFileError> {
+    dng::decode(path, bytes, size).map(|(raw, _)| raw)
 }
 
 /// The levels of a new rig: what was given, else what was found.

@@ -8,6 +8,7 @@ mod axis;
 mod binary;
 mod bits;
 mod codewords;
+mod decoder;
 mod error;
 mod family;
 mod film;
@@ -30,13 +31,16 @@ pub use axis::Axis;
 pub use binary::{Binary, decode_binary};
 pub use bits::BitCode;
 pub use codewords::{Codewords, Stripes};
+pub use decoder::{
+    DecodedColumn, MeasuredPhase, MpsDecoder, PhaseDecoder, PhaseSolver, WaveGroup, WaveImage, wrap_angle,
+};
 pub use error::PatternError;
 pub use family::{Pattern, PatternImage, PatternImages, Rgb, generate};
 pub use film::Film;
 pub use gray::{Gray, decode_gray};
 pub use hilbert::{Hilbert, hilbert_codewords};
-pub use mps::{Mps, MpsDecoder};
-pub use phase::{Decoded, PhaseDecoder, PhaseShift};
+pub use mps::Mps;
+pub use phase::PhaseShift;
 pub use ramp::Ramp;
 pub use random::Random;
 pub use score::{DecodingErrors, Score, ScoreOptions, Sensitivity, Separation, confusion_matrix, score};

@@ -13,10 +13,16 @@ pub(super) struct Source {
 }
 
 impl Source {
+    /// Reads and parses a file.
     pub(super) fn read(path: &Path) -> Result<Self, CameraFileError> {
         let bytes = std::fs::read(path).map_err(|source| CameraFileError::Io { path: path.to_path_buf(), source })?;
+        Self::parse(path, &bytes)
+    }
+
+    /// Parses the content of a file; `path` is for messages.
+    pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Self, CameraFileError> {
         let syntax = |format, reason| CameraFileError::Syntax { path: path.to_path_buf(), format, reason };
-        let text = std::str::from_utf8(&bytes).map_err(|e| syntax("text", e.to_string()))?;
+        let text = std::str::from_utf8(bytes).map_err(|e| syntax("text", e.to_string()))?;
         // The YAML parser takes time that grows with the square of the depth: minutes for a file of brackets.
         if text.len() > MOST_BYTES || depth(text) > MOST_DEPTH {
             return Err(syntax("JSON or YAML", "it is too large or nested too deeply for a camera file".into()));

@@ -96,6 +96,10 @@ impl Image<'_> {
         if !(8..=16).contains(&bits) {
             return Err(self.file.kind(format!("has {bits} bits a pixel"), "record or convert it with 8 to 16 bits"));
         }
+        // What is not compressed takes its place: a damaged header must not make us ask for more.
+        if (width * height).saturating_mul(bits as usize) / 8 > self.tags.bytes().len() {
+            return Err(self.file.damaged(format_args!("it claims {width}x{height} pixels, which it cannot hold")));
+        }
         let area = self.active_area(width, height)?;
         let (found_width, found_height) = (area[3] - area[1], area[2] - area[0]);
         let (want_width, want_height) = self.file.size;
