@@ -104,7 +104,7 @@ pub fn write(path: &Path, shape: &[usize], data: &[f32]) -> io::Result<()> {
     })
 }
 
-/// Values with the first axis fastest, rearranged with the last axis fastest.
+/// Rearranges values with the first axis fastest into values with the last axis fastest.
 fn from_fortran(data: &[f32], shape: &[usize]) -> Vec<f32> {
     let mut index = vec![0usize; shape.len()];
     let mut out = Vec::with_capacity(data.len());

@@ -110,7 +110,7 @@ pub fn create_dir(path: &Path) -> io::Result<()> {
     fs::create_dir_all(path).map_err(|e| explain(path, &e))
 }
 
-/// A second name for the file `from`: no copy, no space. Where the disk has no such thing, or is another, a copy.
+/// Gives the file `from` a second name, without a copy. Where the disk has no such thing, or is another, it is copied.
 ///
 /// # Errors
 ///
@@ -161,8 +161,8 @@ impl AtomicFile {
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let temp = loop {
             let temp = builder.tempfile_in(&dir)?;
-            // The lock says that somebody is at work on it, and the system takes it back however he ends. Not every disk
-            // has locks; there, what a killed run left stays.
+            // The lock says that somebody is at work on it, and the system takes it back however he ends. Not every
+            // disk has locks; there, what a killed run left stays.
             let locked = temp.as_file().lock();
             // Between its creation and the lock another run may have taken it for abandoned.
             if locked.is_err() || temp.path().exists() {
@@ -221,8 +221,8 @@ fn remove_abandoned(dir: &Path, prefix: &str) {
     }
 }
 
-/// Where a file really goes, its folder, and how its temporary name begins. Links are followed, so that what they point to
-/// is replaced and not the link; devices and pipes are refused, for renaming would replace them.
+/// Returns where a file goes in the end, its folder, and how its temporary name begins. Links are followed, so that
+/// what they point to is replaced and not the link; devices and pipes are refused, for renaming would replace them.
 fn target_of(path: &Path) -> io::Result<(PathBuf, PathBuf, String)> {
     let path = if path.exists() { path.canonicalize()? } else { path.to_path_buf() };
     let invalid = |problem| io::Error::new(io::ErrorKind::InvalidInput, problem);
@@ -238,7 +238,7 @@ fn target_of(path: &Path) -> io::Result<(PathBuf, PathBuf, String)> {
     Ok((path, dir, prefix))
 }
 
-/// The same error with the path and a remedy in its message.
+/// Returns an error with the path and a remedy in its message.
 fn explain(path: &Path, e: &io::Error) -> io::Error {
     let remedy = match e.kind() {
         io::ErrorKind::NotFound => "; create its folder first",
@@ -306,18 +306,18 @@ impl OutputDir {
         Ok(Self { target, temp, committed: false, _partial: partial, _folders: folders })
     }
 
-    /// Where to write the files of the folder until it is committed.
+    /// Returns where to write the files of the folder until it is committed.
     pub fn path(&self) -> &Path {
         &self.temp
     }
 
-    /// Where the folder will be.
+    /// Returns where the folder will be.
     pub fn target(&self) -> &Path {
         &self.target
     }
 
-    /// Puts the folder into place, replacing an earlier result. The earlier one is moved aside first and put back if the
-    /// new one cannot take its place, so at every moment one of the two is whole.
+    /// Puts the folder into place, replacing an earlier result. The earlier one is moved aside first and put back if
+    /// the new one cannot take its place, so at every moment one of the two is whole.
     ///
     /// # Errors
     ///
@@ -406,8 +406,8 @@ mod tests {
         assert_eq!(names(dir.path()), ["a.txt"]);
     }
 
-    /// What a killed run left goes when the file is written again; what a running one has in hand stays, and so do other
-    /// files' parts.
+    /// What a killed run left goes when the file is written again; what a running one has in hand stays, and so do
+    /// other files' parts.
     #[test]
     fn abandoned_parts_are_removed() {
         let dir = tempfile::tempdir().unwrap();

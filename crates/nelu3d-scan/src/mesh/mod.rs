@@ -40,7 +40,8 @@ fn parser(path: &Path) -> Result<Parser, MeshFileError> {
 }
 
 impl Mesh {
-    /// Reads a mesh; the format is told by the name's ending (`.ply`, `.obj`, `.stl`, `.glb`). Polygons are cut into triangles.
+    /// Reads a mesh; the format is told by the name's ending (`.ply`, `.obj`, `.stl`, `.glb`). Polygons are cut into
+    /// triangles.
     ///
     /// # Errors
     ///
@@ -51,7 +52,8 @@ impl Mesh {
         Self::parse(path, &bytes, parse)
     }
 
-    /// Reads a mesh from the content of a file, as [`Mesh::read`] does; `path` tells the format and is named in messages.
+    /// Reads a mesh from the content of a file, as [`Mesh::read`] does; `path` tells the format and is named in
+    /// messages.
     ///
     /// # Errors
     ///
@@ -75,7 +77,7 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// [`write()`] as a method.
+    /// Writes the mesh as [`write()`] does.
     ///
     /// # Errors
     ///
@@ -85,8 +87,8 @@ impl Mesh {
     }
 }
 
-/// Writes a mesh in the format of the name's ending (`.ply`, `.obj`, `.stl`, `.glb`; see the module). Normals and colors
-/// are written where there are any and the format has them; `.glb` computes missing normals.
+/// Writes a mesh in the format of the name's ending (`.ply`, `.obj`, `.stl`, `.glb`; see the module). Normals and
+/// colors are written where there are any and the format has them; `.glb` computes missing normals.
 ///
 /// # Errors
 ///

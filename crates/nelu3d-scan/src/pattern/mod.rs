@@ -1,7 +1,8 @@
 //! Projected patterns: what to show, as pure functions of a size. One file per family.
 //!
-//! Every family promises: images of the asked size, one channel ([`Rgb`] and [`Film`] three), values in `[0, 1]` linear in light, the
-//! same images for the same settings. To add one, write its file, add it to [`Pattern`] and to the tests' list.
+//! Every family promises: images of the asked size, one channel ([`Rgb`] and [`Film`] three), values in `[0, 1]` linear
+//! in light, the same images for the same settings. To add one, write its file, add it to [`Pattern`] and to the tests'
+//! list.
 
 mod alacarte;
 mod axis;

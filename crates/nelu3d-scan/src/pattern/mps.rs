@@ -1,5 +1,5 @@
-//! Micro phase shifting: all periods short and nearly equal, so that neither indirect light nor defocus disturbs one more
-//! than another (Gupta and Nayar, "Micro Phase Shifting", CVPR 2012).
+//! Micro phase shifting: all periods short and nearly equal, so that neither indirect light nor defocus disturbs one
+//! more than another (Gupta and Nayar, "Micro Phase Shifting", CVPR 2012).
 
 use std::f64::consts::TAU;
 
@@ -43,7 +43,7 @@ impl Default for Mps {
 const SHIFTS: [f64; 3] = [0.0, 1.0 / 3.0, 2.0 / 3.0];
 
 impl Mps {
-    /// The waves of the images for `n` columns, in order.
+    /// Returns the waves of the images for `n` columns, in order.
     ///
     /// # Errors
     ///
@@ -54,7 +54,7 @@ impl Mps {
         Ok(first.into_iter().chain(periods[1..].iter().map(|&period_px| Wave { period_px, shift: 0.0 })).collect())
     }
 
-    /// The same settings with the periods that they mean for `n` columns.
+    /// Returns the settings with the periods that they mean for `n` columns.
     ///
     /// # Errors
     ///
@@ -89,12 +89,12 @@ impl Mps {
     }
 }
 
-/// Periods of the band whose code keeps far columns furthest apart.
+/// Chooses the periods of the band whose code keeps far columns furthest apart.
 ///
-/// The paper searches its band for frequencies of small decoding error (its supplement); here: the score of a set is the
-/// smallest code distance of two columns that the first phase cannot tell apart (they lie about a whole number of its
-/// periods from each other). The best of random sets, then random steps from it, shrinking. The seed is fixed, so that
-/// the same settings give the same periods everywhere.
+/// The paper searches its band for frequencies of small decoding error (its supplement); here: the score of a set is
+/// the smallest code distance of two columns that the first phase cannot tell apart (they lie about a whole number of
+/// its periods from each other). The best of random sets, then random steps from it, shrinking. The seed is fixed, so
+/// that the same settings give the same periods everywhere.
 fn choose_periods(frequencies: usize, mean_px: f64, band: f64, n: usize) -> Vec<f64> {
     const SETS: usize = 1000;
     const STEPS: usize = 2000;
@@ -117,8 +117,8 @@ fn choose_periods(frequencies: usize, mean_px: f64, band: f64, n: usize) -> Vec<
     best.1
 }
 
-/// The smallest squared distance in (cos φ₂, …, cos φ_F) of columns whose first phases are nearly equal; as soon as it is
-/// below `enough`, whatever it is then.
+/// Returns the smallest squared distance in (cos φ₂, …, cos φ_F) of columns whose first phases are nearly equal; as
+/// soon as it is below `enough`, whatever it is then.
 fn smallest_distance(periods: &[f64], n: usize, enough: f32) -> f32 {
     let rows: Vec<Vec<f32>> =
         periods[1..].iter().map(|p| (0..n).map(|u| (TAU * u as f64 / p).cos() as f32).collect()).collect();

@@ -33,7 +33,7 @@ const FINEST_PX: f64 = 20.0;
 const LARGEST_FACTOR: f64 = 8.0;
 
 impl PhaseShift {
-    /// The waves of the images for `n` columns, in order.
+    /// Returns the waves of the images for `n` columns, in order.
     ///
     /// # Errors
     ///
@@ -46,7 +46,7 @@ impl PhaseShift {
             .collect())
     }
 
-    /// The same settings with the periods and steps that they mean for `n` columns.
+    /// Returns the settings with the periods and steps that they mean for `n` columns.
     ///
     /// # Errors
     ///
@@ -78,7 +78,8 @@ impl PhaseShift {
     }
 }
 
-/// The longest is longer than the image by one of the finest, so that noise does not take the first column for the last.
+/// Returns periods of which the longest is longer than the image by one of the finest, so that noise does not take the
+/// first column for the last.
 fn default_periods(n: usize) -> Vec<f64> {
     let ratio = n as f64 / FINEST_PX + 1.0;
     let levels = ratio.log(LARGEST_FACTOR).ceil() as i32;
@@ -141,7 +142,8 @@ mod tests {
         }
     }
 
-    /// The variance of a phase from N steps is 2σ² / (N A²) rad² (e.g. Surrel 1996), which the finest period turns to px.
+    /// The variance of a phase from N steps is 2σ² / (N A²) rad² (e.g. Surrel 1996), which the finest period turns to
+    /// px.
     #[test]
     fn noise_costs_what_theory_says() {
         let sigma = 0.01;

@@ -1,5 +1,6 @@
-//! Properties of everything that reads bytes of other programs: whatever they are, a reader answers soon, without a panic
-//! and without asking for more memory than a file of that size can justify; and what is written is read back as it was.
+//! Properties of everything that reads bytes of other programs: whatever they are, a reader answers soon, without a
+//! panic and without asking for more memory than a file of that size can justify; and what is written is read back as
+//! it was.
 
 #[path = "../../src/import/tests/dng.rs"]
 mod dng;

@@ -6,7 +6,7 @@ use proptest::sample::Index;
 
 /// One change of a file.
 #[derive(Clone, Debug)]
-pub enum Change {
+pub(crate) enum Change {
     /// One byte becomes another.
     Byte(Index, u8),
     /// Four bytes become a number, which is little-endian or not.
@@ -40,12 +40,12 @@ fn change() -> impl Strategy<Value = Change> {
 }
 
 /// A few changes.
-pub fn changes() -> impl Strategy<Value = Vec<Change>> {
+pub(crate) fn changes() -> impl Strategy<Value = Vec<Change>> {
     vec(change(), 1..6)
 }
 
 /// Applies changes to a file. Half of the places lie in its first 256 bytes, where headers are.
-pub fn damaged(file: &[u8], changes: &[Change]) -> Vec<u8> {
+pub(crate) fn damaged(file: &[u8], changes: &[Change]) -> Vec<u8> {
     let mut bytes = file.to_vec();
     for (k, change) in changes.iter().enumerate() {
         if bytes.is_empty() {
@@ -75,6 +75,6 @@ pub fn damaged(file: &[u8], changes: &[Change]) -> Vec<u8> {
 }
 
 /// Arbitrary bytes after one of several beginnings, which make a reader take them for its own.
-pub fn arbitrary(beginnings: &'static [&'static [u8]]) -> impl Strategy<Value = Vec<u8>> {
+pub(crate) fn arbitrary(beginnings: &'static [&'static [u8]]) -> impl Strategy<Value = Vec<u8>> {
     (0..beginnings.len(), vec(any::<u8>(), 0..400)).prop_map(move |(i, rest)| [beginnings[i], &rest].concat())
 }

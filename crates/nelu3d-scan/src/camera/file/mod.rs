@@ -148,7 +148,7 @@ fn camera(source: &Source, c: &Calibration) -> Result<Camera, CameraFileError> {
     Ok(Camera { width: c.width.1, height: c.height.1, fx, fy, cx, cy, distortion })
 }
 
-/// The rotation, from a 3×3 matrix or a Rodrigues vector.
+/// Returns the rotation, from a 3×3 matrix or a Rodrigues vector.
 fn rotation(source: &Source, c: &Calibration) -> Result<Option<UnitQuaternion<f64>>, CameraFileError> {
     let Some((key, r)) = &c.rotation else { return Ok(None) };
     finite(source, key, r)?;

@@ -5,7 +5,8 @@ use std::path::Path;
 use super::error::ImageFileError;
 use super::raw::{Raw, RawData};
 
-/// Pixels that a byte can stand for at most: Deflate makes 1 of 1032 bytes, and a byte of a bilevel image holds 8 pixels.
+/// Pixels that a byte can stand for at most: Deflate makes 1 of 1032 bytes, and a byte of a bilevel image holds 8
+/// pixels.
 const MAX_PIXELS_PER_BYTE: usize = 8 * 1032;
 
 /// A file being decoded: its bytes and how to complain about it.

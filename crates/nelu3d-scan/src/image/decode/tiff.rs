@@ -37,7 +37,7 @@ pub(super) fn decode(file: &File<'_>) -> Result<Raw, ImageFileError> {
     file.raw(width, height, channels, data)
 }
 
-/// `n` pixels stored plane after plane, interleaved.
+/// Interleaves `n` pixels that are stored plane after plane.
 fn interleaved<T: Copy>(v: Vec<T>, n: usize, planar: bool) -> Vec<T> {
     if !planar || n == 0 || v.len() != 3 * n {
         return v;

@@ -5,9 +5,9 @@
 //! | [`PhaseDecoder`] | three or more shifts of each frequency | all phases |
 //! | [`MpsDecoder`] | three or more shifts of one frequency, one image of each other | the cosines of the others |
 //!
-//! Both solve for the phase of a frequency by linear least squares ([`PhaseSolver`]), whose noise follows from that of the
-//! intensities, and go through all columns of a range that have the finest (the shifted) phase. What to make of the result
-//! ([`DecodedColumn`]) is for the caller to say; [`DecodedColumn::is_reliable`] is the usual judgment.
+//! Both solve for the phase of a frequency by linear least squares ([`PhaseSolver`]), whose noise follows from that of
+//! the intensities, and go through all columns of a range that have the finest (the shifted) phase. What to make of the
+//! result ([`DecodedColumn`]) is for the caller to say; [`DecodedColumn::is_reliable`] is the usual judgment.
 
 mod column;
 mod group;

@@ -15,11 +15,11 @@ const MODEL_ERROR: f32 = 0.06;
 
 /// Decodes micro phase shifting.
 ///
-/// All frequencies being close, offset and amplitude are the same for all: that is the method's point, as indirect light
-/// hardly changes within a band of high frequencies. Offset o, amplitude B and phase of the first frequency come from its
-/// shifts, the others give `cos(2π f_j u − φ_j) = (p_j − o) / B`: the paper's linear system of F + 2 unknowns, solved in two
-/// steps. The column is the one, among those with the first frequency's phase, whose cosines are nearest to these (its
-/// section 4), so that the fraction of a column is that of the first phase.
+/// All frequencies being close, offset and amplitude are the same for all: that is the method's point, as indirect
+/// light hardly changes within a band of high frequencies. Offset o, amplitude B and phase of the first frequency come
+/// from its shifts, the others give `cos(2π f_j u − φ_j) = (p_j − o) / B`: the paper's linear system of F + 2 unknowns,
+/// solved in two steps. The column is the one, among those with the first frequency's phase, whose cosines are nearest
+/// to these (its section 4), so that the fraction of a column is that of the first phase.
 #[derive(Clone, Debug)]
 pub struct MpsDecoder {
     n: usize,
@@ -38,8 +38,8 @@ struct SingleWave {
 }
 
 impl MpsDecoder {
-    /// Returns a decoder for `n` columns and images that show `waves`, in any order: one period in at least three shifts,
-    /// every other in one.
+    /// Returns a decoder for `n` columns and images that show `waves`, in any order: one period in at least three
+    /// shifts, every other in one.
     ///
     /// # Errors
     ///
@@ -71,8 +71,8 @@ impl MpsDecoder {
         Ok(Self { n, n_images, first, others: single.into_iter().map(wave).collect() })
     }
 
-    /// Decodes a pixel from its normalized intensities, in the waves' order, which have standard deviation `noise` beyond
-    /// that of 8-bit projection. Any column may be the one. `None` as for [`MpsDecoder::decode_within`].
+    /// Decodes a pixel from its normalized intensities, in the waves' order, which have standard deviation `noise`
+    /// beyond that of 8-bit projection. Any column may be the one. `None` as for [`MpsDecoder::decode_within`].
     ///
     /// # Panics
     ///
@@ -83,8 +83,8 @@ impl MpsDecoder {
     }
 
     /// Decodes a pixel whose normalized intensity in image i is `value(i)`, with standard deviation `noise`; `range` is
-    /// where the column may lie, px. `None` where the amplitude is lost in noise, a value is not finite, or no column of the
-    /// range has the first frequency's phase.
+    /// where the column may lie, px. `None` where the amplitude is lost in noise, a value is not finite, or no column
+    /// of the range has the first frequency's phase.
     pub fn decode_within(&self, value: impl Fn(usize) -> f32, noise: f32, range: [f32; 2]) -> Option<DecodedColumn> {
         let first = self.first.measure(&value, noise)?;
         // Decoders run over millions of pixels: no allocation.

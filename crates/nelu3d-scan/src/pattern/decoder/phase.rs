@@ -14,11 +14,11 @@ const MODEL_ERROR: f32 = 0.05;
 
 /// Decodes phase-shifted waves of one or several periods.
 ///
-/// The phase of each frequency is a linear least-squares fit, for any shifts. The finest phase says where in its period a
-/// column is; the others say which period: among all columns with the finest phase, the one whose other phases agree best
-/// with what was measured (χ²). Then all unwrapped phases are averaged by their variances. This does what heterodyne (beat)
-/// unwrapping and number-theoretic tables (Gushov and Solodkin 1991) do where those are exact, takes any periods, and uses
-/// every phase at once, so no noise is amplified from level to level.
+/// The phase of each frequency is a linear least-squares fit, for any shifts. The finest phase says where in its period
+/// a column is; the others say which period: among all columns with the finest phase, the one whose other phases agree
+/// best with what was measured (χ²). Then all unwrapped phases are averaged by their variances. This does what
+/// heterodyne (beat) unwrapping and number-theoretic tables (Gushov and Solodkin 1991) do where those are exact, takes
+/// any periods, and uses every phase at once, so no noise is amplified from level to level.
 #[derive(Clone, Debug)]
 pub struct PhaseDecoder {
     n: usize,
@@ -56,8 +56,8 @@ impl PhaseDecoder {
         Ok(Self { n, n_images, solvers })
     }
 
-    /// Decodes a pixel from its normalized intensities, in the waves' order, which have standard deviation `noise` beyond
-    /// that of 8-bit projection. Any column may be the one. `None` as for [`PhaseDecoder::decode_within`].
+    /// Decodes a pixel from its normalized intensities, in the waves' order, which have standard deviation `noise`
+    /// beyond that of 8-bit projection. Any column may be the one. `None` as for [`PhaseDecoder::decode_within`].
     ///
     /// # Panics
     ///
@@ -68,8 +68,8 @@ impl PhaseDecoder {
     }
 
     /// Decodes a pixel whose normalized intensity in image i is `value(i)`, with standard deviation `noise`; `range` is
-    /// where the column may lie, px. `None` where an amplitude is lost in noise, a value is not finite, or no column of the
-    /// range has the finest phase.
+    /// where the column may lie, px. `None` where an amplitude is lost in noise, a value is not finite, or no column of
+    /// the range has the finest phase.
     pub fn decode_within(&self, value: impl Fn(usize) -> f32, noise: f32, range: [f32; 2]) -> Option<DecodedColumn> {
         // Decoders run over millions of pixels: no allocation.
         let mut measured = [MeasuredPhase::default(); MAX_PERIODS];

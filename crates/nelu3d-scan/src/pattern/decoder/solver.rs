@@ -7,8 +7,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::group::WaveGroup;
 
-/// Standard deviation of a normalized intensity beyond the sensor's noise: projected images have eight bits (0.0011), and
-/// no sensor's curve is quite straight.
+/// Standard deviation of a normalized intensity beyond the sensor's noise: projected images have eight bits (0.0011),
+/// and no sensor's curve is quite straight.
 const PROJECTION_NOISE: f32 = 0.002;
 
 /// Smallest amplitude of a phase, in standard deviations of its noise.
@@ -67,8 +67,8 @@ impl PhaseSolver {
         self.gain
     }
 
-    /// Measures a pixel whose normalized intensity in image i is `value(i)`, with standard deviation `noise`. `None` where
-    /// the amplitude is too small to be told from noise.
+    /// Measures a pixel whose normalized intensity in image i is `value(i)`, with standard deviation `noise`. `None`
+    /// where the amplitude is too small to be told from noise.
     #[inline]
     pub fn measure(&self, value: impl Fn(usize) -> f32, noise: f32) -> Option<MeasuredPhase> {
         let [mut o, mut c, mut s] = [0.0f32; 3];

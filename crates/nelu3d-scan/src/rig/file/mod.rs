@@ -22,8 +22,8 @@ impl Rig {
     ///
     /// # Errors
     ///
-    /// No rig is there; rig.toml has an unknown key, a newer format or an impossible value; the camera or projector file
-    /// is bad. The message names the file, the key and a remedy.
+    /// No rig is there; rig.toml has an unknown key, a newer format or an impossible value; the camera or projector
+    /// file is bad. The message names the file, the key and a remedy.
     pub fn open(path: &Path) -> Result<Self, RigError> {
         let (root, toml) = read_toml(path)?;
         let camera = read_camera(&root.join(&toml.camera.intrinsics))?;
@@ -32,7 +32,8 @@ impl Rig {
         Self::checked(&root, toml, camera, projector)
     }
 
-    /// Makes the rig of the folder `root` from the content of its rig.toml, its camera and its projector. No file is read.
+    /// Makes the rig of the folder `root` from the content of its rig.toml, its camera and its projector. No file is
+    /// read.
     ///
     /// # Errors
     ///
