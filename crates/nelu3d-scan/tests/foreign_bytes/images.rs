@@ -113,8 +113,14 @@ proptest! {
 
     #[test]
     fn arbitrary_bytes_are_no_image(
-        bytes in arbitrary(&[b"", b"\x89PNG\r\n\x1a\n", b"II\x2a\0\x08\0\0\0", b"MM\0\x2a\0\0\0\x08", b"II\x2b\0\x08\0\0\0",
-                             b"\x76\x2f\x31\x01\x02\0\0\0"])
+        bytes in arbitrary(&[
+            b"",
+            b"\x89PNG\r\n\x1a\n",
+            b"II\x2a\0\x08\0\0\0",
+            b"MM\0\x2a\0\0\0\x08",
+            b"II\x2b\0\x08\0\0\0",
+            b"\x76\x2f\x31\x01\x02\0\0\0",
+        ])
     ) {
         read(&bytes, None);
         let _ = watched(|| decode_dng(Path::new("a.dng"), bytes.clone(), (W, H)));
