@@ -33,15 +33,15 @@ pub fn remove_partial() {
     }
 }
 
-/// The place of a file that will be written later, after long work: known to be writable before the work begins.
+/// The path of a file that will be written later, after long work: known to be writable before the work begins.
 ///
 /// Its missing folders are created; dropped, it removes those of them that are still empty.
 #[derive(Debug)]
-pub struct Place {
+pub struct ReservedPath {
     _folders: Folders,
 }
 
-impl Place {
+impl ReservedPath {
     /// Creates the missing folders of `path` and tries to write there, leaving no trace but those.
     ///
     /// # Errors
@@ -468,18 +468,18 @@ mod tests {
     fn a_place_is_tried_and_leaves_nothing() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("fields/new/a.txt");
-        let place = Place::new(&path).unwrap();
+        let place = ReservedPath::new(&path).unwrap();
         assert!(names(path.parent().unwrap()).is_empty());
         drop(place);
         assert!(names(dir.path()).is_empty());
-        let place = Place::new(&path).unwrap();
+        let place = ReservedPath::new(&path).unwrap();
         write_atomic(&path, |w| w.write_all(b"x")).unwrap();
         drop(place);
         assert_eq!(fs::read(&path).unwrap(), b"x");
 
-        let e = Place::new(&path.join("b.txt")).unwrap_err().to_string();
+        let e = ReservedPath::new(&path.join("b.txt")).unwrap_err().to_string();
         assert!(e.contains("a.txt/b.txt") && e.contains("choose another"), "{e}");
-        let e = Place::new(dir.path()).unwrap_err().to_string();
+        let e = ReservedPath::new(dir.path()).unwrap_err().to_string();
         assert!(e.contains("choose another name"), "{e}");
     }
 
@@ -498,7 +498,7 @@ mod tests {
         let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
         let e = write_atomic(&socket, |w| w.write_all(b"x")).unwrap_err().to_string();
         assert!(e.contains("socket") && e.contains("choose another name"), "{e}");
-        assert!(Place::new(&socket).is_err() && socket.exists() && !socket.is_file());
+        assert!(ReservedPath::new(&socket).is_err() && socket.exists() && !socket.is_file());
     }
 
     #[test]
