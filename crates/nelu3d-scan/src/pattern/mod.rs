@@ -33,7 +33,8 @@ pub use binary::{Binary, decode_binary};
 pub use bits::BitCode;
 pub use codewords::{Codewords, Stripes};
 pub use decoder::{
-    DecodedColumn, MeasuredPhase, MpsDecoder, PhaseDecoder, PhaseSolver, WaveGroup, WaveImage, wrap_angle,
+    DecodedColumn, MeasuredPhase, MpsDecoder, PhaseDecoder, PhaseSolver, WaveGroup, WaveImage, repeats_after,
+    wrap_angle,
 };
 pub use error::PatternError;
 pub use family::{Pattern, PatternImage, PatternImages, Rgb, generate};

@@ -18,5 +18,5 @@ mod solver;
 pub use column::DecodedColumn;
 pub use group::{WaveGroup, WaveImage};
 pub use mps::MpsDecoder;
-pub use phase::PhaseDecoder;
+pub use phase::{PhaseDecoder, repeats_after};
 pub use solver::{MeasuredPhase, PhaseSolver, wrap_angle};

@@ -106,3 +106,16 @@ impl PhaseDecoder {
         })
     }
 }
+
+/// Returns after how many px all phases are back where they were, to within what noise leaves; `None` if no two of `n`
+/// columns are that far apart. The groups are those of a phase-shifting code, the highest frequency first.
+pub fn repeats_after(groups: &[WaveGroup], n: f64) -> Option<f32> {
+    let finest = groups[0].period_px();
+    let returns =
+        |s: f64, g: &WaveGroup| wrap_angle((f64::from(TAU) * s * g.frequency) as f32).abs() < 3.0 * MODEL_ERROR;
+    (1..)
+        .map(|k| f64::from(k) * finest)
+        .take_while(|s| *s < n - 0.5)
+        .find(|s| groups[1..].iter().all(|g| returns(*s, g)))
+        .map(|s| s as f32)
+}
