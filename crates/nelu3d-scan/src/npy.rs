@@ -62,6 +62,13 @@ pub fn read(path: &Path) -> Result<Array, NpyError> {
 /// The content is truncated, or holds another type.
 pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Array, NpyError> {
     let damaged = |reason: String| NpyError::Damaged { path: path.to_path_buf(), reason };
+    // The decoder allocates the header before it reads it; from version 2 on its length has 32 bits (NumPy's NEP 1).
+    if let [_, _, _, _, _, _, version, _, a, b, c, d, rest @ ..] = bytes
+        && *version >= 2
+        && u32::from_le_bytes([*a, *b, *c, *d]) as usize > rest.len()
+    {
+        return Err(damaged("it ends in its header".into()));
+    }
     let file = NpyFile::new(bytes).map_err(|e| damaged(e.to_string()))?;
     let shape: Vec<usize> = file.shape().iter().map(|&n| usize::try_from(n).unwrap_or(usize::MAX)).collect();
     let order = file.order();
@@ -177,6 +184,7 @@ mod tests {
             (file(&good.replace("<f4", "<i4"), &[0; 24]), "holds '<i4' values; save it as float32"),
             (file(&good.replace("<f4", "|O"), &[0; 24]), "a.npy"),
             (file("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (2, 3), }", &[0; 24]), "values; save it"),
+            (b"\x93NUMPY\x02\x00\xff\xff\xff\x7f{'descr'".to_vec(), "ends in its header"),
             (b"hello".to_vec(), "no whole .npy file"),
             (Vec::new(), "no whole .npy file"),
         ] {
