@@ -7,7 +7,7 @@ use anyhow::{Result, bail};
 use nelu3d::calibrate::{self, Options, Report};
 use nelu3d::reconstruct::{self, Mixing};
 use nelu3d_scan::Rig;
-use nelu3d_scan::output::Place;
+use nelu3d_scan::output::ReservedPath;
 use nelu3d_scan::rig::PatternSet;
 
 use super::{Context, default_field, shown};
@@ -61,7 +61,7 @@ fn calibrate_with(
     context: &Context,
 ) -> Result<(Report, Option<Mixing>)> {
     // Before the work: it must not end at a file that cannot be written.
-    let _place = Place::new(output)?;
+    let _reserved = ReservedPath::new(output)?;
     let scene = colors.map(|name| rig.scene(name)).transpose()?;
     if scene.is_some() && rig.channels.count() != 3 {
         bail!("{}: --colors is for color cameras, but this one has one channel", shown(&rig.root));

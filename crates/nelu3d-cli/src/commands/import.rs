@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use anyhow::Result;
-use nelu3d_scan::import::{self, ImportError, Report, Request, Target};
+use nelu3d_scan::import::{self, ImportError, ImportReport, ImportRequest, ImportTarget};
 
 use super::{Context, shown};
 use crate::args;
@@ -12,11 +12,11 @@ use crate::args;
 pub(crate) fn run(args: args::Import, context: &Context) -> Result<ExitCode> {
     // Exactly one of the three was typed.
     let target = match (args.sequence, args.scene) {
-        (Some(name), _) => Target::Sequence(name),
-        (_, Some(name)) => Target::Scene(name),
-        _ => Target::Calibration,
+        (Some(name), _) => ImportTarget::Sequence(name),
+        (_, Some(name)) => ImportTarget::Scene(name),
+        _ => ImportTarget::Calibration,
     };
-    let request = Request {
+    let request = ImportRequest {
         frames: args.frames,
         rig: args.rig,
         target,
@@ -51,7 +51,7 @@ pub(crate) fn run(args: args::Import, context: &Context) -> Result<ExitCode> {
 }
 
 /// The report for people.
-fn text(r: &Report) -> String {
+fn text(r: &ImportReport) -> String {
     let order: Vec<&str> = r.order.iter().map(|name| name.as_deref().unwrap_or("skip")).collect();
     let [first, last] = &r.range;
     let mut text = format!("frames    {}, {first} to {last}\norder     {}\n", r.frames, order.join(", "));

@@ -58,7 +58,7 @@ pub(in crate::mesh) fn parse(bytes: &[u8]) -> Result<Mesh, String> {
     Ok(all)
 }
 
-/// A primitive's triangles or points in the camera's frame; `None` for lines and what has no positions.
+/// Reads a primitive's triangles or points in the camera's frame; `None` for lines and what has no positions.
 fn read_primitive(primitive: &Primitive, blob: &[u8], transform: &Matrix4<f64>) -> Result<Option<Mesh>, String> {
     let Some(positions) = primitive.get(&Semantic::Positions) else { return Ok(None) };
     check(&positions, blob, Dimensions::Vec3, &[DataType::F32])?;
@@ -120,7 +120,7 @@ fn read_primitive(primitive: &Primitive, blob: &[u8], transform: &Matrix4<f64>) 
     Ok(Some(mesh))
 }
 
-/// Whether an accessor's data are of a kind that can be read and lie in the file: the library's readers trust that.
+/// Checks that an accessor's data are of a kind that can be read and lie in the file: the library's readers trust that.
 fn check(accessor: &Accessor, blob: &[u8], shape: Dimensions, types: &[DataType]) -> Result<(), String> {
     if accessor.dimensions() != shape || !types.contains(&accessor.data_type()) {
         let (dimensions, data) = (accessor.dimensions(), accessor.data_type());
@@ -142,7 +142,7 @@ fn check(accessor: &Accessor, blob: &[u8], shape: Dimensions, types: &[DataType]
     if fits { Ok(()) } else { Err(format!("its accessor {} needs data that are not there", accessor.index())) }
 }
 
-/// Linear light to an 8-bit sRGB value (IEC 61966-2-1): the inverse of what the writer does.
+/// Converts linear light to an 8-bit sRGB value (IEC 61966-2-1): the inverse of what the writer does.
 fn srgb_u8(linear: f32) -> u8 {
     let c = f64::from(linear);
     let s = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
