@@ -105,14 +105,14 @@ fn images_on_disk_decode_to_their_columns() {
     let phase = lines("phase", &["--period", "15,40,330", "--steps", "4"]);
     let decoder = PhaseDecoder::new(&snapped(fit(&phase)), n).unwrap();
     for u in 0..n {
-        let column = decoder.decode(&pixel(&phase, u)).unwrap().column;
-        assert!((column - u as f64).abs() < 0.05, "{column}, not {u}");
+        let column = decoder.decode(&pixel(&phase, u), 0.0).unwrap().column;
+        assert!((column - u as f32).abs() < 0.05, "{column}, not {u}");
     }
     let mps = lines("mps", &["--frequencies", "4"]);
     let decoder = MpsDecoder::new(&snapped(fit(&mps)), n).unwrap();
     for u in 0..n {
-        let column = decoder.decode(&pixel(&mps, u)).unwrap().column;
-        assert!((column - u as f64).abs() < 0.1, "{column}, not {u}");
+        let column = decoder.decode(&pixel(&mps, u), 0.0).unwrap().column;
+        assert!((column - u as f32).abs() < 0.1, "{column}, not {u}");
     }
     let about: Value = serde_json::from_slice(&fs::read(dir.path().join("mps/patterns.json")).unwrap()).unwrap();
     assert_eq!(about["patterns"][0]["periods_px"].as_array().unwrap().len(), 4, "what was chosen is on record");

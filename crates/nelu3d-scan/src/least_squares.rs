@@ -5,9 +5,9 @@
 
 /// A nonlinear least-squares problem, with the state that its evaluations share.
 ///
-/// The loop calls [`cost`](Problem::cost) of the start; then, for each iteration, [`linearize`](Problem::linearize) once
-/// and [`step`](Problem::step) and `cost` for each trial, and [`accept`](Problem::accept) as soon as a trial succeeds. A
-/// problem may therefore keep what an evaluation computed for the call that follows.
+/// The loop calls [`cost`](Problem::cost) of the start; then, for each iteration, [`linearize`](Problem::linearize)
+/// once and [`step`](Problem::step) and `cost` for each trial, and [`accept`](Problem::accept) as soon as a trial
+/// succeeds. A problem may therefore keep what an evaluation computed for the call that follows.
 pub trait Problem {
     /// What is searched for.
     type Parameters;
@@ -84,11 +84,11 @@ impl Default for LmSettings {
     }
 }
 
-/// Lowers the cost of `start` until the problem says that it has converged, no damping helps, or the trials are used up;
-/// returns the best parameters seen.
+/// Lowers the cost of `start` until the problem says that it has converged, no damping helps, or the trials are used
+/// up; returns the best parameters seen.
 ///
-/// Returns `None` where the start has no finite cost, where the problem cannot be linearized, and where a singular system
-/// is to end the search.
+/// Returns `None` where the start has no finite cost, where the problem cannot be linearized, and where a singular
+/// system is to end the search.
 pub fn minimize<P: Problem>(problem: &mut P, start: P::Parameters, settings: &LmSettings) -> Option<P::Parameters> {
     let mut parameters = start;
     let mut cost = Some(problem.cost(&parameters)).filter(|c| c.is_finite())?;

@@ -52,8 +52,24 @@ pub struct Array {
 /// The file cannot be read, is truncated, or holds another type.
 pub fn read(path: &Path) -> Result<Array, NpyError> {
     let bytes = std::fs::read(path).map_err(|source| NpyError::Io { path: path.to_path_buf(), source })?;
+    from_bytes(path, &bytes)
+}
+
+/// Reads an array from the content of a file, as [`read`] does; `path` is only for messages.
+///
+/// # Errors
+///
+/// The content is truncated, or holds another type.
+pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Array, NpyError> {
     let damaged = |reason: String| NpyError::Damaged { path: path.to_path_buf(), reason };
-    let file = NpyFile::new(bytes.as_slice()).map_err(|e| damaged(e.to_string()))?;
+    // The decoder allocates the header before it reads it; from version 2 on its length has 32 bits (NumPy's NEP 1).
+    if let [_, _, _, _, _, _, version, _, a, b, c, d, rest @ ..] = bytes
+        && *version >= 2
+        && u32::from_le_bytes([*a, *b, *c, *d]) as usize > rest.len()
+    {
+        return Err(damaged("it ends in its header".into()));
+    }
+    let file = NpyFile::new(bytes).map_err(|e| damaged(e.to_string()))?;
     let shape: Vec<usize> = file.shape().iter().map(|&n| usize::try_from(n).unwrap_or(usize::MAX)).collect();
     let order = file.order();
     let width = match file.dtype() {
@@ -95,7 +111,7 @@ pub fn write(path: &Path, shape: &[usize], data: &[f32]) -> io::Result<()> {
     })
 }
 
-/// Values with the first axis fastest, rearranged with the last axis fastest.
+/// Rearranges values with the first axis fastest into values with the last axis fastest.
 fn from_fortran(data: &[f32], shape: &[usize]) -> Vec<f32> {
     let mut index = vec![0usize; shape.len()];
     let mut out = Vec::with_capacity(data.len());
@@ -168,6 +184,7 @@ mod tests {
             (file(&good.replace("<f4", "<i4"), &[0; 24]), "holds '<i4' values; save it as float32"),
             (file(&good.replace("<f4", "|O"), &[0; 24]), "a.npy"),
             (file("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (2, 3), }", &[0; 24]), "values; save it"),
+            (b"\x93NUMPY\x02\x00\xff\xff\xff\x7f{'descr'".to_vec(), "ends in its header"),
             (b"hello".to_vec(), "no whole .npy file"),
             (Vec::new(), "no whole .npy file"),
         ] {

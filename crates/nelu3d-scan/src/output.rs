@@ -33,15 +33,15 @@ pub fn remove_partial() {
     }
 }
 
-/// The place of a file that will be written later, after long work: known to be writable before the work begins.
+/// The path of a file that will be written later, after long work: known to be writable before the work begins.
 ///
 /// Its missing folders are created; dropped, it removes those of them that are still empty.
 #[derive(Debug)]
-pub struct Place {
+pub struct ReservedPath {
     _folders: Folders,
 }
 
-impl Place {
+impl ReservedPath {
     /// Creates the missing folders of `path` and tries to write there, leaving no trace but those.
     ///
     /// # Errors
@@ -110,7 +110,7 @@ pub fn create_dir(path: &Path) -> io::Result<()> {
     fs::create_dir_all(path).map_err(|e| explain(path, &e))
 }
 
-/// A second name for the file `from`: no copy, no space. Where the disk has no such thing, or is another, a copy.
+/// Gives the file `from` a second name, without a copy. Where the disk has no such thing, or is another, it is copied.
 ///
 /// # Errors
 ///
@@ -161,8 +161,8 @@ impl AtomicFile {
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let temp = loop {
             let temp = builder.tempfile_in(&dir)?;
-            // The lock says that somebody is at work on it, and the system takes it back however he ends. Not every disk
-            // has locks; there, what a killed run left stays.
+            // The lock says that somebody is at work on it, and the system takes it back however he ends. Not every
+            // disk has locks; there, what a killed run left stays.
             let locked = temp.as_file().lock();
             // Between its creation and the lock another run may have taken it for abandoned.
             if locked.is_err() || temp.path().exists() {
@@ -221,8 +221,8 @@ fn remove_abandoned(dir: &Path, prefix: &str) {
     }
 }
 
-/// Where a file really goes, its folder, and how its temporary name begins. Links are followed, so that what they point to
-/// is replaced and not the link; devices and pipes are refused, for renaming would replace them.
+/// Returns where a file goes in the end, its folder, and how its temporary name begins. Links are followed, so that
+/// what they point to is replaced and not the link; devices and pipes are refused, for renaming would replace them.
 fn target_of(path: &Path) -> io::Result<(PathBuf, PathBuf, String)> {
     let path = if path.exists() { path.canonicalize()? } else { path.to_path_buf() };
     let invalid = |problem| io::Error::new(io::ErrorKind::InvalidInput, problem);
@@ -238,7 +238,7 @@ fn target_of(path: &Path) -> io::Result<(PathBuf, PathBuf, String)> {
     Ok((path, dir, prefix))
 }
 
-/// The same error with the path and a remedy in its message.
+/// Returns an error with the path and a remedy in its message.
 fn explain(path: &Path, e: &io::Error) -> io::Error {
     let remedy = match e.kind() {
         io::ErrorKind::NotFound => "; create its folder first",
@@ -306,18 +306,18 @@ impl OutputDir {
         Ok(Self { target, temp, committed: false, _partial: partial, _folders: folders })
     }
 
-    /// Where to write the files of the folder until it is committed.
+    /// Returns where to write the files of the folder until it is committed.
     pub fn path(&self) -> &Path {
         &self.temp
     }
 
-    /// Where the folder will be.
+    /// Returns where the folder will be.
     pub fn target(&self) -> &Path {
         &self.target
     }
 
-    /// Puts the folder into place, replacing an earlier result. The earlier one is moved aside first and put back if the
-    /// new one cannot take its place, so at every moment one of the two is whole.
+    /// Puts the folder into place, replacing an earlier result. The earlier one is moved aside first and put back if
+    /// the new one cannot take its place, so at every moment one of the two is whole.
     ///
     /// # Errors
     ///
@@ -406,8 +406,8 @@ mod tests {
         assert_eq!(names(dir.path()), ["a.txt"]);
     }
 
-    /// What a killed run left goes when the file is written again; what a running one has in hand stays, and so do other
-    /// files' parts.
+    /// What a killed run left goes when the file is written again; what a running one has in hand stays, and so do
+    /// other files' parts.
     #[test]
     fn abandoned_parts_are_removed() {
         let dir = tempfile::tempdir().unwrap();
@@ -468,18 +468,18 @@ mod tests {
     fn a_place_is_tried_and_leaves_nothing() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("fields/new/a.txt");
-        let place = Place::new(&path).unwrap();
+        let place = ReservedPath::new(&path).unwrap();
         assert!(names(path.parent().unwrap()).is_empty());
         drop(place);
         assert!(names(dir.path()).is_empty());
-        let place = Place::new(&path).unwrap();
+        let place = ReservedPath::new(&path).unwrap();
         write_atomic(&path, |w| w.write_all(b"x")).unwrap();
         drop(place);
         assert_eq!(fs::read(&path).unwrap(), b"x");
 
-        let e = Place::new(&path.join("b.txt")).unwrap_err().to_string();
+        let e = ReservedPath::new(&path.join("b.txt")).unwrap_err().to_string();
         assert!(e.contains("a.txt/b.txt") && e.contains("choose another"), "{e}");
-        let e = Place::new(dir.path()).unwrap_err().to_string();
+        let e = ReservedPath::new(dir.path()).unwrap_err().to_string();
         assert!(e.contains("choose another name"), "{e}");
     }
 
@@ -498,7 +498,7 @@ mod tests {
         let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
         let e = write_atomic(&socket, |w| w.write_all(b"x")).unwrap_err().to_string();
         assert!(e.contains("socket") && e.contains("choose another name"), "{e}");
-        assert!(Place::new(&socket).is_err() && socket.exists() && !socket.is_file());
+        assert!(ReservedPath::new(&socket).is_err() && socket.exists() && !socket.is_file());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Order statistics of small and large samples.
 //!
-//! All of them select instead of sorting, so they take linear time. Values are ordered by `total_cmp`: NaN comes last, and
-//! no input makes a function panic except where it says so.
+//! All of them select instead of sorting, so they take linear time. Values are ordered by `total_cmp`: NaN comes last,
+//! and no input makes a function panic except where it says so.
 
 use std::cmp::Ordering;
 
@@ -32,8 +32,8 @@ pub fn order_statistic<T: TotalOrder>(values: &mut [T], index: usize) -> T {
     *values.select_nth_unstable_by(index, T::total_order).1
 }
 
-/// Returns the middle value of a sample, of an even number the upper of the two middle ones; `None` for an empty sample.
-/// The values are reordered.
+/// Returns the middle value of a sample, of an even number the upper of the two middle ones; `None` for an empty
+/// sample. The values are reordered.
 ///
 /// This is the median of all robust estimates here: a value of the sample, not a mean of two.
 pub fn median<T: TotalOrder>(values: &mut [T]) -> Option<T> {
@@ -41,8 +41,8 @@ pub fn median<T: TotalOrder>(values: &mut [T]) -> Option<T> {
     (!values.is_empty()).then(|| order_statistic(values, middle))
 }
 
-/// Returns the `p`-th percentile (0 to 100), interpolated linearly between the two nearest values as NumPy does by default;
-/// NaN for an empty sample. The values are reordered.
+/// Returns the `p`-th percentile (0 to 100), interpolated linearly between the two nearest values as NumPy does by
+/// default; NaN for an empty sample. The values are reordered.
 ///
 /// # Panics
 ///

@@ -8,7 +8,7 @@ use nelu3d::from_projector::{FromProjectorOptions, calibrate_from_projector};
 use nelu3d::sensor::CrosstalkMatrix;
 use nelu3d::{CalibrationOptions, CalibrationReport, ReconstructionOptions, calibrate, reconstruct};
 use nelu3d_scan::Rig;
-use nelu3d_scan::output::Place;
+use nelu3d_scan::output::ReservedPath;
 use nelu3d_scan::rig::PatternSet;
 
 use super::{Context, default_field, shown};
@@ -65,7 +65,7 @@ fn calibrate_with(
     context: &Context,
 ) -> Result<(CalibrationReport, Option<CrosstalkMatrix>)> {
     // Before the work: it must not end at a file that cannot be written.
-    let _place = Place::new(output)?;
+    let _reserved = ReservedPath::new(output)?;
     let scene = colors.map(|name| rig.scene(name)).transpose()?;
     if scene.is_some() && rig.channels.count() != 3 {
         bail!("{}: --colors is for color cameras, but this one has one channel", shown(&rig.root));

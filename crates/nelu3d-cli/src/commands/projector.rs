@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use nelu3d_baselines::projector::{self, ProjectorReport, calibrate_projector};
 use nelu3d_scan::Rig;
-use nelu3d_scan::output::Place;
+use nelu3d_scan::output::ReservedPath;
 use nelu3d_scan::rig::PROJECTOR_FILE;
 
 use super::{Context, shown};
@@ -20,7 +20,7 @@ pub(crate) fn run(args: args::Projector, context: &Context) -> Result<ExitCode> 
         anyhow::bail!("{}: exists; give --force to replace it, or another file with -o FILE", shown(&output));
     }
     // Before the work: it must not end at a file that cannot be written.
-    let _place = Place::new(&output)?;
+    let _reserved = ReservedPath::new(&output)?;
     let (projector, report) = calibrate_projector(&rig, args.set.as_deref(), &args.options, &context.progress)?;
     context.stop_if_asked()?;
     projector::write(&output, &projector, &report)?;

@@ -8,7 +8,7 @@ use nelu3d::progress::StageClock;
 use nelu3d::result::peak_memory_bytes;
 use nelu3d_baselines::lookup3d::{build, compress, file};
 use nelu3d_scan::Rig;
-use nelu3d_scan::output::Place;
+use nelu3d_scan::output::ReservedPath;
 use serde_json::json;
 
 use super::{Context, shown};
@@ -32,7 +32,7 @@ fn export(args: TableExport, context: &Context) -> Result<()> {
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
     // Before the work: it must not end at a file that cannot be written.
-    let _place = Place::new(&args.output)?;
+    let _reserved = ReservedPath::new(&args.output)?;
     let mut clock = StageClock::new(&context.progress);
     let built = build(&rig, set, args.stride, &CalibrationOptions::default(), &context.progress, &mut clock)?;
     context.stop_if_asked()?;

@@ -30,7 +30,7 @@ struct Index {
 }
 
 impl Artwork {
-    /// The print of a board. Fails when the board cannot be printed as described.
+    /// Returns the print of a board. Fails when the board cannot be printed as described.
     pub fn new(board: &Board) -> Result<Self, BoardError> {
         let layout = Layout::new(board)?;
         let unit = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
@@ -44,7 +44,8 @@ impl Artwork {
         Ok(Self { squares: layout.squares, dictionary: layout.dictionary, markers, index })
     }
 
-    /// 0 where black ink is printed, 1 on bare paper, for a point of the board's plane (mm); all paper outside the print.
+    /// Returns 0 where black ink is printed and 1 on bare paper, for a point of the board's plane (mm); all paper
+    /// outside the print.
     pub fn albedo(&self, x_mm: f64, y_mm: f64) -> f32 {
         if let Some(s) = &self.squares {
             let (c, r) = ((x_mm / s.side_mm).floor(), (y_mm / s.side_mm).floor());

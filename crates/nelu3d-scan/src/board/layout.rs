@@ -28,14 +28,14 @@ pub(crate) struct Layout {
 }
 
 /// Most squares along a side, and most markers: far beyond any print, small enough to be laid out at once.
-const MOST: usize = 1000;
+const MAX_COUNT: usize = 1000;
 
 impl Layout {
     pub(crate) fn new(board: &Board) -> Result<Self, BoardError> {
         match &board.kind {
             BoardKind::Charuco { columns, rows, square_mm, marker_mm, dictionary, legacy } => {
-                // OpenCV's `CharucoBoard`: since 4.6 the top-left square is always black. Before, an even number of rows
-                // made it white (`setLegacyPattern`); with an odd number both are the same print.
+                // OpenCV's `CharucoBoard`: since 4.6 the top-left square is always black. Before, an even number of
+                // rows made it white (`setLegacyPattern`); with an odd number both are the same print.
                 let black_first = !(*legacy && rows.is_multiple_of(2));
                 let squares = squares(*columns, *rows, *square_mm, black_first)?;
                 if !(*marker_mm > 0.0 && marker_mm <= square_mm) {
@@ -72,8 +72,8 @@ impl Layout {
 }
 
 fn squares(columns: usize, rows: usize, side_mm: f64, black_first: bool) -> Result<Squares, BoardError> {
-    if !(2..=MOST).contains(&columns) || !(2..=MOST).contains(&rows) {
-        return Err(BoardError::invalid(format!("{columns} x {rows} squares (2 to {MOST} a side are possible)")));
+    if !(2..=MAX_COUNT).contains(&columns) || !(2..=MAX_COUNT).contains(&rows) {
+        return Err(BoardError::invalid(format!("{columns} x {rows} squares (2 to {MAX_COUNT} a side are possible)")));
     }
     if !(side_mm > 0.0 && side_mm.is_finite()) {
         return Err(BoardError::invalid(format!("squares of {side_mm} mm")));
@@ -81,7 +81,7 @@ fn squares(columns: usize, rows: usize, side_mm: f64, black_first: bool) -> Resu
     Ok(Squares { columns, rows, side_mm, black_first })
 }
 
-/// A marker in the middle of each white square, numbered row by row.
+/// Returns a marker in the middle of each white square, numbered row by row.
 fn charuco_markers(squares: &Squares, marker_mm: f64) -> Vec<Marker> {
     let margin = 0.5 * (squares.side_mm - marker_mm);
     let mut markers = Vec::new();
@@ -99,8 +99,8 @@ fn charuco_markers(squares: &Squares, marker_mm: f64) -> Vec<Marker> {
 }
 
 fn check_markers(markers: &[Marker], dictionary: &Dictionary) -> Result<(), BoardError> {
-    if markers.is_empty() || markers.len() > MOST {
-        return Err(BoardError::invalid(format!("it has {} markers (1 to {MOST} are possible)", markers.len())));
+    if markers.is_empty() || markers.len() > MAX_COUNT {
+        return Err(BoardError::invalid(format!("it has {} markers (1 to {MAX_COUNT} are possible)", markers.len())));
     }
     let mut seen = std::collections::BTreeSet::new();
     for m in markers {

@@ -27,7 +27,7 @@ const CELLS: usize = 4;
 const DEPTH: usize = 4;
 
 impl View<'_> {
-    /// The linear image.
+    /// Renders the linear image.
     pub(crate) fn render(&self) -> Vec<f32> {
         let (w, h) = (self.camera.width, self.camera.height);
         let coverage = self.coverage();
@@ -48,7 +48,7 @@ impl View<'_> {
         image
     }
 
-    /// What pixels see of the cells: their own area, blurred.
+    /// Returns what pixels see of the cells: their own area, blurred.
     fn sense(&self, coverage: &[f32]) -> Vec<f32> {
         let (w, h) = (self.camera.width, self.camera.height);
         let sigma = self.blur_px * CELLS as f64;
@@ -74,7 +74,7 @@ impl View<'_> {
             .collect()
     }
 
-    /// Share of paper in each cell of the image.
+    /// Returns the fraction of paper in each cell of the image.
     fn coverage(&self) -> Vec<f32> {
         let (w, h) = (self.camera.width, self.camera.height);
         let r = self.cam_from_board.rotation.to_rotation_matrix().into_inner();
@@ -113,7 +113,7 @@ impl View<'_> {
     }
 }
 
-/// Mean of a black-and-white function over a square, from its corners and, where they differ, its quarters.
+/// Returns the mean of a black-and-white function over a square, from its corners and, where they differ, its quarters.
 fn area(f: &impl Fn(f64, f64) -> f32, [x, y]: [f64; 2], size: f64, c: [f32; 4], depth: usize) -> f32 {
     if depth == 0 || (c[0] == c[1] && c[1] == c[2] && c[2] == c[3]) {
         return 0.25 * c.iter().sum::<f32>();
@@ -135,7 +135,7 @@ impl Gauss {
         Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x2545_f491_4f6c_dd1d)
     }
 
-    /// Uniform in (0, 1).
+    /// Draws a number uniformly from (0, 1).
     pub(crate) fn uniform(&mut self) -> f64 {
         // xorshift64*
         self.0 ^= self.0 >> 12;

@@ -263,8 +263,8 @@ fn images_without_the_board_say_so() {
     }
 }
 
-/// What matters in the end: whether poses put the board at the right depth. A tenth of a pixel over a board of 240 mm is
-/// 0.1 mm at 700 mm; earlier corner finders had 0.03 to 0.12 mm of it in common to all poses.
+/// What matters in the end: whether poses put the board at the right depth. A tenth of a pixel over a board of 240 mm
+/// is 0.1 mm at 700 mm; earlier corner finders had 0.03 to 0.12 mm of it in common to all poses.
 #[test]
 fn poses_have_no_depth_bias() {
     // More poses for a closer look: NELU3D_BIAS_POSES=20 cargo test ... -- --nocapture

@@ -13,7 +13,7 @@ pub struct Distortion {
 const COUNTS: [usize; 6] = [0, 4, 5, 8, 12, 14];
 
 impl Distortion {
-    /// From OpenCV's list of 0, 4, 5, 8, 12 or 14 finite coefficients; `None` for any other list.
+    /// Makes a distortion from OpenCV's list of 0, 4, 5, 8, 12 or 14 finite coefficients; `None` for any other list.
     pub fn new(coeffs: &[f64]) -> Option<Self> {
         if !COUNTS.contains(&coeffs.len()) || coeffs.iter().any(|c| !c.is_finite()) {
             return None;
@@ -23,12 +23,12 @@ impl Distortion {
         Some(Self { coeffs: all, n: coeffs.len() })
     }
 
-    /// The coefficients as given.
+    /// Returns the coefficients as given.
     pub fn coeffs(&self) -> &[f64] {
         &self.coeffs[..self.n]
     }
 
-    /// Ideal image-plane coordinates to distorted ones.
+    /// Takes ideal image-plane coordinates to distorted ones.
     pub fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tx, ty] = self.coeffs;
         let r2 = x * x + y * y;
@@ -42,7 +42,8 @@ impl Distortion {
         [v.x / v.z, v.y / v.z]
     }
 
-    /// Distorted image-plane coordinates to ideal ones: Newton's method on [`Self::distort`], started at the input.
+    /// Takes distorted image-plane coordinates to ideal ones: Newton's method on [`Self::distort`], started at the
+    /// input.
     pub fn undistort(&self, d: [f64; 2]) -> [f64; 2] {
         if self.n == 0 {
             return d;
@@ -69,7 +70,7 @@ impl Distortion {
     }
 }
 
-/// OpenCV's tilted-sensor homography (Scheimpflug): `R = Ry(τy) Rx(τx)` with its own sign convention.
+/// Returns OpenCV's tilted-sensor homography (Scheimpflug): `R = Ry(τy) Rx(τx)` with its own sign convention.
 fn tilt(tx: f64, ty: f64) -> Matrix3<f64> {
     // OpenCV's Rx and Ry are the transposes of the usual active rotations.
     let rx = Rotation3::from_axis_angle(&Vector3::x_axis(), -tx);

@@ -4,7 +4,10 @@ mod distortion;
 mod file;
 
 pub use distortion::Distortion;
-pub use file::{CameraFileError, read_camera, read_projector, write_camera, write_projector};
+pub use file::{
+    CameraFileError, camera_from_bytes, projector_from_bytes, read_camera, read_projector, write_camera,
+    write_projector,
+};
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
@@ -18,7 +21,7 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// The point at distance `t` (mm) along the ray.
+    /// Returns the point at distance `t` (mm) along the ray.
     pub fn at(&self, t: f64) -> Point3<f64> {
         self.origin + self.dir * t
     }
@@ -44,12 +47,12 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera without distortion.
+    /// Makes a camera without distortion.
     pub fn pinhole(width: usize, height: usize, fx: f64, fy: f64, cx: f64, cy: f64) -> Self {
         Self { width, height, fx, fy, cx, cy, distortion: Distortion::default() }
     }
 
-    /// Pixel coordinates of a point in the camera's frame, or `None` when it lies behind the camera.
+    /// Returns pixel coordinates of a point in the camera's frame, or `None` when it lies behind the camera.
     pub fn project(&self, p: &Point3<f64>) -> Option<[f64; 2]> {
         if p.z <= 1e-9 {
             return None;
@@ -58,23 +61,23 @@ impl Camera {
         Some([self.fx * x + self.cx, self.fy * y + self.cy])
     }
 
-    /// Undistorted image-plane coordinates (x/z, y/z) of a pixel.
+    /// Returns undistorted image-plane coordinates (x/z, y/z) of a pixel.
     pub fn undistort(&self, px: [f64; 2]) -> [f64; 2] {
         self.distortion.undistort([(px[0] - self.cx) / self.fx, (px[1] - self.cy) / self.fy])
     }
 
-    /// The viewing ray of a pixel: through the camera's center, unit direction.
+    /// Returns the viewing ray of a pixel: through the camera's center, unit direction.
     pub fn ray(&self, px: [f64; 2]) -> Ray {
         let [x, y] = self.undistort(px);
         Ray { origin: Point3::origin(), dir: Vector3::new(x, y, 1.0).normalize() }
     }
 
-    /// The camera matrix K.
+    /// Returns the camera matrix K.
     pub fn matrix(&self) -> Matrix3<f64> {
         Matrix3::new(self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)
     }
 
-    /// Number of pixels.
+    /// Returns the number of pixels.
     pub fn n_pixels(&self) -> usize {
         self.width * self.height
     }
@@ -90,12 +93,12 @@ pub struct Projector {
 }
 
 impl Projector {
-    /// Projector pixel that lights a camera-frame point, or `None` behind the projector.
+    /// Returns the projector pixel that lights a camera-frame point, or `None` behind the projector.
     pub fn project(&self, p: &Point3<f64>) -> Option<[f64; 2]> {
         self.optics.project(&(self.proj_from_cam * p))
     }
 
-    /// The projector's center in the camera's frame, mm.
+    /// Returns the projector's center in the camera's frame, mm.
     pub fn center(&self) -> Point3<f64> {
         self.proj_from_cam.inverse() * Point3::origin()
     }

@@ -108,7 +108,8 @@ fn plain(e: EncodingError) -> io::Error {
     }
 }
 
-/// 1 / fps as a fraction of 16-bit numbers: exact for whole numbers, to a thousandth of a frame per second where that fits.
+/// Returns 1 / fps as a fraction of 16-bit numbers: exact for whole numbers, to a thousandth of a frame per second
+/// where that fits.
 fn delay(fps: f64) -> (u16, u16) {
     let whole = fps.fract() == 0.0;
     let numerator = [1000u16, 100, 10, 1].into_iter().find(|&n| !whole && (f64::from(n) * fps).round() <= 65535.0);

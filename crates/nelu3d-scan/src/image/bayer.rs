@@ -1,6 +1,6 @@
-//! Demosaicing: H. S. Malvar, L. He and R. Cutler, "High-quality linear interpolation for demosaicing of Bayer-patterned
-//! color images", ICASSP 2004. Each missing color is bilinear interpolation plus a share of the Laplacian of the color
-//! that was measured there: five 5×5 linear filters (their Fig. 2).
+//! Demosaicing: H. S. Malvar, L. He and R. Cutler, "High-quality linear interpolation for demosaicing of
+//! Bayer-patterned color images", ICASSP 2004. Each missing color is bilinear interpolation plus a share of the
+//! Laplacian of the color that was measured there: five 5×5 linear filters (their Fig. 2).
 
 use rayon::prelude::*;
 
@@ -65,8 +65,8 @@ const fn transposed<const N: usize>(mut taps: Taps<N>) -> Taps<N> {
 /// The largest value that does not count as clipped.
 const BELOW_CLIPPED: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// RGB from a linear mosaic of one channel whose 2×2 cell at the top left has the colors `cell`, row by row (0 red,
-/// 1 green, 2 blue). A value is ≥ 1 if and only if a mosaic pixel that went into it was.
+/// Makes an RGB image of a linear mosaic of one channel whose 2×2 cell at the top left has the colors `cell`, row by
+/// row (0 red, 1 green, 2 blue). A value is ≥ 1 if and only if a mosaic pixel that went into it was.
 ///
 /// # Panics
 ///

@@ -1,8 +1,8 @@
 //! Linear images: what a capture is once it has been read.
 //!
-//! A file is first decoded to the sensor's codes ([`decode()`]), then made linear by [`Raw::linearize`], which subtracts
-//! the black level, scales by the saturation and demosaics. [`write_png8`] and [`write_png16`] go the other way. [`Apng`] is for
-//! pictures that move.
+//! A file is first decoded to the sensor's codes ([`decode()`]), then made linear by [`Raw::linearize`], which
+//! subtracts the black level, scales by the saturation and demosaics. [`write_png8`] and [`write_png16`] go the other
+//! way. [`Apng`] is for pictures that move.
 
 mod apng;
 mod bayer;
@@ -13,8 +13,7 @@ mod write;
 pub use apng::Apng;
 pub use bayer::demosaic;
 pub use box_mean::box_mean;
-pub(crate) use decode::decode_bytes;
-pub use decode::{Depth, ImageFileError, Raw, RawData, decode, read_any};
+pub use decode::{Depth, ImageFileError, Raw, RawData, decode, decode_bytes, read_any};
 pub(crate) use write::{Codes, write_png};
 pub use write::{encode_rgb8, write_gray8, write_png8, write_png16, write_rgb8};
 
@@ -40,17 +39,17 @@ impl Channels {
         Channels::Bayer([1, 2, 0, 1]),
     ];
 
-    /// Channels of an image once read: 1 or 3.
+    /// Returns the number of channels of an image once read: 1 or 3.
     pub fn count(self) -> usize {
         if self == Channels::Mono { 1 } else { 3 }
     }
 
-    /// Channels in the file: 3 for [`Channels::Rgb`], else 1 (a mosaic has one value a pixel).
+    /// Returns the number of channels in the file: 3 for [`Channels::Rgb`], else 1 (a mosaic has one value a pixel).
     pub fn in_file(self) -> usize {
         if self == Channels::Rgb { 3 } else { 1 }
     }
 
-    /// Its name in rig.toml, as `bayer-rggb`.
+    /// Returns the name in rig.toml, as `bayer-rggb`.
     pub fn name(self) -> String {
         match self {
             Channels::Mono => "mono".into(),
@@ -62,7 +61,7 @@ impl Channels {
         }
     }
 
-    /// The inverse of [`Channels::name`].
+    /// Returns the inverse of [`Channels::name`].
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|c| c.name() == name)
     }
@@ -84,18 +83,18 @@ pub struct Image {
 }
 
 impl Image {
-    /// An image of zeros.
+    /// Makes an image of zeros.
     pub fn new(width: usize, height: usize, channels: usize) -> Self {
         Self { width, height, channels, data: vec![0.0; width * height * channels] }
     }
 
-    /// The channels of pixel (x, y).
+    /// Returns the channels of pixel (x, y).
     pub fn pixel(&self, x: usize, y: usize) -> &[f32] {
         let i = (y * self.width + x) * self.channels;
         &self.data[i..i + self.channels]
     }
 
-    /// The mean over channels of each pixel, `height × width`: what a detector looks at.
+    /// Returns the mean over channels of each pixel, `height × width`: what a detector looks at.
     pub fn to_gray(&self) -> Vec<f32> {
         if self.channels == 1 {
             return self.data.clone();

@@ -21,7 +21,7 @@ pub fn write_png8(path: &Path, image: &Image, black_level: f64, saturation: f64)
     write_png(path, Codes::U8(&codes), image.width, image.height, image.channels)
 }
 
-/// Like [`write_png8`], with 16-bit codes limited to 0..=65535.
+/// Writes a linear image as [`write_png8`] does, with 16-bit codes limited to 0..=65535.
 ///
 /// # Errors
 ///

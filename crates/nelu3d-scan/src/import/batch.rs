@@ -13,7 +13,7 @@ use crate::image::{Raw, RawData};
 use crate::output::create_dir;
 use crate::rig::Rig;
 
-/// The folder of the n-th group.
+/// Returns the folder of the n-th group.
 pub(super) fn numbered(dir: &Path, n: usize) -> PathBuf {
     dir.join(format!("{n:04}"))
 }
@@ -69,7 +69,7 @@ impl Batch<'_> {
         self.slots.par_iter().enumerate().map(one).try_reduce(Codes::default, |a, b| Ok(a.and(b)))
     }
 
-    /// The image of the light off: `path`, or the mean of the images in it.
+    /// Returns the image with the light off: `path`, or the mean of the images in it.
     pub(super) fn black(&self, path: &Path) -> Result<(Raw, Codes), ImportError> {
         let files = if path.is_dir() { frames::list(path, None, None)? } else { vec![path.to_path_buf()] };
         let files: Vec<&PathBuf> = files.iter().collect();
@@ -102,7 +102,7 @@ impl Batch<'_> {
         Ok(frame)
     }
 
-    /// Another frame is done.
+    /// Reports another frame as done.
     fn tick(&self, done: &AtomicUsize) -> Result<(), ImportError> {
         let total = self.groups.len() * self.slots.len();
         let now = done.fetch_add(1, Ordering::Relaxed) + 1;

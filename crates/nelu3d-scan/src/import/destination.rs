@@ -98,7 +98,7 @@ impl Destination {
     }
 }
 
-/// How the sensor of a new rig delivers color.
+/// Returns how the sensor of a new rig delivers color.
 fn channels_of(request: &ImportRequest, first: &Frame) -> Result<Channels, ImportError> {
     match request.channels.or(first.facts.channels) {
         Some(channels) => Ok(channels),

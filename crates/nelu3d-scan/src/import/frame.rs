@@ -113,7 +113,7 @@ impl Mean {
         Ok(())
     }
 
-    /// The mean, as an image like `like`.
+    /// Returns the mean, as an image like `like`.
     pub(super) fn finish(self, like: &Raw) -> Raw {
         let mean = |sum: u64| (sum + self.count / 2) / self.count;
         let data = match like.data {

@@ -8,7 +8,7 @@ use crate::rig::natural_order;
 /// Endings of the frames' names.
 const ENDINGS: [&str; 4] = ["png", "tif", "tiff", "dng"];
 
-/// The frames `first..=last` (counted from 1) of a folder, in the order of their names, numbers by value.
+/// Returns the frames `first..=last` (counted from 1) of a folder, in the order of their names, numbers by value.
 pub(super) fn list(dir: &Path, first: Option<usize>, last: Option<usize>) -> Result<Vec<PathBuf>, ImportError> {
     let io = |source| ImportError::Io { path: dir.to_path_buf(), source };
     let mut names = Vec::new();
@@ -49,8 +49,8 @@ pub(super) fn list(dir: &Path, first: Option<usize>, last: Option<usize>) -> Res
     Ok(all[from - 1..to].to_vec())
 }
 
-/// Complains if the numbers in the names jump in a way that would shift all later frames to another place in their group:
-/// a frame that was lost in copying, say. Names without a regular numbering (times, say) tell nothing.
+/// Complains if the numbers in the names jump in a way that would shift all later frames to another place in their
+/// group: a frame that was lost in copying, say. Names without a regular numbering (times, say) tell nothing.
 pub(super) fn check_numbers(frames: &[PathBuf], group: usize) -> Result<(), ImportError> {
     let Some(numbers) = frames.iter().map(|f| number(f)).collect::<Option<Vec<_>>>() else { return Ok(()) };
     let steps: Vec<u64> = numbers.windows(2).map(|w| w[1].saturating_sub(w[0])).collect();
@@ -73,7 +73,7 @@ fn amount(n: u64) -> String {
     if n == 1 { "a frame is".into() } else { format!("{n} frames are") }
 }
 
-/// The last number in a file's name.
+/// Returns the last number in a file's name.
 fn number(path: &Path) -> Option<u64> {
     let stem = path.file_stem()?.to_str()?;
     let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
@@ -86,7 +86,7 @@ pub(super) fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// The ending of a name, in small letters.
+/// Returns the ending of a name, in small letters.
 pub(super) fn ending(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }

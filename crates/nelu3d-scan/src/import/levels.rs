@@ -32,7 +32,7 @@ impl Codes {
         Self { max: self.max.max(other.max), bits: self.bits | other.bits }
     }
 
-    /// Bits at the right that no code uses: 4 for 12 bits at the left of 16.
+    /// Returns the number of bits at the right that no code uses: 4 for 12 bits at the left of 16.
     fn shift(self) -> u32 {
         if self.bits == 0 { 0 } else { self.bits.trailing_zeros().min(6) }
     }
@@ -43,12 +43,12 @@ impl Codes {
 pub(super) struct Levels {
     pub black: f64,
     pub saturation: f64,
-    /// Whether they are more than a guess.
+    /// Whether the levels are more than a guess.
     pub certain: bool,
     pub reason: String,
 }
 
-/// The levels of a recording.
+/// Returns the levels of a recording.
 pub(super) fn of(like: &Raw, facts: &Facts, codes: Codes) -> Levels {
     let black = facts.black_level.unwrap_or(0.0);
     let from = |black, saturation, certain, reason: String| Levels { black, saturation, certain, reason };

@@ -1,10 +1,10 @@
-//! Recordings become part of a rig: a folder of numbered frames, as high-speed and video cameras write them, is cut into
-//! groups of consecutive images (pattern, white, pattern, white, …), and each group becomes the folder of a frame, a scene
-//! or a board position.
+//! Recordings become part of a rig: a folder of numbered frames, as high-speed and video cameras write them, is cut
+//! into groups of consecutive images (pattern, white, pattern, white, …), and each group becomes the folder of a frame,
+//! a scene or a board position.
 //!
 //! PNG and TIFF frames are linked, or copied where the disk has no links; DNG and CinemaDNG become 16-bit PNG with the
-//! same codes. Nothing is developed, scaled or demosaiced: the rig's reader does that. Every frame is decoded on the way,
-//! so what has been imported can be read. See `docs/capture-format.md`, "Importing recordings".
+//! same codes. Nothing is developed, scaled or demosaiced: the rig's reader does that. Every frame is decoded on the
+//! way, so what has been imported can be read. See `docs/capture-format.md`, "Importing recordings".
 
 mod batch;
 mod destination;
@@ -32,6 +32,7 @@ use self::destination::{Destination, Plan};
 use self::frame::{Frame, Kind};
 use self::levels::{Codes, Levels};
 use self::order::Slots;
+use crate::image::{ImageFileError, Raw};
 use crate::output::{OutputDir, write_atomic};
 use crate::rig::{RIG_FILE, Rig};
 
@@ -167,7 +168,16 @@ fn note_what_is_missing(request: &ImportRequest, rig: &Rig, slots: &Slots, new_r
     }
 }
 
-/// The levels of a new rig: what was given, else what was found.
+/// Decodes the content of a raw DNG file of this (width, height); `path` is only for messages.
+///
+/// # Errors
+///
+/// The file is damaged, compressed, of another size, or no raw image.
+pub fn decode_dng(path: &Path, bytes: Vec<u8>, size: (usize, usize)) -> Result<Raw, ImageFileError> {
+    dng::decode(path, bytes, size).map(|(raw, _)| raw)
+}
+
+/// Sets the levels of a new rig: what was given, else what was found.
 fn set_levels(
     rig: &mut Rig,
     request: &ImportRequest,
@@ -193,7 +203,8 @@ fn set_levels(
     Ok(())
 }
 
-/// What the files say about the sensor, against an old rig: only a note, for files are known to be wrong about it.
+/// Compares what the files say about the sensor with an old rig. Differences become notes, for files are known to be
+/// wrong about it.
 fn compare(rig: &Rig, first: &Frame, found: &Levels, notes: &mut Vec<String>) {
     let file = rig.root.join(RIG_FILE);
     if let Some(channels) = first.facts.channels.filter(|c| *c != rig.channels) {
@@ -215,7 +226,7 @@ fn compare(rig: &Rig, first: &Frame, found: &Levels, notes: &mut Vec<String>) {
     }
 }
 
-/// The rig's own complaints about a frame, and whether it is of a mono or a color camera.
+/// Checks that a frame fits the rig, and is of a mono or a color camera as the rig is.
 fn check_against(rig: &Rig, first: &Frame) -> Result<(), ImportError> {
     first.raw.check_kind(&first.path, rig.channels, rig.saturation)?;
     match first.facts.channels {
@@ -228,7 +239,7 @@ fn check_against(rig: &Rig, first: &Frame) -> Result<(), ImportError> {
     }
 }
 
-/// Whether the frames make the groups that the target asks for.
+/// Checks that the frames make the groups that the target asks for.
 fn check_groups(
     request: &ImportRequest,
     rig: &Rig,

@@ -12,7 +12,7 @@ const SKIP: &str = "skip";
 /// The file name of each frame of a group; `None` for one to leave out.
 pub(super) type Slots = Vec<Option<String>>;
 
-/// The order that `words` say, for a rig that exists; without words, the images of the set and then white.
+/// Returns the order that `words` state, for a rig that exists; without words, the images of the set and then white.
 pub(super) fn of_rig(words: Option<&[String]>, rig: &Rig, set: Option<&str>) -> Result<Slots, ImportError> {
     let Some(words) = words else {
         let set = rig.pattern_set(set)?;
@@ -42,10 +42,10 @@ pub(super) fn of_rig(words: Option<&[String]>, rig: &Rig, set: Option<&str>) -> 
             }),
         })
         .collect::<Result<Slots, _>>()?;
-    judge(slots, &path)
+    checked(slots, &path)
 }
 
-/// The order that `words` say for a rig that is made now, whose images get this ending; and its pattern set.
+/// Returns the order that `words` state for a rig that is made now, whose images get this ending; and its pattern set.
 pub(super) fn of_new(
     words: Option<&[String]>,
     root: &Path,
@@ -73,7 +73,7 @@ pub(super) fn of_new(
         let has_ending = ["png", "tif", "tiff"].contains(&super::frames::ending(Path::new(word)).as_str());
         slots.push(Some(if has_ending { word.to_owned() } else { format!("{word}.{ending}") }));
     }
-    let slots = judge(slots, &path)?;
+    let slots = checked(slots, &path)?;
     let images: Vec<String> =
         slots.iter().flatten().filter(|n| !["white", "black"].contains(&stem(n))).cloned().collect();
     if images.is_empty() {
@@ -87,7 +87,7 @@ pub(super) fn of_new(
 }
 
 /// Complains about an order that says nothing or the same twice.
-fn judge(slots: Slots, path: &Path) -> Result<Slots, ImportError> {
+fn checked(slots: Slots, path: &Path) -> Result<Slots, ImportError> {
     let mut seen = HashSet::new();
     for name in slots.iter().flatten() {
         if !seen.insert(name) {
@@ -101,7 +101,7 @@ fn judge(slots: Slots, path: &Path) -> Result<Slots, ImportError> {
     Ok(slots)
 }
 
-/// What each folder will lack for `rig`: one sentence each.
+/// Returns what each folder will lack for `rig`: one sentence each.
 pub(super) fn missing(names: &[&String], rig: &Rig, is_position: bool) -> Vec<String> {
     let has = |name: &String| names.contains(&name);
     let mut notes = Vec::new();
@@ -122,7 +122,7 @@ pub(super) fn missing(names: &[&String], rig: &Rig, is_position: bool) -> Vec<St
     notes
 }
 
-/// Whether a word can be the name of a file or folder in the rig.
+/// Returns whether a word can be the name of a file or folder in the rig.
 pub(super) fn is_name(word: &str) -> bool {
     !word.is_empty() && !word.starts_with('.') && !word.contains(['/', '\\', ':', '\0']) && word.trim() == word
 }

@@ -9,13 +9,13 @@ pub struct ImportReport {
     pub output: PathBuf,
     /// The folder of frames.
     pub source: PathBuf,
-    /// What consecutive frames are; `null` for one that is left out.
+    /// What consecutive frames are; `null` for one that is skipped.
     pub order: Vec<Option<String>>,
     /// File names of the first and last frame that were used.
     pub range: [String; 2],
     /// Frames that were used.
     pub frames: usize,
-    /// Frames at the end that are no whole group, and were left out.
+    /// Frames at the end that are no whole group, and were not used.
     pub left_over: usize,
     /// Groups that were used.
     pub groups: usize,

@@ -26,23 +26,45 @@ pub use model::Mesh;
 use self::model::normalized;
 use crate::output::write_atomic;
 
+/// Reads one format; fails with what is wrong.
+type Parser = fn(&[u8]) -> Result<Mesh, String>;
+
+fn parser(path: &Path) -> Result<Parser, MeshFileError> {
+    match extension(path).as_str() {
+        "ply" => Ok(ply::parse),
+        "obj" => Ok(obj::parse),
+        "stl" => Ok(stl::parse),
+        "glb" => Ok(glb::parse),
+        _ => Err(MeshFileError::Format { path: path.into() }),
+    }
+}
+
 impl Mesh {
-    /// Reads a mesh; the format is told by the name's ending (`.ply`, `.obj`, `.stl`, `.glb`). Polygons are cut into triangles.
+    /// Reads a mesh; the format is told by the name's ending (`.ply`, `.obj`, `.stl`, `.glb`). Polygons are cut into
+    /// triangles.
     ///
     /// # Errors
     ///
     /// The file cannot be read, is damaged, has a face without its vertices, or is of another format.
     pub fn read(path: &Path) -> Result<Self, MeshFileError> {
-        let parse = match extension(path).as_str() {
-            "ply" => ply::parse,
-            "obj" => obj::parse,
-            "stl" => stl::parse,
-            "glb" => glb::parse,
-            _ => return Err(MeshFileError::Format { path: path.into() }),
-        };
+        let parse = parser(path)?;
         let bytes = std::fs::read(path).map_err(|source| MeshFileError::Io { path: path.to_path_buf(), source })?;
+        Self::parse(path, &bytes, parse)
+    }
+
+    /// Reads a mesh from the content of a file, as [`Mesh::read`] does; `path` tells the format and is named in
+    /// messages.
+    ///
+    /// # Errors
+    ///
+    /// As [`Mesh::read`], but for what concerns the file itself.
+    pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Self, MeshFileError> {
+        Self::parse(path, bytes, parser(path)?)
+    }
+
+    fn parse(path: &Path, bytes: &[u8], parse: Parser) -> Result<Self, MeshFileError> {
         let damaged = |reason| MeshFileError::Damaged { path: path.to_path_buf(), reason };
-        let mut mesh = parse(&bytes).map_err(damaged)?;
+        let mut mesh = parse(bytes).map_err(damaged)?;
         if let Some(face) = mesh.faces.iter().find(|f| f.iter().any(|&i| i as usize >= mesh.vertices.len())) {
             return Err(damaged(format!("the face {face:?} needs a vertex that {} do not have", mesh.vertices.len())));
         }
@@ -55,7 +77,7 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// [`write()`] as a method.
+    /// Writes the mesh as [`write()`] does.
     ///
     /// # Errors
     ///
@@ -65,8 +87,8 @@ impl Mesh {
     }
 }
 
-/// Writes a mesh in the format of the name's ending (`.ply`, `.obj`, `.stl`, `.glb`; see the module). Normals and colors
-/// are written where there are any and the format has them; `.glb` computes missing normals.
+/// Writes a mesh in the format of the name's ending (`.ply`, `.obj`, `.stl`, `.glb`; see the module). Normals and
+/// colors are written where there are any and the format has them; `.glb` computes missing normals.
 ///
 /// # Errors
 ///

@@ -38,7 +38,7 @@ impl Mesh {
         assert!(self.faces.iter().flatten().all(|&i| (i as usize) < n), "a face of existing vertices");
     }
 
-    /// (b − a) × (c − a) of a triangle: its outward normal times twice its area, mm².
+    /// Returns (b − a) × (c − a) of a triangle: its outward normal times twice its area, mm².
     pub(super) fn face_cross(&self, [a, b, c]: [u32; 3]) -> [f64; 3] {
         let [a, b, c] = [a, b, c].map(|i| self.vertices[i as usize].map(f64::from));
         let (u, v) = ([b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]]);
@@ -46,7 +46,7 @@ impl Mesh {
     }
 }
 
-/// A unit vector, or zero where there is no direction.
+/// Returns a unit vector, or zero where there is no direction.
 pub(super) fn normalized(v: [f64; 3]) -> [f32; 3] {
     let length = v.iter().map(|c| c * c).sum::<f64>().sqrt();
     if length > 0.0 && length.is_finite() { v.map(|c| (c / length) as f32) } else { [0.0; 3] }

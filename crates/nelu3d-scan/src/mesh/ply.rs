@@ -9,7 +9,7 @@ pub(super) fn write(mesh: &Mesh, w: &mut dyn Write) -> io::Result<()> {
     write_parts(&mesh.vertices, &mesh.normals, &mesh.colors, &mesh.faces, w)
 }
 
-/// Binary little-endian PLY. Without faces there is no face element: a point cloud.
+/// Writes binary little-endian PLY. Without faces there is no face element: a point cloud.
 pub(super) fn write_parts(
     vertices: &[[f32; 3]],
     normals: &[[f32; 3]],

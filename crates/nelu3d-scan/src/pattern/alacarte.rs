@@ -12,12 +12,12 @@ use crate::image::Image;
 
 /// `count` images without frequencies above a cap, optimized for decoding by ZNCC.
 ///
-/// What is minimized is a soft form of the paper's expected number of correspondence errors (the indicator
-/// of the decoded column becomes a softmax of ZNCC scores over all columns): for a column p seen with
-/// normal noise, the softmax's share of columns further than `tolerance_px` from p. Columns and noise are drawn anew in
-/// every iteration; Adam follows the exact gradient. Where this differs from the paper: the frequency cap is kept by
-/// construction (a pattern is a sum of waves below the cap) and not by a penalty, and every column of the light source is
-/// a candidate for every pixel, as the geometry is not known here.
+/// What is minimized is a soft form of the paper's expected number of correspondence errors (the indicator of the
+/// decoded column becomes a softmax of ZNCC scores over all columns): for a column p seen with normal noise, the
+/// softmax's share of columns further than `tolerance_px` from p. Columns and noise are drawn anew in every iteration;
+/// Adam follows the exact gradient. Where this differs from the paper: the frequency cap is kept by construction (a
+/// pattern is a sum of waves below the cap) and not by a penalty, and every column of the light source is a candidate
+/// for every pixel, as the geometry is not known here.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[cfg_attr(feature = "clap", derive(clap::Args))]
@@ -100,7 +100,8 @@ impl Alacarte {
         Ok(())
     }
 
-    /// The patterns' lines, `count × n`: the best of several starts after a short run, then the long run from there.
+    /// Optimizes the patterns' lines, `count × n`: the best of several starts after a short run, then the long run from
+    /// there.
     fn optimize(&self, n: usize) -> Vec<Vec<f64>> {
         let mut random = SplitMix(self.seed);
         // Waves are smooth: more columns than these would only take longer.
@@ -142,7 +143,7 @@ impl Alacarte {
         }
     }
 
-    /// The expected share of wrong columns, with the same noise at every call.
+    /// Returns the expected fraction of wrong columns, with the same noise at every call.
     fn wrong(&self, waves: &Waves, tolerance: usize) -> f64 {
         let words = Windows::new(&waves.lines, waves.n, self.count, self.neighbors);
         let mut random = SplitMix(!self.seed);
@@ -175,7 +176,7 @@ struct Waves {
 }
 
 impl Waves {
-    /// No waves yet: all coefficients are zero.
+    /// Starts without waves: all coefficients are zero.
     fn new(n: usize, count: usize, max_frequency: f64) -> Self {
         let highest = ((max_frequency * STRETCH).floor() as usize).max(1);
         let phase = |f: usize, u: usize| TAU * f as f64 * u as f64 / (STRETCH * n as f64);
@@ -212,7 +213,7 @@ impl Waves {
         self.update();
     }
 
-    /// The same waves over `n` columns.
+    /// Returns these waves over `n` columns.
     fn at(&self, n: usize, count: usize, max_frequency: f64) -> Self {
         let mut waves = Self::new(n, count, max_frequency);
         waves.coefficients.clone_from(&self.coefficients);
@@ -220,8 +221,8 @@ impl Waves {
         waves
     }
 
-    /// Evaluates the patterns and scales their coefficients so that each spans [0, 1]. ZNCC does not mind an offset common
-    /// to all patterns, but the light source cannot show anything else.
+    /// Evaluates the patterns and scales their coefficients so that each spans [0, 1]. ZNCC does not mind an offset
+    /// common to all patterns, but the light source cannot show anything else.
     fn update(&mut self) {
         let m = self.basis.len();
         self.lines = self
@@ -241,7 +242,7 @@ impl Waves {
             .collect();
     }
 
-    /// The gradient of the coefficients from that of the codewords, `n × count`.
+    /// Returns the gradient of the coefficients from that of the codewords, `n × count`.
     fn project(&self, gradient: &[f64]) -> Vec<f64> {
         let count = self.lines.len();
         let mut out = Vec::with_capacity(self.coefficients.len());
@@ -262,9 +263,9 @@ struct Windows {
     d: usize,
     /// `n × d`.
     raw: Vec<f32>,
-    /// The same, zero-mean and of length 1.
+    /// The words of `raw`, zero-mean and of length 1.
     unit: Vec<f32>,
-    /// Length before that, n.
+    /// Their lengths before that, n.
     length: Vec<f32>,
 }
 
@@ -284,13 +285,13 @@ impl Windows {
         Self { n, count, reach, d, raw, unit, length }
     }
 
-    /// The factor of the scores at which the softmax is the posterior of the columns: a word of length l seen with noise σ
-    /// has the likelihood exp(l² ZNCC / σ²), but for a factor. Here for the words' mean square length.
+    /// Returns the factor of the scores at which the softmax is the posterior of the columns: a word of length l seen
+    /// with noise σ has the likelihood exp(l² ZNCC / σ²), but for a factor. Here for the words' mean square length.
     fn sharpest(&self, noise: f64) -> f64 {
         self.length.iter().map(|&l| f64::from(l * l)).sum::<f64>() / self.n as f64 / (noise * noise)
     }
 
-    /// The expected share of wrong columns and its gradient with respect to the codewords, `n × count`.
+    /// Returns the expected fraction of wrong columns and its gradient with respect to the codewords, `n × count`.
     fn gradient(&self, noise: f64, tolerance: usize, sharpness: f64, random: &mut SplitMix) -> (f64, Vec<f64>) {
         let mut wrong_sum = 0.0;
         let across: Vec<Vec<f32>> =
@@ -364,7 +365,7 @@ impl Windows {
     }
 }
 
-/// The `o`-th of the columns from `u − reach` to `u + reach`, those beyond the ends replaced by the last.
+/// Returns the `o`-th of the columns from `u − reach` to `u + reach`, those beyond the ends replaced by the last.
 fn neighbor(u: usize, o: usize, reach: usize, n: usize) -> usize {
     (u + o).saturating_sub(reach).min(n - 1)
 }
@@ -382,7 +383,7 @@ fn center_and_scale(word: &mut [f32]) -> f32 {
     length
 }
 
-/// The gradient of what [`center_and_scale`] was given from that of what it made (`unit`).
+/// Returns the gradient of what [`center_and_scale`] was given from that of what it made (`unit`).
 fn through_scale(gradient: &mut [f32], unit: &[f32], length: f32) {
     let along: f32 = gradient.iter().zip(unit).map(|(g, u)| g * u).sum();
     gradient.iter_mut().zip(unit).for_each(|(g, u)| *g = (*g - along * u) / length);
@@ -433,7 +434,8 @@ mod tests {
         let (n, cap, sigma) = (640, 8.0, 0.02);
         let p = Alacarte { count: 4, max_frequency: cap, iterations: 400, ..Alacarte::default() };
         let ours = zncc_errors(&p.generate(n, 1).unwrap(), sigma);
-        // Four images: one period in four steps, from the slowest to the cap, or two frequencies as micro phase shifting.
+        // Four images: one period in four steps, from the slowest to the cap, or two frequencies as micro phase
+        // shifting.
         let mut best = f64::INFINITY;
         for cycles in [1.0, 2.0, 4.0, 8.0] {
             let sine = PhaseShift { axis: Axis::X, periods_px: vec![n as f64 * 0.99 / cycles], steps: vec![4] };

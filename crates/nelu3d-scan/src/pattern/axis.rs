@@ -16,7 +16,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// Its letter, as in `gray_x_00.png`.
+    /// Returns the letter of the axis, as in `gray_x_00.png`.
     pub fn letter(self) -> char {
         match self {
             Axis::X => 'x',
@@ -24,7 +24,7 @@ impl Axis {
         }
     }
 
-    /// The side of a `width × height` image along this axis, px.
+    /// Returns the side of a `width × height` image along this axis, px.
     pub(super) fn length(self, width: usize, height: usize) -> usize {
         match self {
             Axis::X => width,
@@ -33,7 +33,7 @@ impl Axis {
     }
 }
 
-/// An image that changes along `axis` only: `value` of the pixel's index along it.
+/// Makes an image that changes along `axis` only: `value` of the pixel's index along it.
 pub(super) fn along(axis: Axis, width: usize, height: usize, value: impl Fn(usize) -> f64) -> Image {
     let line: Vec<f32> = (0..axis.length(width, height)).map(|i| value(i).clamp(0.0, 1.0) as f32).collect();
     let data = match axis {

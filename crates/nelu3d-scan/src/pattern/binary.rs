@@ -28,7 +28,7 @@ impl Binary {
     }
 }
 
-/// The column (or row) every pixel saw: [`BitCode::decode_images`] of [`BitCode::Binary`].
+/// Decodes the column (or row) that every pixel saw: [`BitCode::decode_images`] of [`BitCode::Binary`].
 ///
 /// # Panics
 ///

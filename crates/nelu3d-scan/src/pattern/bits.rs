@@ -12,8 +12,8 @@ pub enum BitCode {
     /// Reflected: neighbors differ in one bit (Gray 1953; Inokuchi, Sato and Matsuda 1984 for range finding).
     Gray,
     /// Gray, every bit but one XORed with that one, the base plane, so that no image has wide stripes (Gupta, Agrawal,
-    /// Veeraraghavan and Narasimhan, CVPR 2011). `base_bit` is the base plane's bit: 0 in XOR-02, 1 in XOR-04, after the
-    /// width in px of the base plane's stripes.
+    /// Veeraraghavan and Narasimhan, CVPR 2011). `base_bit` is the base plane's bit: 0 in XOR-02, 1 in XOR-04, after
+    /// the width in px of the base plane's stripes.
     Xor {
         /// The base plane, counted from the least significant bit.
         base_bit: u32,
@@ -21,7 +21,7 @@ pub enum BitCode {
 }
 
 impl BitCode {
-    /// The code of column `u`, its bits in the order of significance; `u < 2^bits`.
+    /// Returns the code of column `u`, its bits in the order of significance; `u < 2^bits`.
     pub fn word(self, u: u32, bits: u32) -> u32 {
         let gray = u ^ (u >> 1);
         match self {
@@ -31,7 +31,7 @@ impl BitCode {
         }
     }
 
-    /// The inverse of [`BitCode::word`].
+    /// Returns the inverse of [`BitCode::word`].
     pub fn column(self, word: u32, bits: u32) -> u32 {
         let gray = match self {
             BitCode::Binary => return word,
@@ -42,8 +42,8 @@ impl BitCode {
         [1, 2, 4, 8, 16].into_iter().fold(gray, |u, shift| u ^ (u >> shift))
     }
 
-    /// The column of one pixel from its normalized intensities, the most significant bit first; `inverse` are those of
-    /// the inverse images, or empty, in which case ½ is the threshold.
+    /// Decodes the column of one pixel from its normalized intensities, the most significant bit first; `inverse` are
+    /// those of the inverse images, or empty, in which case ½ is the threshold.
     ///
     /// `None` where any bit differs from its threshold by less than `min_contrast` (in units of white; with inverses:
     /// the difference of the two images), or is no number. A column may lie beyond the images' last one: there are more
@@ -67,7 +67,7 @@ impl BitCode {
         Some(self.column(word, values.len() as u32))
     }
 
-    /// Images of all bits, the most significant first, and their inverses if asked for.
+    /// Makes the images of all bits, the most significant first, and their inverses if asked for.
     pub(super) fn generate(self, axis: Axis, inverse: bool, width: usize, height: usize) -> [Vec<Image>; 2] {
         let bits = n_bits(axis.length(width, height));
         let image =
@@ -77,7 +77,7 @@ impl BitCode {
         [images, inverse]
     }
 
-    /// [`BitCode::decode`] of every pixel; see there. Images of one size and channel.
+    /// Decodes every pixel as [`BitCode::decode`] does. Images of one size and channel.
     ///
     /// # Panics
     ///
@@ -97,18 +97,18 @@ impl BitCode {
     }
 }
 
-/// All bits but the base plane, if the base plane is set in `word`.
+/// Returns all bits but the base plane, if the base plane is set in `word`.
 fn others(word: u32, base_bit: u32, bits: u32) -> u32 {
     let all = u32::MAX >> (32 - bits);
     if word >> base_bit & 1 == 1 { all & !(1 << base_bit) } else { 0 }
 }
 
-/// Bits needed to number `n` columns; at least one.
+/// Returns the number of bits needed to number `n` columns; at least one.
 pub(super) fn n_bits(n: usize) -> u32 {
     usize::BITS - n.saturating_sub(1).max(1).leading_zeros()
 }
 
-/// The base plane's bit for its stripes' width.
+/// Returns the base plane's bit for its stripes' width.
 pub(super) fn base_bit(base_px: u32, columns: usize) -> Result<u32, PatternError> {
     let good = base_px >= 2 && base_px.is_power_of_two() && base_px.trailing_zeros() <= n_bits(columns);
     if good {

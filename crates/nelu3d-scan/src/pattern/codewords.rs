@@ -15,7 +15,7 @@ pub enum Stripes {
 }
 
 impl Stripes {
-    /// Of an image whose values may differ by `tolerance` without being different.
+    /// Tells how an image changes whose values may differ by `tolerance` without being different.
     pub fn of(image: &Image, tolerance: f32) -> Self {
         let (w, c) = (image.width, image.channels);
         let differ = |a: f32, b: f32| (a - b).abs() > tolerance;
@@ -41,7 +41,7 @@ pub struct Codewords {
 }
 
 impl Codewords {
-    /// From a table of `columns × k`.
+    /// Makes codewords from a table of `columns × k`.
     ///
     /// # Panics
     ///
@@ -51,8 +51,8 @@ impl Codewords {
         Self { k, data }
     }
 
-    /// The codewords of images that change along `axis`: each image's mean over the other direction, its channels one
-    /// after the other. Images of one size.
+    /// Returns the codewords of images that change along `axis`: each image's mean over the other direction, its
+    /// channels one after the other. Images of one size.
     ///
     /// # Panics
     ///
@@ -75,23 +75,23 @@ impl Codewords {
         Self { k, data }
     }
 
-    /// Number of columns.
+    /// Returns the number of columns.
     pub fn len(&self) -> usize {
         self.data.len() / self.k
     }
 
-    /// Whether there are no columns.
+    /// Returns whether there are no columns.
     pub fn is_empty(&self) -> bool {
         self.data.is_empty()
     }
 
-    /// The codeword of column `u`, k values.
+    /// Returns the codeword of column `u`, k values.
     pub fn word(&self, u: usize) -> &[f32] {
         &self.data[u * self.k..(u + 1) * self.k]
     }
 
-    /// The column whose codeword is nearest to a pixel's normalized intensities, and their Euclidean distance; the first
-    /// of several. `None` where a value is not finite, or there are no columns.
+    /// Returns the column whose codeword is nearest to a pixel's normalized intensities, and their Euclidean distance;
+    /// the first of several. `None` where a value is not finite, or there are no columns.
     ///
     /// # Panics
     ///
@@ -103,8 +103,8 @@ impl Codewords {
         least.is_finite().then(|| (u, least.sqrt()))
     }
 
-    /// Codewords less their mean and scaled to length 1, so that their dot product is the zero-mean normalized
-    /// cross-correlation (ZNCC). Constant codewords become zeros.
+    /// Returns the codewords less their mean and scaled to length 1, so that their dot product is the zero-mean
+    /// normalized cross-correlation (ZNCC). Constant codewords become zeros.
     pub fn normalized(&self) -> Self {
         let mut data = self.data.clone();
         data.chunks_exact_mut(self.k).for_each(normalize);
@@ -112,7 +112,7 @@ impl Codewords {
     }
 }
 
-/// Less its mean, scaled to length 1; zeros if it is constant.
+/// Subtracts a word's mean and scales it to length 1; a constant word becomes zeros.
 pub(super) fn normalize(word: &mut [f32]) {
     let mean = word.iter().sum::<f32>() / word.len() as f32;
     word.iter_mut().for_each(|v| *v -= mean);

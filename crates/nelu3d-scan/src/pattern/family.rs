@@ -80,7 +80,7 @@ pub struct PatternImages {
 }
 
 impl Pattern {
-    /// The images of this family alone.
+    /// Makes the images of this family alone.
     ///
     /// # Errors
     ///
@@ -89,12 +89,12 @@ impl Pattern {
         generate(std::slice::from_ref(self), width, height)
     }
 
-    /// Whether its images have three channels, which only a color camera can tell apart.
+    /// Returns whether its images have three channels, which only a color camera can tell apart.
     pub fn is_color(&self) -> bool {
         matches!(self, Pattern::Rgb(_) | Pattern::Film(_))
     }
 
-    /// The same pattern with every setting that was left to the size of the image written out.
+    /// Returns the pattern with every setting that was left to the size of the image written out.
     ///
     /// # Errors
     ///
@@ -123,7 +123,7 @@ impl Pattern {
         })
     }
 
-    /// The same pattern along another axis.
+    /// Returns the pattern along another axis.
     #[must_use]
     pub fn along(&self, axis: Axis) -> Self {
         let mut pattern = self.clone();
@@ -145,7 +145,7 @@ impl Pattern {
         pattern
     }
 
-    /// Images, and inverses if the family has them, without names.
+    /// Makes the images, and inverses if the family has them, without names.
     fn images(&self, width: usize, height: usize) -> Result<[Vec<Image>; 2], PatternError> {
         if !(1..=MAX_SIDE_PX).contains(&width) || !(1..=MAX_SIDE_PX).contains(&height) {
             return Err(PatternError::Size { width, height });
@@ -189,7 +189,8 @@ impl Pattern {
     }
 }
 
-/// The images of a set of patterns, in order, named by family and numbered through the set: `sine_00`, `sine_01`, …
+/// Makes the images of a set of patterns, in order, named by family and numbered through the set: `sine_00`, `sine_01`,
+/// …
 ///
 /// # Errors
 ///

@@ -8,9 +8,9 @@ use crate::image::Image;
 
 /// One RGB image whose values are the film's transmittances in red, green and blue light, that is, linear in light.
 ///
-/// Each dye absorbs one of them: cyan falls steadily from one end to the other, so that far places are not alike; magenta
-/// and yellow are sinusoids in transmittance, coarse and fine, which tell places apart finely. Optical density is
-/// −log₁₀ transmittance; all values lie between the two densities that film can hold. Dyes also absorb some of each
+/// Each dye absorbs one of them: cyan falls steadily from one end to the other, so that far places are not alike;
+/// magenta and yellow are sinusoids in transmittance, coarse and fine, which tell places apart finely. Optical density
+/// is −log₁₀ transmittance; all values lie between the two densities that film can hold. Dyes also absorb some of each
 /// other's light, which is no harm: what the film really shows is what calibration measures.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

@@ -27,8 +27,8 @@ impl Gray {
     }
 }
 
-/// The column (or row) of the light source's image that every pixel saw, `height × width`: [`BitCode::decode_images`] of
-/// [`BitCode::Gray`].
+/// Decodes the column (or row) of the light source's image that every pixel saw, `height × width`:
+/// [`BitCode::decode_images`] of [`BitCode::Gray`].
 ///
 /// # Panics
 ///

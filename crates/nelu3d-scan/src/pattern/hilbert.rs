@@ -1,6 +1,6 @@
-//! Hilbert codes: the column number as the coordinates of a point on a k-dimensional Hilbert curve, neighbors on the line
-//! neighbors in code space (Gupta and Nakhate, "A Geometric Perspective on Structured Light Coding", ECCV 2018; the form
-//! here is that of LookUp3D's patterns).
+//! Hilbert codes: the column number as the coordinates of a point on a k-dimensional Hilbert curve, neighbors on the
+//! line neighbors in code space (Gupta and Nakhate, "A Geometric Perspective on Structured Light Coding", ECCV 2018;
+//! the form here is that of LookUp3D's patterns).
 
 use serde::{Deserialize, Serialize};
 
@@ -38,7 +38,7 @@ impl Hilbert {
     }
 }
 
-/// The codewords of `n` columns in `k` images; [`Codewords::nearest`] decodes them.
+/// Returns the codewords of `n` columns in `k` images; [`Codewords::nearest`] decodes them.
 ///
 /// # Errors
 ///
@@ -56,8 +56,8 @@ pub fn hilbert_codewords(n: usize, k: usize) -> Result<Codewords, PatternError> 
     Ok(Codewords::new(k, (0..n as u64).flat_map(|u| point(u, k, bits)).map(value).collect()))
 }
 
-/// The point at `index` along the Hilbert curve of `k` dimensions, `bits` each (Skilling, "Programming the Hilbert curve",
-/// AIP Conference Proceedings 707, 2004).
+/// Returns the point at `index` along the Hilbert curve of `k` dimensions, `bits` each (Skilling, "Programming the
+/// Hilbert curve", AIP Conference Proceedings 707, 2004).
 fn point(index: u64, k: usize, bits: u32) -> Vec<u32> {
     // The index's bits dealt out, from the most significant, to one coordinate after the other.
     let mut x = vec![0_u32; k];

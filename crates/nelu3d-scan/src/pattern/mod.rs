@@ -1,13 +1,15 @@
 //! Projected patterns: what to show, as pure functions of a size. One file per family.
 //!
-//! Every family promises: images of the asked size, one channel ([`Rgb`] and [`Film`] three), values in `[0, 1]` linear in light, the
-//! same images for the same settings. To add one, write its file, add it to [`Pattern`] and to the tests' list.
+//! Every family promises: images of the asked size, one channel ([`Rgb`] and [`Film`] three), values in `[0, 1]` linear
+//! in light, the same images for the same settings. To add one, write its file, add it to [`Pattern`] and to the tests'
+//! list.
 
 mod alacarte;
 mod axis;
 mod binary;
 mod bits;
 mod codewords;
+mod decoder;
 mod error;
 mod family;
 mod film;
@@ -30,13 +32,17 @@ pub use axis::Axis;
 pub use binary::{Binary, decode_binary};
 pub use bits::BitCode;
 pub use codewords::{Codewords, Stripes};
+pub use decoder::{
+    DecodedColumn, MeasuredPhase, MpsDecoder, PhaseDecoder, PhaseSolver, WaveGroup, WaveImage, repeats_after,
+    wrap_angle,
+};
 pub use error::PatternError;
 pub use family::{Pattern, PatternImage, PatternImages, Rgb, generate};
 pub use film::Film;
 pub use gray::{Gray, decode_gray};
 pub use hilbert::{Hilbert, hilbert_codewords};
-pub use mps::{Mps, MpsDecoder};
-pub use phase::{Decoded, PhaseDecoder, PhaseShift};
+pub use mps::Mps;
+pub use phase::PhaseShift;
 pub use ramp::Ramp;
 pub use random::Random;
 pub use score::{DecodingErrors, Score, ScoreOptions, Sensitivity, Separation, confusion_matrix, score};

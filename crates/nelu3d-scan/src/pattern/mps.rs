@@ -1,15 +1,13 @@
-//! Micro phase shifting: all periods short and nearly equal, so that neither indirect light nor defocus disturbs one more
-//! than another (Gupta and Nayar, "Micro Phase Shifting", CVPR 2012).
+//! Micro phase shifting: all periods short and nearly equal, so that neither indirect light nor defocus disturbs one
+//! more than another (Gupta and Nayar, "Micro Phase Shifting", CVPR 2012).
 
 use std::f64::consts::TAU;
 
-use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::axis::{Axis, along};
 use super::error::{PatternError, check_period};
 use super::noise::SplitMix;
-use super::phase::{Decoded, same_period};
 use super::wave::Wave;
 use crate::image::Image;
 
@@ -45,7 +43,7 @@ impl Default for Mps {
 const SHIFTS: [f64; 3] = [0.0, 1.0 / 3.0, 2.0 / 3.0];
 
 impl Mps {
-    /// The waves of the images for `n` columns, in order.
+    /// Returns the waves of the images for `n` columns, in order.
     ///
     /// # Errors
     ///
@@ -56,7 +54,7 @@ impl Mps {
         Ok(first.into_iter().chain(periods[1..].iter().map(|&period_px| Wave { period_px, shift: 0.0 })).collect())
     }
 
-    /// The same settings with the periods that they mean for `n` columns.
+    /// Returns the settings with the periods that they mean for `n` columns.
     ///
     /// # Errors
     ///
@@ -91,12 +89,12 @@ impl Mps {
     }
 }
 
-/// Periods of the band whose code keeps far columns furthest apart.
+/// Chooses the periods of the band whose code keeps far columns furthest apart.
 ///
-/// The paper searches its band for frequencies of small decoding error (its supplement); here: the score of a set is the
-/// smallest code distance of two columns that the first phase cannot tell apart (they lie about a whole number of its
-/// periods from each other). The best of random sets, then random steps from it, shrinking. The seed is fixed, so that
-/// the same settings give the same periods everywhere.
+/// The paper searches its band for frequencies of small decoding error (its supplement); here: the score of a set is
+/// the smallest code distance of two columns that the first phase cannot tell apart (they lie about a whole number of
+/// its periods from each other). The best of random sets, then random steps from it, shrinking. The seed is fixed, so
+/// that the same settings give the same periods everywhere.
 fn choose_periods(frequencies: usize, mean_px: f64, band: f64, n: usize) -> Vec<f64> {
     const SETS: usize = 1000;
     const STEPS: usize = 2000;
@@ -119,8 +117,8 @@ fn choose_periods(frequencies: usize, mean_px: f64, band: f64, n: usize) -> Vec<
     best.1
 }
 
-/// The smallest squared distance in (cos φ₂, …, cos φ_F) of columns whose first phases are nearly equal; as soon as it is
-/// below `enough`, whatever it is then.
+/// Returns the smallest squared distance in (cos φ₂, …, cos φ_F) of columns whose first phases are nearly equal; as
+/// soon as it is below `enough`, whatever it is then.
 fn smallest_distance(periods: &[f64], n: usize, enough: f32) -> f32 {
     let rows: Vec<Vec<f32>> =
         periods[1..].iter().map(|p| (0..n).map(|u| (TAU * u as f64 / p).cos() as f32).collect()).collect();
@@ -148,105 +146,9 @@ fn smallest_distance(periods: &[f64], n: usize, enough: f32) -> f32 {
     smallest
 }
 
-/// Decodes micro phase shifting: one linear solve, the nearest column, its fraction from the first phase.
-#[derive(Clone, Debug)]
-pub struct MpsDecoder {
-    n: usize,
-    first_period: f64,
-    /// `(F + 2) × images`, row by row: offset, A cos φ₁, A sin φ₁, A cos(φ_f − its shift) from the intensities.
-    solve: Vec<f64>,
-    n_images: usize,
-    /// `(F + 1) × n`: the same of every column without offset and with A = 1.
-    table: Vec<f32>,
-    rows: usize,
-}
-
-impl MpsDecoder {
-    /// A decoder for `n` columns and images that show `waves`, in any order: one period in at least three shifts, every
-    /// other in one.
-    ///
-    /// # Errors
-    ///
-    /// The waves are not such a set.
-    pub fn new(waves: &[Wave], n: usize) -> Result<Self, PatternError> {
-        let no = |problem| PatternError::Code { family: "mps", problem };
-        let mut periods: Vec<(f64, Vec<usize>)> = Vec::new();
-        for (i, wave) in waves.iter().enumerate() {
-            check_period("mps", "periods_px", wave.period_px)?;
-            match periods.iter_mut().find(|p| same_period(p.0, wave.period_px)) {
-                Some(period) => period.1.push(i),
-                None => periods.push((wave.period_px, vec![i])),
-            }
-        }
-        let shifted = periods.iter().position(|p| p.1.len() > 2);
-        let first =
-            periods.swap_remove(shifted.ok_or(no("one period needs three or more images of different shifts"))?);
-        if periods.is_empty() || periods.iter().any(|p| p.1.len() > 1) {
-            return Err(no("all periods but one have one image each, and there is one such at least"));
-        }
-        let others: Vec<usize> = periods.iter().map(|p| p.1[0]).collect();
-        let unknowns = 3 + others.len();
-        let mut design = DMatrix::zeros(waves.len(), unknowns);
-        design.column_mut(0).fill(1.0);
-        for &i in &first.1 {
-            let (s, c) = (TAU * waves[i].shift).sin_cos();
-            (design[(i, 1)], design[(i, 2)]) = (c, s);
-        }
-        for (f, &i) in others.iter().enumerate() {
-            design[(i, 3 + f)] = 1.0;
-        }
-        let svd = design.svd(true, true);
-        if svd.singular_values.min() < 1e-2 {
-            return Err(no("the shifts of its first period are not different"));
-        }
-        let inverse = svd.pseudo_inverse(1e-9).expect("both factors were asked for");
-        let solve = inverse.row_iter().flat_map(|r| r.iter().copied().collect::<Vec<_>>()).collect();
-        let quarter = Wave { period_px: first.0, shift: 0.25 };
-        let shown = [Wave { shift: 0.0, ..quarter }, quarter].into_iter().chain(others.iter().map(|&i| waves[i]));
-        let table = shown.flat_map(|w| (0..n).map(move |u| (2.0 * w.value(u as f64) - 1.0) as f32)).collect();
-        Ok(Self { n, first_period: first.0, solve, n_images: waves.len(), table, rows: unknowns - 1 })
-    }
-
-    /// The column of a pixel from its normalized intensities, in the waves' order. `None` where a value is not finite or
-    /// there is no wave at all.
-    ///
-    /// # Panics
-    ///
-    /// If there are more or fewer values than waves.
-    pub fn decode(&self, values: &[f32]) -> Option<Decoded> {
-        assert_eq!(values.len(), self.n_images, "one value per image");
-        let unknown = |row: usize| -> f64 {
-            let weights = &self.solve[row * self.n_images..(row + 1) * self.n_images];
-            weights.iter().zip(values).map(|(w, &v)| w * f64::from(v)).sum()
-        };
-        let (c, s) = (unknown(1), unknown(2));
-        let amplitude = c.hypot(s);
-        if !values.iter().all(|v| v.is_finite()) || amplitude < 1e-6 {
-            return None;
-        }
-        let mut distances = vec![0.0_f32; self.n];
-        for row in 0..self.rows {
-            let target = (unknown(row + 1) / amplitude) as f32;
-            let column = &self.table[row * self.n..(row + 1) * self.n];
-            distances.iter_mut().zip(column).for_each(|(d, t)| *d += (t - target) * (t - target));
-        }
-        let least = distances.iter().copied().fold(f32::INFINITY, f32::min);
-        let nearest = distances.iter().position(|&d| d == least)?;
-        let far = (0.5 * self.first_period).ceil() as usize;
-        let others = distances[..nearest.saturating_sub(far - 1)].iter().chain(distances.iter().skip(nearest + far));
-        let second = others.copied().fold(f32::INFINITY, f32::min);
-
-        let periods = s.atan2(c) / TAU;
-        let order = (nearest as f64 / self.first_period - periods).round();
-        // (F + 1) numbers of the size of cosines, of which two share one image's worth of noise.
-        let rms = |d: f32| amplitude * (f64::from(d) / self.rows as f64).sqrt();
-        let column = (order + periods) * self.first_period;
-        Some(Decoded { column, amplitude, residual: rms(least), runner_up: rms(second) })
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::decoder::MpsDecoder;
     use super::*;
 
     /// Decoded columns minus true ones, of a camera with gain, offset and noise that sees 8-bit images.
@@ -264,7 +166,7 @@ mod tests {
                         (0.7 * shown + 0.1 + sigma * random.normal()) as f32
                     })
                     .collect();
-                decoder.decode(&values).unwrap().column - u as f64
+                f64::from(decoder.decode(&values, sigma as f32).unwrap().column) - u as f64
             })
             .collect()
     }

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 pub(super) struct SplitMix(pub(super) u64);
 
 impl SplitMix {
-    /// The next number, in `[0, 1)`.
+    /// Returns the next number, in `[0, 1)`.
     pub(super) fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -16,7 +16,7 @@ impl SplitMix {
         ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// The next number of the standard normal distribution (Box and Muller 1958, one of the pair).
+    /// Returns the next number of the standard normal distribution (Box and Muller 1958, one of the pair).
     pub(super) fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         radius * (TAU * self.uniform()).cos()

@@ -1,8 +1,5 @@
 //! Phase shifting with one or several periods, unwrapped in time.
 
-use std::f64::consts::TAU;
-
-use nalgebra::{DMatrix, Matrix3};
 use serde::{Deserialize, Serialize};
 
 use super::axis::{Axis, along};
@@ -30,12 +27,13 @@ pub struct PhaseShift {
 }
 
 const DEFAULT_STEPS: usize = 4;
-const MAX_PERIODS: usize = 64;
+/// Most periods of a set.
+pub(super) const MAX_PERIODS: usize = 64;
 const FINEST_PX: f64 = 20.0;
 const LARGEST_FACTOR: f64 = 8.0;
 
 impl PhaseShift {
-    /// The waves of the images for `n` columns, in order.
+    /// Returns the waves of the images for `n` columns, in order.
     ///
     /// # Errors
     ///
@@ -48,7 +46,7 @@ impl PhaseShift {
             .collect())
     }
 
-    /// The same settings with the periods and steps that they mean for `n` columns.
+    /// Returns the settings with the periods and steps that they mean for `n` columns.
     ///
     /// # Errors
     ///
@@ -80,7 +78,8 @@ impl PhaseShift {
     }
 }
 
-/// The longest is longer than the image by one of the finest, so that noise does not take the first column for the last.
+/// Returns periods of which the longest is longer than the image by one of the finest, so that noise does not take the
+/// first column for the last.
 fn default_periods(n: usize) -> Vec<f64> {
     let ratio = n as f64 / FINEST_PX + 1.0;
     let levels = ratio.log(LARGEST_FACTOR).ceil() as i32;
@@ -88,162 +87,11 @@ fn default_periods(n: usize) -> Vec<f64> {
     (0..=levels).map(|i| FINEST_PX * factor.powi(i)).collect()
 }
 
-/// What a decoder makes of a pixel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Decoded {
-    /// The column, with its fraction.
-    pub column: f64,
-    /// Amplitude of the waves in the pixel, the smallest where periods differ: ½ without blur and indirect light.
-    pub amplitude: f64,
-    /// Root mean square difference between the waves measured and those of the column, as intensity.
-    pub residual: f64,
-    /// The same of the best other column (at least half the shortest period away): near `residual`, the pixel is
-    /// ambiguous. Infinite if there is no other.
-    pub runner_up: f64,
-}
-
-/// Decodes phase-shifted waves of one or several periods.
-///
-/// Unwrapping is by maximum likelihood: of all columns at which the shortest period has the measured phase, the one whose
-/// other phases agree best, weighed by their amplitudes; the fraction then is the weighted least-squares one of all
-/// phases. The columns of the image are all there are, so noise cannot put a pixel outside. It does what heterodyne (beat) unwrapping and number-theoretic tables (Gushov and Solodkin 1991) do where
-/// those are exact, takes any periods, and uses every phase at once, so no noise is amplified from level to level.
-#[derive(Clone, Debug)]
-pub struct PhaseDecoder {
-    n: usize,
-    groups: Vec<Group>,
-    /// Of the shortest period.
-    finest: usize,
-    n_images: usize,
-}
-
-/// The images of one period.
-#[derive(Clone, Debug)]
-struct Group {
-    period_px: f64,
-    /// The images' places, and what each contributes to the cosine and sine parts of the wave.
-    images: Vec<(usize, [f64; 2])>,
-}
-
-impl Group {
-    /// Cosine and sine part of the wave in a pixel.
-    fn measure(&self, values: &[f32]) -> [f64; 2] {
-        let mut wave = [0.0; 2];
-        for &(i, [c, s]) in &self.images {
-            wave[0] += c * f64::from(values[i]);
-            wave[1] += s * f64::from(values[i]);
-        }
-        wave
-    }
-}
-
-/// Whether two periods are the same but for the accuracy of a fit.
-pub(super) fn same_period(a: f64, b: f64) -> bool {
-    (a - b).abs() <= 1e-4 * a.min(b)
-}
-
-impl PhaseDecoder {
-    /// A decoder for `n` columns and images that show `waves`, in any order; each period needs three shifts.
-    ///
-    /// # Errors
-    ///
-    /// No waves, a period out of range, or fewer than three different shifts of one.
-    pub fn new(waves: &[Wave], n: usize) -> Result<Self, PatternError> {
-        let no = |problem| PatternError::Code { family: "phase", problem };
-        let mut groups: Vec<(f64, Vec<usize>)> = Vec::new();
-        for (i, wave) in waves.iter().enumerate() {
-            check_period("phase", "periods_px", wave.period_px)?;
-            match groups.iter_mut().find(|g| same_period(g.0, wave.period_px)) {
-                Some(group) => group.1.push(i),
-                None => groups.push((wave.period_px, vec![i])),
-            }
-        }
-        let groups: Option<Vec<Group>> = groups
-            .into_iter()
-            .map(|(period_px, images)| {
-                // value = offset + C cos(2πu/p) + S sin(2πu/p), in which the shift is a rotation of (C, S).
-                let rows = images.iter().flat_map(|&i| {
-                    let (s, c) = (TAU * waves[i].shift).sin_cos();
-                    [1.0, c, s]
-                });
-                let design = DMatrix::from_row_iterator(images.len(), 3, rows);
-                let normal: Matrix3<f64> = (design.transpose() * &design).fixed_view::<3, 3>(0, 0).into();
-                let invertible = normal.symmetric_eigenvalues().min() > 1e-3;
-                let inverse = normal.try_inverse().filter(|_| invertible)?;
-                let weights = inverse * design.transpose();
-                let images = images.iter().enumerate().map(|(j, &i)| (i, [weights[(1, j)], weights[(2, j)]]));
-                Some(Group { period_px, images: images.collect() })
-            })
-            .collect();
-        let groups = groups.ok_or(no("each period needs three or more images of different shifts"))?;
-        let finest = (0..groups.len()).min_by(|&a, &b| groups[a].period_px.total_cmp(&groups[b].period_px));
-        let finest = finest.ok_or(no("there is no image"))?;
-        if groups.len() > MAX_PERIODS {
-            return Err(no("it has more than 64 periods"));
-        }
-        Ok(Self { n, groups, finest, n_images: waves.len() })
-    }
-
-    /// The column of a pixel from its normalized intensities, in the waves' order. `None` where a value is not finite or
-    /// there is no wave at all.
-    ///
-    /// # Panics
-    ///
-    /// If there are more or fewer values than waves.
-    pub fn decode(&self, values: &[f32]) -> Option<Decoded> {
-        assert_eq!(values.len(), self.n_images, "one value per image");
-        // (amplitude, phase in periods, period); decoders run over millions of pixels, so no allocation for usual sets.
-        let mut measured = [(0.0, 0.0, 1.0); MAX_PERIODS];
-        let measured = &mut measured[..self.groups.len()];
-        for (m, group) in measured.iter_mut().zip(&self.groups) {
-            let [c, s] = group.measure(values);
-            *m = (c.hypot(s), (s.atan2(c) / TAU).rem_euclid(1.0), group.period_px);
-        }
-        let amplitude = measured.iter().map(|m| m.0).fold(f64::INFINITY, f64::min);
-        let energy: f64 = measured.iter().map(|m| m.0 * m.0).sum();
-        if !energy.is_finite() || energy < 1e-12 {
-            return None;
-        }
-        let (_, phase, shortest) = measured[self.finest];
-        let margin = 0.25 * shortest;
-        let precision: f64 = measured.iter().map(|m| (m.0 / m.2).powi(2)).sum();
-        let (mut best, mut second) = ((f64::INFINITY, 0.0), f64::INFINITY);
-        let mut order = ((-0.5 - margin) / shortest - phase).ceil();
-        loop {
-            let start = (order + phase) * shortest;
-            if start > self.n as f64 - 0.5 + margin {
-                break;
-            }
-            order += 1.0;
-            // Residual phases (periods) at the start, then the shift that makes the weighted sum of their squares least.
-            let (mut moment, mut cost) = (0.0, 0.0);
-            for &(a, phase, period) in measured.iter() {
-                let r = phase - start / period;
-                let r = r - r.round();
-                moment += a * a * r / period;
-                cost += a * a * r * r;
-            }
-            let column = (start + moment / precision).clamp(-0.5, self.n as f64 - 0.5);
-            let shift = column - start;
-            let cost = (cost - 2.0 * shift * moment + shift * shift * precision).max(0.0);
-            if cost < best.0 {
-                second = best.0;
-                best = (cost, column);
-            } else {
-                second = second.min(cost);
-            }
-        }
-        if best.0 == f64::INFINITY {
-            return None;
-        }
-        // A phase error e (radians) of a wave of amplitude a is an intensity error of a·e/√2 (rms over the phase).
-        let rms = |cost: f64| TAU * (0.5 * cost / measured.len() as f64).sqrt();
-        Some(Decoded { column: best.1, amplitude, residual: rms(best.0), runner_up: rms(second) })
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
+    use super::super::decoder::PhaseDecoder;
     use super::super::noise::SplitMix;
     use super::*;
 
@@ -262,8 +110,8 @@ mod tests {
                     (0.6 * shown + 0.2 + sigma * random.normal()) as f32
                 })
                 .collect();
-            let got = decoder.decode(&values).unwrap();
-            let error = got.column - u as f64;
+            let got = decoder.decode(&values, sigma as f32).unwrap();
+            let error = f64::from(got.column) - u as f64;
             worst = worst.max(error.abs());
             squares += error * error;
         }
@@ -294,7 +142,8 @@ mod tests {
         }
     }
 
-    /// The variance of a phase from N steps is 2σ² / (N A²) rad² (e.g. Surrel 1996), which the finest period turns to px.
+    /// The variance of a phase from N steps is 2σ² / (N A²) rad² (e.g. Surrel 1996), which the finest period turns to
+    /// px.
     #[test]
     fn noise_costs_what_theory_says() {
         let sigma = 0.01;
@@ -310,11 +159,11 @@ mod tests {
         let one = pattern(Axis::X, &[32.0], &[4]);
         let decoder = PhaseDecoder::new(&one.waves(640).unwrap(), 640).unwrap();
         let values: Vec<f32> = one.generate(640, 1).unwrap().iter().map(|i| i.data[100]).collect();
-        let got = decoder.decode(&values).unwrap();
-        assert!((got.column.rem_euclid(32.0) - 100.0_f64.rem_euclid(32.0)).abs() < 1e-3, "{got:?}");
-        assert!(got.runner_up < 1e-3);
-        assert_eq!(decoder.decode(&[f32::NAN; 4]), None);
-        assert_eq!(decoder.decode(&[0.4; 4]), None);
+        let got = decoder.decode(&values, 0.0).unwrap();
+        assert!((got.column.rem_euclid(32.0) - 100.0_f32.rem_euclid(32.0)).abs() < 1e-3, "{got:?}");
+        assert!(got.runner_up < 1e-3 && !got.is_reliable(), "{got:?}");
+        assert_eq!(decoder.decode(&[f32::NAN; 4], 0.0), None);
+        assert_eq!(decoder.decode(&[0.4; 4], 0.0), None);
     }
 
     #[test]

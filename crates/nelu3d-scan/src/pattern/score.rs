@@ -40,7 +40,8 @@ pub struct Score {
     pub sigma: f64,
     /// Decoding noisy pixels to the nearest codeword.
     pub nearest: DecodingErrors,
-    /// Decoding noisy pixels to the codeword of highest ZNCC; none for codewords of one or two values, whose ZNCC is ±1.
+    /// Decoding noisy pixels to the codeword of highest ZNCC; none for codewords of one or two values, whose ZNCC is
+    /// ±1.
     pub zncc: Option<DecodingErrors>,
 }
 
@@ -51,8 +52,8 @@ pub struct Sensitivity {
     pub median: f64,
     /// Its minimum.
     pub min: f64,
-    /// Standard deviation of a column that the noise makes where the code has its median sensitivity, px; not finite for
-    /// a code of steps.
+    /// Standard deviation of a column that the noise makes where the code has its median sensitivity, px; not finite
+    /// for a code of steps.
     pub sigma_px: f64,
 }
 
@@ -67,8 +68,8 @@ pub struct Separation {
     pub columns: [usize; 2],
     /// Smallest 1 − ZNCC of two codewords, `[0, 2]`; none where ZNCC is ±1.
     pub zncc: Option<f64>,
-    /// Share of columns that have another one, so far away, within four standard deviations of the noise: a pixel halfway
-    /// between both is two from each, so that 2 % of pixels are taken for the other.
+    /// Fraction of columns that have another one, so far away, within four standard deviations of the noise: a pixel
+    /// halfway between both is two from each, so that 2 % of pixels are taken for the other.
     pub within_noise: f64,
 }
 
@@ -81,11 +82,11 @@ pub struct DecodingErrors {
     pub median_px: f64,
     /// Root mean square.
     pub rms_px: f64,
-    /// Share of pixels decoded more than each distance asked for away.
+    /// Fraction of pixels decoded more than each distance asked for away.
     pub beyond: Vec<f64>,
 }
 
-/// The confusion statistics of a code. Time grows with the square of the columns.
+/// Computes the confusion statistics of a code. Time grows with the square of the columns.
 ///
 /// The expected decoding errors are averages over `samples` pixels a column with independent normal noise, the same for
 /// the same seed.
@@ -127,8 +128,8 @@ pub fn score(words: &Codewords, options: &ScoreOptions) -> Score {
     }
 }
 
-/// Squared code distance of every two columns, `columns × columns`, thinned to at most `side` of either by keeping the
-/// smallest of each block, so that no confusion is lost. Returns the side and the values.
+/// Returns the squared code distance of every two columns, `columns × columns`, thinned to at most `side` of either by
+/// keeping the smallest of each block, so that no confusion is lost. Returns the side and the values.
 pub fn confusion_matrix(words: &Codewords, side: usize) -> (usize, Vec<f32>) {
     let n = words.len();
     let block = n.div_ceil(side.max(1)).max(1);
@@ -150,8 +151,8 @@ fn squared(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-/// For every column and distance: the smallest squared code distance to a column further away, and that column. Infinite
-/// where no column is so far.
+/// Returns for every column and distance the smallest squared code distance to a column further away, and that column.
+/// Infinite where no column is so far.
 fn smallest(words: &Codewords, distances_px: &[usize]) -> Vec<Vec<(f32, usize)>> {
     let n = words.len();
     (0..n)
@@ -189,7 +190,7 @@ fn sensitivity(words: &Codewords, sigma: f64) -> Sensitivity {
     Sensitivity { median: slopes[n / 2], min: slopes[0], sigma_px: sigma / slopes[n / 2] }
 }
 
-/// Errors of noisy pixels decoded by distance, or by ZNCC where `normalized` words are given.
+/// Returns the errors of noisy pixels decoded by distance, or by ZNCC where `normalized` words are given.
 fn decoding_errors(words: &Codewords, normalized: Option<&Codewords>, options: &ScoreOptions) -> DecodingErrors {
     let n = words.len();
     let mut errors: Vec<u32> = (0..n)

@@ -27,14 +27,14 @@ pub struct FittedWave {
 }
 
 impl Wave {
-    /// Its value at column `u`.
+    /// Returns the value at column `u`.
     pub fn value(&self, u: f64) -> f64 {
         0.5 + 0.5 * (TAU * (u / self.period_px - self.shift)).cos()
     }
 
-    /// The sinusoid that explains a line of an image best, in the sense of least squares: for projected images whose
-    /// settings are not known. Whether the line *is* a sinusoid is told by [`FittedWave::rms`],
-    /// and by [`FittedWave::amplitude`]: a ramp is a small part of a wave far higher than ½.
+    /// Fits the sinusoid that explains a line of an image best, in the sense of least squares: for projected images
+    /// whose settings are not known. Whether the line *is* a sinusoid is told by [`FittedWave::rms`], and by
+    /// [`FittedWave::amplitude`]: a ramp is a small part of a wave far higher than ½.
     ///
     /// `None` if the line is shorter than 8 px, constant, or holds a value that is not finite.
     pub fn fit(line: &[f32]) -> Option<FittedWave> {
@@ -94,7 +94,7 @@ impl Linear {
         Some(Self { offset: x[0], cos: x[1], sin: x[2], sum_of_squares: (squares - x.dot(&b)).max(0.0) })
     }
 
-    /// The Gauss-Newton step of the frequency, the other parameters free.
+    /// Returns the Gauss-Newton step of the frequency, the other parameters free.
     fn frequency_step(&self, values: &[f64], f: f64) -> Option<f64> {
         let mut a = Matrix4::zeros();
         let mut b = Vector4::zeros();

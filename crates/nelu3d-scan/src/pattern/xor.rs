@@ -39,8 +39,8 @@ impl Xor {
     }
 }
 
-/// The column (or row) every pixel saw: [`BitCode::decode_images`] of [`BitCode::Xor`], whose base plane has stripes of
-/// `base_px`.
+/// Decodes the column (or row) that every pixel saw: [`BitCode::decode_images`] of [`BitCode::Xor`], whose base plane
+/// has stripes of `base_px`.
 ///
 /// # Panics
 ///

@@ -41,10 +41,10 @@ pub enum PoseError {
     },
 }
 
-/// Most different reasons that are told.
-const MOST_REASONS: usize = 3;
+/// Largest number of different reasons in a message.
+const MAX_REASONS: usize = 3;
 
-/// Every reason once, with the positions it holds for, the most frequent first.
+/// Lists every reason once, with the positions it holds for, the most frequent first.
 fn list(reasons: &[(String, String)]) -> String {
     let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
     for (position, reason) in reasons {
@@ -59,8 +59,8 @@ fn list(reasons: &[(String, String)]) -> String {
         [first, .., last] if positions.len() > 3 => format!("{first} to {last}, {} in all: {reason}", positions.len()),
         some => format!("{}: {reason}", some.join(", ")),
     };
-    let mut told: Vec<String> = groups.iter().take(MOST_REASONS).map(of).collect();
-    let more: usize = groups.iter().skip(MOST_REASONS).map(|(_, positions)| positions.len()).sum();
+    let mut told: Vec<String> = groups.iter().take(MAX_REASONS).map(of).collect();
+    let more: usize = groups.iter().skip(MAX_REASONS).map(|(_, positions)| positions.len()).sum();
     if more > 0 {
         told.push(format!("{more} more for other reasons"));
     }

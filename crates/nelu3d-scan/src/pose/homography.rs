@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
 use super::robust::{Lcg, median};
 
-/// The homography that takes each of four points to its partner; `None` when three of them lie on a line.
+/// Returns the homography that takes each of four points to its partner; `None` when three of them lie on a line.
 pub(crate) fn homography_4pt(from: &[[f64; 2]; 4], to: &[[f64; 2]; 4]) -> Option<Matrix3<f64>> {
     dlt(from, to)
 }
@@ -17,9 +17,9 @@ pub struct Homography {
 }
 
 impl Homography {
-    /// Least median of squares over random quadruples (seeded: the same points give the same answer), then least squares
-    /// over the inliers. Survives almost half of the points being wrong. `None` for fewer than four points, or points on a
-    /// line.
+    /// Fits a homography by least median of squares over random quadruples (seeded: the same points give the same
+    /// answer), then least squares over the inliers. Survives almost half of the points being wrong. `None` for fewer
+    /// than four points, or points on a line.
     ///
     /// # Panics
     ///
@@ -65,7 +65,7 @@ impl Homography {
         Some(Self { matrix })
     }
 
-    /// Where a point of the one plane is in the other.
+    /// Takes a point of the one plane to the other.
     pub fn apply(&self, p: [f64; 2]) -> [f64; 2] {
         apply(&self.matrix, p)
     }
@@ -82,7 +82,7 @@ fn residual(h: &Matrix3<f64>, from: [f64; 2], to: [f64; 2]) -> f64 {
     if r.is_finite() { r } else { f64::MAX }
 }
 
-/// Shift and scale that make points mean zero and mean norm √2 (Hartley 1997).
+/// Returns the shift and scale that make points mean zero and mean norm √2 (Hartley 1997).
 fn normalizer(p: &[[f64; 2]]) -> Option<Matrix3<f64>> {
     let n = p.len() as f64;
     let (cx, cy) = (p.iter().map(|q| q[0]).sum::<f64>() / n, p.iter().map(|q| q[1]).sum::<f64>() / n);
@@ -94,8 +94,8 @@ fn normalizer(p: &[[f64; 2]]) -> Option<Matrix3<f64>> {
     Some(Matrix3::new(s, 0.0, -s * cx, 0.0, s, -s * cy, 0.0, 0.0, 1.0))
 }
 
-/// The normalized direct linear transform (Hartley & Zisserman, algorithm 4.2), scaled to a positive last entry at the
-/// points. `None` for degenerate points.
+/// Solves the normalized direct linear transform (Hartley & Zisserman, algorithm 4.2), scaled to a positive last entry
+/// at the points. `None` for degenerate points.
 fn dlt(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Matrix3<f64>> {
     if from.len() < 4 {
         return None;
@@ -139,8 +139,8 @@ fn dlt(from: &[[f64; 2]], to: &[[f64; 2]]) -> Option<Matrix3<f64>> {
     h.iter().all(|v| v.is_finite()).then_some(h)
 }
 
-/// Through four points by elimination, with the last entry 1 where the points' mean is the origin: quick, and good enough
-/// to choose among samples.
+/// Solves for the homography through four points by elimination, with the last entry 1 where the points' mean is the
+/// origin: quick, and good enough to choose among samples.
 fn four(from: &[[f64; 2]; 4], to: &[[f64; 2]; 4]) -> Option<Matrix3<f64>> {
     let (a, b) = (normalizer(from)?, normalizer(to)?);
     let (mut m, mut rhs) = (SMatrix::<f64, 8, 8>::zeros(), SVector::<f64, 8>::zeros());
@@ -160,7 +160,7 @@ fn four(from: &[[f64; 2]; 4], to: &[[f64; 2]; 4]) -> Option<Matrix3<f64>> {
     h.iter().all(|v| v.is_finite()).then_some(h)
 }
 
-/// The vector of the smallest singular value, if the second smallest is clearly larger.
+/// Returns the vector of the smallest singular value, if the second smallest is clearly larger.
 fn smallest(values: &[f64], vectors: Vec<Vec<f64>>) -> Option<Vec<f64>> {
     let mut order: Vec<usize> = (0..9).collect();
     order.sort_by(|&i, &j| values[i].total_cmp(&values[j]));

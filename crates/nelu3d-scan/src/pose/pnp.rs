@@ -19,7 +19,7 @@ pub struct PoseFit {
     pub rms_px: f64,
     /// Corners used.
     pub n_corners: usize,
-    /// Corners left out as outliers.
+    /// Corners rejected as outliers.
     pub n_rejected: usize,
     /// For each corner given, whether it was used.
     pub used: Vec<bool>,
@@ -30,7 +30,7 @@ const REJECT_SIGMAS: f64 = 4.5;
 /// No corner is better known than this, px: keeps the statistics of noise-free input finite.
 const SIGMA_FLOOR_PX: f64 = 1e-6;
 
-/// The pose that minimizes the reprojection error of a plane's corners under OpenCV's distortion model.
+/// Solves for the pose that minimizes the reprojection error of a plane's corners under OpenCV's distortion model.
 ///
 /// Starts from a robust homography of the undistorted corners, refines both of the poses a plane under weak perspective
 /// can have (Schweighofer & Pinz 2006: mirror images of each other about the line of sight), keeps the better one, and
@@ -86,7 +86,7 @@ pub fn solve_pnp(corners: &[Corner], camera: &Camera) -> Result<PoseFit, PoseErr
     Ok(PoseFit { cam_from_board: pose, rms_px, n_corners, n_rejected: n - n_corners, used })
 }
 
-/// Distance between seen and projected corners, px; infinite behind the camera.
+/// Returns the distance between seen and projected corners, px; infinite behind the camera.
 pub(super) fn norms(corners: &[Corner], camera: &Camera, pose: &Isometry3<f64>) -> Vec<f64> {
     let norm = |c: &Corner| {
         let p = pose * Point3::new(c.board_mm[0], c.board_mm[1], 0.0);
@@ -95,7 +95,7 @@ pub(super) fn norms(corners: &[Corner], camera: &Camera, pose: &Isometry3<f64>) 
     corners.iter().map(norm).collect()
 }
 
-/// Ratio of a point set's extents: 0 on a line.
+/// Returns the ratio of a point set's extents: 0 on a line.
 fn flatness(p: &[[f64; 2]]) -> f64 {
     let n = p.len() as f64;
     let (cx, cy) = (p.iter().map(|q| q[0]).sum::<f64>() / n, p.iter().map(|q| q[1]).sum::<f64>() / n);
@@ -122,7 +122,7 @@ fn from_homography(h: &Matrix3<f64>) -> Option<Isometry3<f64>> {
     Some(Isometry3::from_parts(Translation3::from(t), rotation))
 }
 
-/// The other pose of a plane under weak perspective: its normal mirrored about the line of sight to its center.
+/// Returns the other pose of a plane under weak perspective: its normal mirrored about the line of sight to its center.
 fn mirrored(pose: &Isometry3<f64>, center: [f64; 2]) -> Isometry3<f64> {
     let c = Point3::new(center[0], center[1], 0.0);
     let at = (pose * c).coords;
@@ -134,7 +134,7 @@ fn mirrored(pose: &Isometry3<f64>, center: [f64; 2]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(at - rotation * c.coords), rotation)
 }
 
-/// Huber-weighted refinement; the pose and the robust σ of its residuals.
+/// Refines a pose with Huber weights; returns the pose and the robust σ of its residuals.
 fn refine_robust(corners: &[Corner], camera: &Camera, start: &Isometry3<f64>) -> Option<(Isometry3<f64>, f64)> {
     let mut pose = *start;
     for _ in 0..4 {

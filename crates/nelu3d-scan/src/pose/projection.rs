@@ -2,7 +2,7 @@ use nalgebra::{Matrix2, Matrix2x3, Point3};
 
 use crate::Camera;
 
-/// Pixel of a camera-frame point, and its derivative by the point (px/mm); `None` behind the camera.
+/// Returns the pixel of a camera-frame point, and its derivative by the point (px/mm); `None` behind the camera.
 pub(crate) fn project_with_jacobian(camera: &Camera, p: &Point3<f64>) -> Option<([f64; 2], Matrix2x3<f64>)> {
     let px = camera.project(p)?;
     let (x, y) = (p.x / p.z, p.y / p.z);

@@ -7,12 +7,13 @@ pub(crate) fn median(values: &[f64]) -> f64 {
     statistics::median(&mut values.to_vec()).unwrap_or(0.0)
 }
 
-/// σ of one coordinate from the norms of two-dimensional residuals: the median of a Rayleigh variable is 1.1774 σ.
+/// Returns σ of one coordinate from the norms of two-dimensional residuals: the median of a Rayleigh variable is 1.1774
+/// σ.
 pub(crate) fn sigma_of_norms(norms: &[f64]) -> f64 {
     median(norms) / 1.1774
 }
 
-/// Huber's weight of a residual of this norm.
+/// Returns Huber's weight of a residual of this norm.
 pub(crate) fn huber(norm: f64, limit: f64) -> f64 {
     if norm <= limit { 1.0 } else { limit / norm }
 }

@@ -26,8 +26,8 @@ pub(super) struct Stage {
 const G: usize = 9;
 
 impl Stage {
-    /// Fits the model to the corners of all positions. `poses` are the positions' free poses; `numbers` their places in the
-    /// sweep, given when the steps between them are to be equal.
+    /// Fits the model to the corners of all positions. `poses` are the positions' free poses; `numbers` their places in
+    /// the sweep, given when the steps between them are to be equal.
     pub(super) fn fit(
         views: &[&[Corner]],
         camera: &Camera,
@@ -52,7 +52,7 @@ impl Stage {
         Isometry3::from_parts(Translation3::from(self.origin + s * self.dir), self.rotation)
     }
 
-    /// Mean rotation, and the principal axis of the translations.
+    /// Starts with the mean rotation and the principal axis of the translations.
     fn seed(poses: &[Isometry3<f64>], numbers: Option<&[f64]>) -> Option<Self> {
         let n = poses.len() as f64;
         let base = poses[poses.len() / 2].rotation;
@@ -89,7 +89,7 @@ impl Stage {
         Some(())
     }
 
-    /// Two unit vectors across the direction.
+    /// Returns two unit vectors across the direction.
     fn tangents(&self) -> [Vector3<f64>; 2] {
         let d = self.dir.normalize();
         let helper = if d.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
@@ -183,8 +183,8 @@ impl Problem for StageReprojection<'_> {
     }
 }
 
-/// Normal equations of shared parameters and one own parameter per position: an arrow, from which the own parameters are
-/// eliminated one by one (Schur complement).
+/// Normal equations of shared parameters and one own parameter per position: an arrow, from which the own parameters
+/// are eliminated one by one (Schur complement).
 #[derive(Default)]
 struct Arrow {
     shared: SMatrix<f64, G, G>,

@@ -138,7 +138,8 @@ fn wrong_corners_are_left_out() {
     assert!(angle < 1e-3 && distance < 0.2, "{angle} {distance}");
 }
 
-/// Four corners of a small, far, tilted marker: its two poses differ by twice the tilt and by little in their residuals.
+/// Four corners of a small, far, tilted marker: its two poses differ by twice the tilt and by little in their
+/// residuals.
 #[test]
 fn of_the_two_poses_of_a_plane_the_better_one_is_kept() {
     let (camera, mut rng) = (camera(), Gauss::new(3));

@@ -35,9 +35,9 @@ pub struct Trajectory {
     pub reason: String,
     /// Root mean square reprojection error over all corners used, px; absent when the poses were known beforehand.
     pub rms_px: Option<f64>,
-    /// The same with every pose on its own.
+    /// Root mean square reprojection error with every pose on its own, px.
     pub rms_free_px: Option<f64>,
-    /// The same with one rotation and one line, over the same corners.
+    /// Root mean square reprojection error with one rotation and one line, over the same corners, px.
     pub rms_stage_px: Option<f64>,
     /// Steps of the stage, when it was fitted.
     pub steps: Option<Steps>,
@@ -70,7 +70,7 @@ pub struct Position {
     pub rms_px: Option<f64>,
     /// Corners used.
     pub n_corners: usize,
-    /// Corners left out as outliers.
+    /// Corners rejected as outliers.
     pub n_rejected: usize,
 }
 
@@ -104,8 +104,8 @@ struct View {
 }
 
 impl Trajectory {
-    /// Poses of a sweep from what was detected at each position, in the sweep's order. Positions without a detection, or
-    /// whose corners fit no pose, are rejected with a reason; fewer than 3 usable ones are an error.
+    /// Solves for the poses of a sweep from what was detected at each position, in the sweep's order. Positions without
+    /// a detection, or whose corners fit no pose, are rejected with a reason; fewer than 3 usable ones are an error.
     pub fn fit(
         detections: &[(String, Result<Vec<Corner>, String>)],
         camera: &Camera,
@@ -163,7 +163,7 @@ impl Trajectory {
         Ok(Self::stage(&views, camera, &stage, rejected, "asked for".into(), detections))
     }
 
-    /// Poses that are known without looking. Fewer than 3 are an error.
+    /// Takes over poses that are known without looking. Fewer than 3 are an error.
     pub fn from_known(poses: &[KnownPose]) -> Result<Self, PoseError> {
         if poses.len() < 3 {
             return Err(PoseError::TooFewPositions { usable: poses.len(), total: poses.len(), reasons: Vec::new() });
@@ -313,11 +313,11 @@ struct Verdict {
 }
 
 impl Verdict {
-    /// From the sums of squares of both fits, px².
+    /// Compares the sums of squares of both fits, px².
     ///
     /// BIC = N ln(S/N) + k ln N (Schwarz 1978), N coordinates, k parameters: 6 a position, or 8 and one more for each
-    /// position but the first. Unlike an F test it does not turn down a stage for deviations that are real but tiny against
-    /// the corners' own errors.
+    /// position but the first. Unlike an F test it does not turn down a stage for deviations that are real but tiny
+    /// against the corners' own errors.
     fn new(views: &[View], free: f64, stage: f64) -> Self {
         let corners = n_corners(views) as f64;
         let (n, p) = (2.0 * corners, views.len() as f64);
@@ -353,7 +353,7 @@ fn rms(norms: &[f64]) -> f64 {
     (norms.iter().map(|r| r * r).sum::<f64>() / norms.len().max(1) as f64).sqrt()
 }
 
-/// Regression of the distances on the places in the list.
+/// Returns the steps of the stage: a regression of the distances on the places in the list.
 fn steps(views: &[View], stage: &Stage) -> Steps {
     let length = stage.dir.norm();
     let direction = (stage.dir / length).into();

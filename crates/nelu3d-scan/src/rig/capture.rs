@@ -12,7 +12,8 @@ pub enum Need {
     Calibration,
     /// A scene that stands still: white and every pattern; black where there is one.
     Scene,
-    /// A frame of a sequence, whose pattern and white need not show the same: as a scene, but mosaics are demosaiced one by one.
+    /// A frame of a sequence, whose pattern and white need not show the same: as a scene, but mosaics are demosaiced
+    /// one by one.
     Frame,
 }
 
@@ -34,7 +35,8 @@ pub struct Capture {
     pub black: Option<Image>,
     /// One image per pattern of the set, in its order.
     pub patterns: Vec<Image>,
-    /// Which of them are mono images of a color camera: one value a pixel, whose ratio to the flash stands in all three channels.
+    /// Which of them are mono images of a color camera: one value a pixel, whose ratio to the flash stands in all three
+    /// channels.
     pub mono: Vec<bool>,
 }
 
@@ -55,8 +57,8 @@ impl ShotReader<'_> {
         self.rig.read_agreeing(&self.shot.dir.join(name), self.rig.channels, What::Flash, &mut self.depth)
     }
 
-    /// Reads a pattern of this file name, and says whether it is a mono image of a color camera (see [`Capture::mono`]): such a one needs the shot's
-    /// flash.
+    /// Reads a pattern of this file name, and says whether it is a mono image of a color camera (see
+    /// [`Capture::mono`]): such a one needs the shot's flash.
     ///
     /// # Errors
     ///
@@ -78,8 +80,8 @@ impl Rig {
     ///
     /// # Errors
     ///
-    /// The file is missing, cannot be decoded, has another size than the intrinsics, another number of channels than the
-    /// camera, or a bit depth that cannot reach the saturation.
+    /// The file is missing, cannot be decoded, has another size than the intrinsics, another number of channels than
+    /// the camera, or a bit depth that cannot reach the saturation.
     pub fn read_image(&self, path: &Path) -> Result<Image, RigError> {
         self.read_with_depth(path).map(|(image, _)| image)
     }
@@ -88,7 +90,7 @@ impl Rig {
         self.read_as(path, self.channels, What::Flash)
     }
 
-    /// The channels that a file has to have: the camera's, or one for a mono image among a color camera's.
+    /// Returns the channels that a file has to have: the camera's, or one for a mono image among a color camera's.
     pub(super) fn stored_as(&self, raw: &Raw, what: What) -> Channels {
         let is_mono = what == What::Pattern && self.channels == Channels::Rgb && raw.channels == 1;
         if is_mono { Channels::Mono } else { self.channels }
@@ -104,8 +106,8 @@ impl Rig {
         Ok((image, raw.depth()))
     }
 
-    /// Reads a shot's white, black and the patterns of one set. Raw mosaics of what stands still are normalized before they are demosaiced: the
-    /// patterns are then those whose ratio to white is that of the mosaics.
+    /// Reads a shot's white, black and the patterns of one set. Raw mosaics of what stands still are normalized before
+    /// they are demosaiced: the patterns are then those whose ratio to white is that of the mosaics.
     ///
     /// # Errors
     ///
@@ -182,7 +184,7 @@ impl Rig {
     }
 }
 
-/// A pattern with as many channels as its flash, and whether it had fewer.
+/// Returns a pattern with as many channels as its flash, and whether it had fewer.
 fn colored(image: Image, white: &Image, black: Option<&Image>) -> (Image, bool) {
     if image.channels == white.channels { (image, false) } else { (mono::spread(&image, white, black), true) }
 }

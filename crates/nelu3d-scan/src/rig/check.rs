@@ -63,14 +63,14 @@ enum Role {
 }
 
 impl Rig {
-    /// [`check`] of this rig's folder, read anew.
+    /// Lists all that is wrong with this rig's folder, which is read anew: see [`check`].
     pub fn check(&self) -> Vec<Finding> {
         check(&self.root)
     }
 }
 
 /// Looks at every file of the rig at `path` (the folder or its rig.toml) and lists all that is wrong: rig.toml, the
-/// camera files, missing, unreadable or odd images, too dark or clipped flashes, too few positions, bad truth.
+/// camera files, missing, unreadable or odd images, too dark or clipped flashes, too few positions, bad ground truth.
 /// Works on broken rigs too. An empty list means that nothing was found.
 ///
 /// Shots are checked in parallel, with about three images per thread in memory. The list is in a fixed order.
@@ -83,7 +83,7 @@ pub fn check(path: &Path) -> Vec<Finding> {
     let camera = check_cameras(&root, &toml, &mut findings);
     let has_target = toml.board.is_some() || !toml.poses.is_empty();
     let sensor_known = Channels::from_name(&toml.camera.channels).is_some();
-    // Without intrinsics the size of the images is unknown; the rest of rig.toml is judged all the same.
+    // Without intrinsics the size of the images is unknown; the rest of rig.toml is checked all the same.
     let any = camera.clone().unwrap_or_else(|| Camera::pinhole(1, 1, 1.0, 1.0, 0.0, 0.0));
     let (rig, problems) = from_toml(&root, toml, any, None);
     findings.extend(problems.iter().map(|e| rig_finding(&root.join(RIG_FILE), e)));
@@ -123,7 +123,7 @@ fn check_cameras(root: &Path, toml: &RigToml, findings: &mut Vec<Finding>) -> Op
     read_camera(&root.join(&toml.camera.intrinsics)).map_err(|e| findings.push(camera_finding(&e))).ok()
 }
 
-/// All folders with images, and what is wrong with their number and names.
+/// Lists all folders with images, and notes what is wrong with their number and names.
 fn list_shots(rig: &Rig, has_target: bool, findings: &mut Vec<Finding>) -> Vec<(Role, Shot)> {
     let mut shots = Vec::new();
     let mut keep = |role, found: Result<Vec<Shot>, RigError>, findings: &mut Vec<Finding>| match found {
@@ -211,7 +211,7 @@ fn compare_counts(findings: &mut [Vec<Finding>], counts: &[Vec<Count>]) {
 }
 
 impl Checker<'_> {
-    /// What is wrong with a shot, and how many channels its patterns have.
+    /// Checks a shot: returns what is wrong with it, and how many channels its patterns have.
     fn shot(&self, role: Role, shot: &Shot) -> (Vec<Finding>, Vec<Count>) {
         let mut findings = Vec::new();
         let mut counts = Vec::new();
@@ -225,7 +225,7 @@ impl Checker<'_> {
             None
         };
         if let Some(white) = &white {
-            judge_flash(&shot.dir.join(&rig.white), white, black.as_ref(), &mut findings);
+            check_flash(&shot.dir.join(&rig.white), white, black.as_ref(), &mut findings);
         }
         drop((white, black));
 
@@ -248,7 +248,7 @@ impl Checker<'_> {
                 }
             }
         }
-        self.truth(shot, &mut findings);
+        self.check_ground_truth(shot, &mut findings);
         (findings, counts)
     }
 
@@ -302,7 +302,7 @@ impl Checker<'_> {
     }
 
     /// Checks `truth/`, if there is one.
-    fn truth(&self, shot: &Shot, findings: &mut Vec<Finding>) {
+    fn check_ground_truth(&self, shot: &Shot, findings: &mut Vec<Finding>) {
         let dir = shot.dir.join("truth");
         let depth_file = dir.join("depth.npy");
         let remedy = "write it again, for the camera's image size";
@@ -341,8 +341,8 @@ impl Checker<'_> {
 
 const CLIPPED_REMEDY: &str = "shorten the exposure, dim the light, or correct camera.saturation";
 
-/// Whether the flash is one: brighter than the ambient light, and not clipped.
-fn judge_flash(file: &Path, white: &Image, black: Option<&Image>, findings: &mut Vec<Finding>) {
+/// Checks that the flash is one: brighter than the ambient light, and not clipped.
+fn check_flash(file: &Path, white: &Image, black: Option<&Image>, findings: &mut Vec<Finding>) {
     let clipped = share(white, |v| v >= 1.0);
     if clipped > NEARLY_ALL {
         findings.push(error(file.to_path_buf(), "is clipped nearly everywhere", CLIPPED_REMEDY));
@@ -365,7 +365,7 @@ fn judge_flash(file: &Path, white: &Image, black: Option<&Image>, findings: &mut
     }
 }
 
-/// The share of values with a property.
+/// Returns the fraction of values with a property.
 fn share(image: &Image, property: impl Fn(f32) -> bool) -> f64 {
     image.data.iter().filter(|&&v| property(v)).count() as f64 / image.data.len() as f64
 }
@@ -378,7 +378,7 @@ fn warning(file: PathBuf, problem: &str, remedy: &str) -> Finding {
     Finding { severity: Severity::Warning, file, problem: problem.into(), remedy: remedy.into() }
 }
 
-/// A finding from an error's message `FILE: PROBLEM; REMEDY`, which is how this crate words them all.
+/// Makes a finding from an error's message `FILE: PROBLEM; REMEDY`, which is how this crate words them all.
 fn finding(severity: Severity, file: &Path, message: &str) -> Finding {
     let prefix = format!("{}: ", file.display());
     let message = message.strip_prefix(&prefix).unwrap_or(message);

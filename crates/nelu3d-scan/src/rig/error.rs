@@ -136,7 +136,7 @@ pub enum RigError {
 }
 
 impl RigError {
-    /// The file or folder concerned; `None` where only the message names it.
+    /// Returns the file or folder concerned; `None` where only the message names it.
     pub fn path(&self) -> Option<&Path> {
         match self {
             RigError::NotARig { path }

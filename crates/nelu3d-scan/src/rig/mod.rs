@@ -20,7 +20,8 @@ use crate::board::Board;
 use crate::camera::{Camera, Projector};
 pub use crate::image::Channels;
 
-/// What one reconstruction uses: k images (mono) or fewer images of three channels. Among the images of an `rgb` camera some may be mono: see [`Capture::mono`].
+/// What one reconstruction uses: k images (mono) or fewer images of three channels. Among the images of an `rgb` camera
+/// some may be mono: see [`Capture::mono`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PatternSet {
     /// Its name.
@@ -86,7 +87,7 @@ pub const RIG_FILE: &str = "rig.toml";
 pub const PROJECTOR_FILE: &str = "projector.json";
 
 impl Rig {
-    /// The pattern set of this name; without a name the first (usually the only) one.
+    /// Returns the pattern set of this name; without a name the first (usually the only) one.
     ///
     /// # Errors
     ///
@@ -103,17 +104,17 @@ impl Rig {
         })
     }
 
-    /// The k of a pattern set: values per pixel, images × channels.
+    /// Returns the k of a pattern set: values per pixel, images × channels.
     pub fn channels_of(&self, set: &PatternSet) -> usize {
         set.images.len() * self.channels.count()
     }
 
-    /// Where the projected form of a pattern is, if the rig keeps it. The file may be absent.
+    /// Returns where the projected form of a pattern is, if the rig keeps it. The file may be absent.
     pub fn projected(&self, pattern: &str) -> PathBuf {
         self.root.join("patterns").join(pattern)
     }
 
-    /// Where the board was at a position, if that is known without looking.
+    /// Returns where the board was at a position, if that is known without looking.
     pub fn known_pose(&self, position: &str) -> Option<&nalgebra::Isometry3<f64>> {
         self.poses.iter().find(|p| p.position == position).map(|p| &p.cam_from_board)
     }

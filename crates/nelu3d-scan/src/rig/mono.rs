@@ -1,15 +1,15 @@
 //! Mono images among a color camera's: gray patterns that were taken, or saved, with one value a pixel.
 //!
-//! Such an image has no white of its own. Its value is compared with the gray of the flash, and what comes out, one share of light a pixel,
-//! stands in all three channels.
+//! Such an image has no white of its own. Its value is compared with the gray of the flash, and what comes out, one
+//! share of light a pixel, stands in all three channels.
 
 use crate::image::Image;
 
-/// How much of a mono value is red, green and blue: the luma of Rec. ITU-R BT.601, section 2.5.1, by which OpenCV (`cvtColor`), Pillow (`convert("L")`)
-/// and most cameras make gray. For gray objects any weights would do.
+/// How much of a mono value is red, green and blue: the luma of Rec. ITU-R BT.601, section 2.5.1, by which OpenCV
+/// (`cvtColor`), Pillow (`convert("L")`) and most cameras make gray. For gray objects any weights would do.
 pub const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
 
-/// The mono image that a camera's color image `image` would have been. ≥ 1 where any channel is.
+/// Returns the mono image that a camera's color image `image` would have been. ≥ 1 where any channel is.
 fn luma(image: &Image) -> Image {
     let value = |p: &[f32]| {
         let clipped = p.iter().copied().fold(f32::NEG_INFINITY, f32::max);
@@ -18,8 +18,8 @@ fn luma(image: &Image) -> Image {
     Image { channels: 1, data: image.data.chunks_exact(3).map(value).collect(), ..*image }
 }
 
-/// The color image whose channels all have the same ratio to the flash: that of `mono` to the flash's gray. `white` and `black` have three
-/// channels. A pixel that is clipped in `mono` or `white` is clipped in all channels.
+/// Returns the color image whose channels all have the same ratio to the flash: that of `mono` to the flash's gray.
+/// `white` and `black` have three channels. A pixel that is clipped in `mono` or `white` is clipped in all channels.
 pub(super) fn spread(mono: &Image, white: &Image, black: Option<&Image>) -> Image {
     let mut out = Image::new(mono.width, mono.height, 3);
     let bright = luma(white);

@@ -1,18 +1,20 @@
 //! Raw mosaics: normalized before they are demosaiced.
 //!
-//! Demosaicing guesses colors from neighbors, and guesses wrongly where a surface has an edge, in pattern and flash alike but not
-//! equally. The ratio of the two raw mosaics knows no surface, only light, which is smooth: demosaiced, it is right where the images are
-//! not.
+//! Demosaicing guesses colors from neighbors, and guesses wrongly where a surface has an edge, in pattern and flash
+//! alike but not equally. The ratio of the two raw mosaics knows no surface, only light, which is smooth: demosaiced,
+//! it is right where the images are not.
 
 use crate::image::{Image, demosaic};
 
-/// Least flash of the pixels that a ratio is taken from, linear: below, it is noise, and the images are demosaiced as they are.
-const LEAST_LIGHT: f32 = 0.02;
+/// Smallest flash of the pixels that a ratio is taken from, linear: below, it is noise, and the images are demosaiced
+/// as they are.
+const MIN_LIGHT: f32 = 0.02;
 /// How far demosaicing reaches, px.
 const REACH: usize = 2;
 
-/// A pattern's image of three channels whose ratio to the flash is that of the mosaics. All images are linear mosaics of one channel with the
-/// cell `cell`; `white_rgb` and `black_rgb` are demosaiced. A value is ≥ 1 if and only if a mosaic pixel that went into it was.
+/// Returns a pattern's image of three channels whose ratio to the flash is that of the mosaics. All images are linear
+/// mosaics of one channel with the cell `cell`; `white_rgb` and `black_rgb` are demosaiced. A value is ≥ 1 if and only
+/// if a mosaic pixel that went into it was.
 pub(super) fn pattern(
     pattern: &Image,
     white: &Image,
@@ -24,7 +26,7 @@ pub(super) fn pattern(
     let dark = |i: usize| black.map_or(0.0, |b| b.data[i]);
     let light: Vec<f32> = white.data.iter().enumerate().map(|(i, w)| w - dark(i)).collect();
     let ratio: Vec<f32> =
-        pattern.data.iter().zip(&light).enumerate().map(|(i, (p, l))| (p - dark(i)) / l.max(LEAST_LIGHT)).collect();
+        pattern.data.iter().zip(&light).enumerate().map(|(i, (p, l))| (p - dark(i)) / l.max(MIN_LIGHT)).collect();
     // Ratios may exceed 1, which demosaicing would take for clipped: halved, and cut off where they mean nothing.
     let halved = Image { data: ratio.iter().map(|r| (0.5 * r).clamp(-0.4, 0.95)).collect(), ..pattern.clone() };
     let ratio = demosaic(&halved, cell);
@@ -42,7 +44,7 @@ pub(super) fn pattern(
     out
 }
 
-/// Whether all pixels that demosaicing looks at have enough light.
+/// Returns whether all pixels that demosaicing looks at have enough light.
 fn enough_around(light: &[f32], w: usize, h: usize) -> Vec<bool> {
     // Down the rows, then along them: the number of pixels in reach since the last dim one.
     let one = |lit: &dyn Fn(usize) -> bool, n: usize| -> Vec<bool> {
@@ -50,7 +52,7 @@ fn enough_around(light: &[f32], w: usize, h: usize) -> Vec<bool> {
     };
     let mut rows = vec![false; w * h];
     for y in 0..h {
-        let row = one(&|x| light[y * w + x] >= LEAST_LIGHT, w);
+        let row = one(&|x| light[y * w + x] >= MIN_LIGHT, w);
         rows[y * w..(y + 1) * w].copy_from_slice(&row);
     }
     let mut out = vec![false; w * h];
@@ -68,8 +70,8 @@ mod tests {
 
     const CELL: [u8; 4] = [0, 1, 1, 2];
 
-    /// A checkered surface of saturated colors under smooth light: the ratio of the images is that of the light to a thousandth, where
-    /// images demosaiced one by one are wrong by a tenth at its edges.
+    /// A checkered surface of saturated colors under smooth light: the ratio of the images is that of the light to a
+    /// thousandth, where images demosaiced one by one are wrong by a tenth at its edges.
     #[test]
     fn ratios_do_not_see_the_surface() {
         let (w, h) = (48, 40);

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::{Rig, RigError, Shot};
 
 impl Rig {
-    /// The board positions of the sweep, in order: sorted by name, numbers in names by value (`9` before `10`).
+    /// Returns the board positions of the sweep, in order: sorted by name, numbers in names by value (`9` before `10`).
     ///
     /// # Errors
     ///
@@ -24,7 +24,7 @@ impl Rig {
         Ok(shots)
     }
 
-    /// All scenes, sorted by name.
+    /// Returns all scenes, sorted by name.
     ///
     /// # Errors
     ///
@@ -33,7 +33,7 @@ impl Rig {
         folders(&self.root.join("scenes"))
     }
 
-    /// All sequences' folders, sorted by name.
+    /// Returns all sequences' folders, sorted by name.
     ///
     /// # Errors
     ///
@@ -42,7 +42,7 @@ impl Rig {
         folders(&self.root.join("sequences"))
     }
 
-    /// A scene: a name under `scenes/`, or the path of any folder with the same files.
+    /// Returns a scene: a name under `scenes/`, or the path of any folder with the same files.
     ///
     /// # Errors
     ///
@@ -51,8 +51,8 @@ impl Rig {
         find(&self.root, self.scenes()?, "scene", name)
     }
 
-    /// The frames of a sequence, in order (as [`Rig::positions`] sorts): a name under `sequences/`, or the path of any
-    /// folder of frames.
+    /// Returns the frames of a sequence, in order (as [`Rig::positions`] sorts): a name under `sequences/`, or the path
+    /// of any folder of frames.
     ///
     /// # Errors
     ///
@@ -86,7 +86,8 @@ fn find(root: &Path, known: Vec<Shot>, what: &'static str, name: &str) -> Result
     Err(RigError::NoShot { path: root.to_path_buf(), what, name: name.into(), known })
 }
 
-/// The folders in `dir`, sorted; hidden ones (a result under construction, say) are left out. None if `dir` is missing.
+/// Returns the folders in `dir`, sorted; hidden ones (a result under construction, say) are skipped. There are none if
+/// `dir` is missing.
 fn folders(dir: &Path) -> Result<Vec<Shot>, RigError> {
     let io = |source| RigError::Io { path: dir.to_path_buf(), source };
     if !dir.exists() {
@@ -104,7 +105,7 @@ fn folders(dir: &Path) -> Result<Vec<Shot>, RigError> {
     Ok(shots)
 }
 
-/// Order by name with runs of digits compared as numbers, so that unpadded names keep the order of the sweep.
+/// Compares names with runs of digits compared as numbers, so that unpadded names keep the order of the sweep.
 pub(crate) fn natural_order(a: &str, b: &str) -> Ordering {
     let (mut x, mut y) = (a, b);
     while let (Some(p), Some(q)) = (x.chars().next(), y.chars().next()) {

@@ -13,8 +13,8 @@ use crate::board::{BoardError, Dictionary};
 
 /// A charuco detector that also reads OpenCV's legacy layout.
 ///
-/// The library knows only boards whose top-left square is black. A legacy board with an even number of rows starts with a
-/// white one: it is such a board without its first row. So the library is given one more row on top, and as many more
+/// The library knows only boards whose top-left square is black. A legacy board with an even number of rows starts with
+/// a white one: it is such a board without its first row. So the library is given one more row on top, and as many more
 /// codes at the front of the dictionary as that row has markers; what it finds is moved up by that row.
 pub(super) struct Finder {
     detector: CharucoDetector,
@@ -69,7 +69,7 @@ impl Finder {
     }
 }
 
-/// A dictionary with `n` more codes at the front, of which none is on the board (its first `used` are).
+/// Returns a dictionary with `n` more codes at the front, of which none is on the board (its first `used` are).
 fn with_front(dictionary: &Dictionary, n: usize, used: usize) -> Codes {
     // The library wants codes that live forever: made once for each dictionary and count, so nothing piles up.
     static MADE: Mutex<BTreeMap<(&str, usize, usize), Codes>> = Mutex::new(BTreeMap::new());

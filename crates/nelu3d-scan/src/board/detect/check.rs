@@ -7,8 +7,8 @@ use crate::board::{Artwork, Marker};
 /// Bits looked at along a marker's side: finer than any dictionary's, so that every bit is met.
 const SAMPLES: usize = 8;
 
-/// Mean correlation between what is printed inside the markers and the image there: 1 when all bits agree, about 0 for
-/// other bits. `None` when no marker lies in the image.
+/// Returns the mean correlation between what is printed inside the markers and the image there: 1 when all bits agree,
+/// about 0 for other bits. `None` when no marker lies in the image.
 pub(super) fn agreement(image: &Pixels, markers: &[Marker], artwork: &Artwork, warp: &Warp) -> Option<f64> {
     let (mut total, mut n) = (0.0, 0usize);
     // A hundred markers tell as much as a thousand.
@@ -38,7 +38,7 @@ pub(super) fn agreement(image: &Pixels, markers: &[Marker], artwork: &Artwork, w
     (n > 0).then(|| total / n as f64)
 }
 
-/// Pearson's; `None` when one side does not vary.
+/// Returns Pearson's correlation; `None` when one side does not vary.
 fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
     let n = pairs.len() as f64;
     let (a, b) = (pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n);

@@ -10,11 +10,11 @@ use crate::board::BoardError;
 use crate::board::layout::Squares;
 use crate::pose::Homography;
 
-/// Inner corners of the whole board.
+/// Finds the inner corners of the whole board.
 ///
 /// The library names corners by their place in whatever grid it saw. Here that grid must have the board's size (what
-/// sticks out is cropped), and is turned so that the board's black squares are black and, among the turns that leave the
-/// print unchanged, its x axis points furthest to the right.
+/// sticks out is cropped), and is turned so that the board's black squares are black and, among the turns that leave
+/// the print unchanged, its x axis points furthest to the right.
 pub(super) fn find(image: &Decimated, squares: &Squares) -> Result<Vec<Pair>, BoardError> {
     let corners = detect_corners(&image.view(), &default_chess_config());
     let detector =
@@ -45,8 +45,8 @@ pub(super) fn find(image: &Decimated, squares: &Squares) -> Result<Vec<Pair>, Bo
     Ok(pairs)
 }
 
-/// The grid as the board turned by `turns` quarters, if it has the board's size and colors: how far to the right the board's x axis
-/// points, and the corners.
+/// Takes the grid for the board turned by `turns` quarters, if it has the board's size and colors: how far to the right
+/// the board's x axis points, and the corners.
 fn place(
     image: &Decimated,
     grid: &BTreeMap<[i32; 2], [f64; 2]>,
@@ -79,7 +79,8 @@ fn place(
     Some((rightward, pairs.into_iter().map(|(b, p)| (b, image.full(p))).collect()))
 }
 
-/// Top-left of the window of this size that holds most corners; `None` when the grid is smaller than the window.
+/// Returns the top-left of the window of this size that holds most corners; `None` when the grid is smaller than the
+/// window.
 fn densest(grid: &[([i32; 2], [f64; 2])], size: [i32; 2]) -> Option<[i32; 2]> {
     let range = |k: usize| {
         let lo = grid.iter().map(|g| g.0[k]).min()?;
@@ -93,7 +94,7 @@ fn densest(grid: &[([i32; 2], [f64; 2])], size: [i32; 2]) -> Option<[i32; 2]> {
     us.flat_map(|u| vs.clone().map(move |v| [u, v])).max_by_key(|[u, v]| count(*u, *v))
 }
 
-/// How much brighter the board's white squares are than its black ones, in 8-bit steps.
+/// Returns how much brighter the board's white squares are than its black ones, in 8-bit steps.
 fn contrast(image: &Decimated, squares: &Squares, h: &Homography) -> f64 {
     let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
     for row in 0..squares.rows {

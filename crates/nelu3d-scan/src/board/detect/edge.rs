@@ -17,7 +17,7 @@ pub(super) struct Expected {
     pub(super) normal: [f64; 2],
     /// Length of the chord.
     pub(super) length: f64,
-    /// How far the middle lies off the chord, along `normal`: the lens's doing.
+    /// How far the middle lies off the chord, along `normal`: the lens bends lines.
     pub(super) sag: f64,
     /// Relative change of the light per pixel along `normal`.
     pub(super) light: f64,
@@ -38,7 +38,7 @@ pub(super) struct EdgeFit {
     pub(super) bright: f64,
 }
 
-/// Least contrast (linear) that counts as an edge.
+/// Smallest contrast (linear) that counts as an edge.
 const MIN_CONTRAST: f64 = 0.01;
 /// A profile may differ from the model by this part of the contrast (RMS) before something else is there.
 const MAX_MISFIT: f64 = 0.12;
@@ -52,12 +52,12 @@ struct Sample {
     value: f64,
 }
 
-/// Fits the image of a step, blurred by a Gaussian and by the pixel's area, to the pixels within `half_width` of the part
-/// `range` of the expected edge.
+/// Fits the image of a step, blurred by a Gaussian and by the pixel's area, to the pixels within `half_width` of the
+/// part `range` of the expected edge.
 ///
-/// The model is symmetric about the edge and lives in linear light, so blur of any amount moves it nowhere. Offset, slope,
-/// blur and the levels of both sides (each linear along the edge, for uneven lighting) are free; `blur` is where the blur
-/// starts. Returns `None` where there is no such edge, where it leaves the image, and where it is clipped.
+/// The model is symmetric about the edge and lives in linear light, so blur of any amount moves it nowhere. Offset,
+/// slope, blur and the levels of both sides (each linear along the edge, for uneven lighting) are free; `blur` is where
+/// the blur starts. Returns `None` where there is no such edge, where it leaves the image, and where it is clipped.
 pub(super) fn fit(
     image: &Pixels,
     edge: &Expected,
@@ -66,8 +66,8 @@ pub(super) fn fit(
     blur: Option<f64>,
 ) -> Option<EdgeFit> {
     let mut samples = samples(image, edge, range, half_width)?;
-    // The light's own slope across the edge would pass for a shift of it (of opposite sign on the two sides of a marker,
-    // but of the same sign as seen from the image's middle): divided out beforehand.
+    // The light's own slope across the edge would pass for a shift of it (of opposite sign on the two sides of a
+    // marker, but of the same sign as seen from the image's middle): divided out beforehand.
     samples.iter_mut().for_each(|p| p.value /= 1.0 + edge.light * p.d);
     let mut step = StepFit::new(&samples, edge, range, half_width);
     let start = step.start(blur)?;
@@ -214,7 +214,7 @@ impl Problem for StepFit<'_> {
         Some(next)
     }
 
-    /// The step after one this small would be smaller by another two orders.
+    /// Converges with a step this small: the next would be smaller by another two orders.
     fn accept(&mut self, _: f64, _: f64) -> bool {
         self.accepted = self.tried;
         self.shift < 3e-4
@@ -266,7 +266,8 @@ fn samples(image: &Pixels, edge: &Expected, range: [f64; 2], half_width: f64) ->
     (samples.len() >= 14 && clipped * 50 <= samples.len()).then_some(samples)
 }
 
-/// A unit step at 0 seen through a box (one side of the pixel) and a Gaussian: value, and derivatives by d and σ.
+/// Evaluates a unit step at 0 seen through a box (one side of the pixel) and a Gaussian: value, and derivatives by d
+/// and σ.
 ///
 /// With H(x) = x Φ(x/σ) + σ φ(x/σ), the step is (H(d + b/2) − H(d − b/2)) / b.
 fn blurred_step(d: f64, b: f64, sigma: f64) -> (f64, f64, f64) {
@@ -276,7 +277,7 @@ fn blurred_step(d: f64, b: f64, sigma: f64) -> (f64, f64, f64) {
     (value, (cdf_hi - cdf_lo) / b, (pdf_hi - pdf_lo) / b)
 }
 
-/// The normal distribution's cumulative and density. Abramowitz & Stegun 26.2.17, error below 7.5e-8.
+/// Returns the normal distribution's cumulative and density (Abramowitz & Stegun 26.2.17, error below 7.5e-8).
 fn normal(x: f64) -> (f64, f64) {
     const B: [f64; 5] = [0.319_381_530, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
     let pdf = (-0.5 * x * x).exp() * 0.398_942_280_401_432_7;

@@ -13,7 +13,7 @@ pub(super) struct Decimated {
 }
 
 impl Decimated {
-    /// Means of `factor × factor` pixels of a linear image, `top` and above being white.
+    /// Takes means of `factor × factor` pixels of a linear image, `top` and above being white.
     pub(super) fn new(gray: &[f32], width: usize, height: usize, factor: usize, top: f32) -> Self {
         let (w, h) = ((width / factor).max(1), (height / factor).max(1));
         let n = (factor * factor) as f32;
@@ -35,13 +35,13 @@ impl Decimated {
         GrayImageView { width: self.width, height: self.height, data: &self.data }
     }
 
-    /// A pixel of the full image, from one of this.
+    /// Takes a pixel of the reduced image to one of the full image.
     pub(super) fn full(&self, p: [f64; 2]) -> [f64; 2] {
         let f = self.factor as f64;
         p.map(|v| f * v + 0.5 * (f - 1.0))
     }
 
-    /// The value at the nearest pixel, `None` outside.
+    /// Returns the value at the nearest pixel, `None` outside.
     pub(super) fn at(&self, p: [f64; 2]) -> Option<u8> {
         let (x, y) = (p[0].round(), p[1].round());
         let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64;
@@ -49,8 +49,8 @@ impl Decimated {
     }
 }
 
-/// The linear value that is to become white: the 99th percentile, so that a highlight does not darken the board. `None`
-/// for a black image.
+/// Returns the linear value that is to become white: the 99th percentile, so that a highlight does not darken the
+/// board. `None` for a black image.
 pub(super) fn stretch(gray: &[f32]) -> Option<f32> {
     let stride = (gray.len() / 200_000).max(1);
     let mut sample: Vec<f32> = gray.iter().step_by(stride).copied().filter(|v| v.is_finite()).collect();

@@ -10,13 +10,13 @@ use crate::statistics::median;
 pub(super) struct Light {
     center: [f64; 2],
     scale: f64,
-    /// Of x, y, x², xy, y², in units of `scale` from `center`.
+    /// Coefficients of x, y, x², xy and y², in units of `scale` from `center`.
     coeffs: [f64; 5],
 }
 
 impl Light {
-    /// Fitted to levels of white paper (pixel and level); even where they are too few. Two rounds: levels off by far more
-    /// than most (a shadow, a highlight) do not count in the second.
+    /// Fits the light to levels of white paper (pixel and level); it is even where they are too few. Two rounds: levels
+    /// off by far more than most (a shadow, a highlight) do not count in the second.
     pub(super) fn fit(image: &Pixels, levels: &[([f64; 2], f64)]) -> Self {
         let center = [0.5 * image.width as f64, 0.5 * image.height as f64];
         let scale = center[0].max(center[1]);
@@ -50,7 +50,7 @@ impl Light {
         light
     }
 
-    /// Relative change per pixel along x and y.
+    /// Returns the relative change per pixel along x and y.
     pub(super) fn slope(&self, px: [f64; 2]) -> [f64; 2] {
         let [x, y] = self.local(px);
         let [a, b, xx, xy, yy] = self.coeffs;

@@ -16,7 +16,7 @@ pub(super) fn matcher(dictionary: &Dictionary) -> Matcher {
     Matcher::new(dictionary.codes(), (CORRECTION_RATE * correctable) as u8)
 }
 
-/// The corners of the board's markers that are seen.
+/// Finds the corners of the board's markers that are seen.
 pub(super) fn find(image: &Decimated, matcher: &Matcher, markers: &[Marker]) -> Result<Vec<Pair>, BoardError> {
     let quads = quads::find(image);
     let config = ScanDecodeConfig::default().with_inset_frac(0.02).with_dedup_by_id(false);

@@ -42,8 +42,8 @@ pub struct Detector {
 /// Images are reduced to about this many pixels for the coarse step; the final one works at full resolution.
 const COARSE_PIXELS: usize = 1_500_000;
 
-/// Least correlation between a board's bits and the image at them. A right one has more than 0.8 even in bad light, a
-/// wrong one about 0.
+/// Smallest correlation between a board's bits and the image at them. A right one has more than 0.8 even in bad light,
+/// a wrong one about 0.
 const MIN_AGREEMENT: f64 = 0.5;
 
 impl Detector {
@@ -59,19 +59,20 @@ impl Detector {
         Ok(Self { layout, artwork: Artwork::new(board)?, corners, camera: None, charuco, matcher })
     }
 
-    /// Tells the detector the camera that takes the images. Then the lens distortion is known between corners; otherwise
-    /// it is estimated from each image (radial only), which takes a board that covers a good part of the image.
+    /// Tells the detector the camera that takes the images. Then the lens distortion is known between corners;
+    /// otherwise it is estimated from each image (radial only), which takes a board that covers a good part of the
+    /// image.
     #[must_use]
     pub fn with_camera(mut self, camera: &Camera) -> Self {
         self.camera = Some(camera.clone());
         self
     }
 
-    /// The board's corners in a linear image: `height × width` values in [0, 1], where 1 and more is clipped. Pixels of
-    /// the answer follow the workspace's convention (centers at integers).
+    /// Finds the board's corners in a linear image: `height × width` values in [0, 1], where 1 and more is clipped.
+    /// Pixels of the answer follow the workspace's convention (centers at integers).
     ///
     /// Fails when the board is not there; finds at least four corners otherwise. Corners hidden, clipped or outside the
-    /// image are left out.
+    /// image are rejected.
     pub fn detect(&self, gray: &[f32], width: usize, height: usize) -> Result<Vec<Corner>, BoardError> {
         if width == 0 || height == 0 || gray.len() != width * height {
             return Err(BoardError::ImageSize { width, height, len: gray.len() });
@@ -96,7 +97,7 @@ impl Detector {
         }
     }
 
-    /// Which board point is about where.
+    /// Finds the board's points to a pixel or two.
     fn coarse(&self, image: &Decimated) -> Result<Vec<Pair>, BoardError> {
         let markers = |m: &Matcher| markers::find(image, m, &self.layout.markers);
         match (&self.charuco, &self.matcher) {
@@ -107,13 +108,14 @@ impl Detector {
         }
     }
 
-    /// Every corner of the board to a small part of a pixel.
+    /// Localizes every corner of the board to a small part of a pixel.
     fn localize(&self, pixels: &Pixels, pairs: &[Pair]) -> Result<Vec<Corner>, BoardError> {
         let camera = self.camera.as_ref();
         let lost = || BoardError::not_found(format!("the {} points seen lie on no plane", pairs.len()));
         let mut warp = Warp::fit(pairs, camera, pixels).ok_or_else(lost)?;
         let mut found = refine::corners(pixels, &self.corners, &warp, None);
-        // Once more from where they are, with strips fitting the blur; and again if that brought in many that were too far off.
+        // Once more from where they are, with strips fitting the blur; and again if that brought in many that were too
+        // far off.
         for _ in 0..3 {
             let pairs: Vec<Pair> = found.iter().map(|c| (c.corner.board_mm, c.corner.px)).collect();
             let Some(better) = Warp::fit(&pairs, camera, pixels) else { break };

@@ -8,7 +8,7 @@ pub(super) struct Pixels<'a> {
 }
 
 impl Pixels<'_> {
-    /// The value at the nearest pixel, `None` outside or where it is not finite.
+    /// Returns the value at the nearest pixel, `None` outside or where it is not finite.
     pub(super) fn nearest(&self, p: [f64; 2]) -> Option<f32> {
         let (x, y) = (p[0].round(), p[1].round());
         let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64;

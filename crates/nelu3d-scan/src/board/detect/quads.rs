@@ -5,7 +5,7 @@ use super::gray::Decimated;
 /// Sides of a quadrilateral are at least this long, px.
 const MIN_SIDE: f64 = 8.0;
 
-/// All dark quadrilaterals, clockwise as seen in the image. The same one may be found several times.
+/// Finds all dark quadrilaterals, clockwise as seen in the image. The same one may be found several times.
 pub(super) fn find(image: &Decimated) -> Vec<[[f64; 2]; 4]> {
     let small = image.width.min(image.height);
     let sums = Integral::new(image);
@@ -38,7 +38,7 @@ impl Integral {
     }
 }
 
-/// Pixels clearly darker than the mean around them.
+/// Returns the pixels clearly darker than the mean around them.
 fn threshold(image: &Decimated, integral: &Integral, radius: usize) -> Vec<bool> {
     let (w, h, s) = (image.width, image.height, integral.stride);
     let mut dark = vec![false; w * h];
@@ -88,7 +88,7 @@ fn regions(dark: &[bool], width: usize, height: usize, mut visit: impl FnMut(&[[
     }
 }
 
-/// The quadrilateral that a region fills, if there is one.
+/// Returns the quadrilateral that a region fills, if there is one.
 fn quad(pixels: &[[u32; 2]]) -> Option<[[f64; 2]; 4]> {
     let hull = hull(pixels);
     if hull.len() < 4 {
@@ -98,7 +98,8 @@ fn quad(pixels: &[[u32; 2]]) -> Option<[[f64; 2]; 4]> {
         let n = p.len();
         0.5 * (0..n).map(|i| p[i][0] * p[(i + 1) % n][1] - p[i][1] * p[(i + 1) % n][0]).sum::<f64>()
     };
-    // Four hull points of largest area: start from the extremes of the two diagonals, move one at a time while it grows.
+    // Four hull points of largest area: start from the extremes of the two diagonals, move one at a time while it
+    // grows.
     let extreme = |f: &dyn Fn(&[f64; 2]) -> f64| {
         (0..hull.len()).max_by(|&a, &b| f(&hull[a]).total_cmp(&f(&hull[b]))).expect("the hull is not empty")
     };
@@ -137,7 +138,8 @@ fn quad(pixels: &[[u32; 2]]) -> Option<[[f64; 2]; 4]> {
     (fills && sides.fold(f64::INFINITY, f64::min) >= MIN_SIDE).then_some(quad)
 }
 
-/// Convex hull of a region (of its pixels' corners), clockwise as seen in the image: Andrew's monotone chain.
+/// Returns the convex hull of a region (of its pixels' corners), clockwise as seen in the image: Andrew's monotone
+/// chain.
 fn hull(pixels: &[[u32; 2]]) -> Vec<[f64; 2]> {
     let (top, bottom) = pixels.iter().fold((u32::MAX, 0), |(a, b), p| (a.min(p[1]), b.max(p[1])));
     let mut rows = vec![(u32::MAX, 0u32); (bottom - top + 1) as usize];

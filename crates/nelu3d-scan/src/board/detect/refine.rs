@@ -36,18 +36,18 @@ const MIN_HALF_WIDTH: f64 = 1.5;
 const FIRST_HALF_WIDTH: f64 = 6.0;
 /// More of an edge than this adds cost, not accuracy, px.
 const MAX_LENGTH: f64 = 120.0;
-/// Corners less certain than this (σ, px) are left out.
+/// Corners less certain than this (σ, px) are rejected.
 const MAX_SIGMA: f64 = 0.2;
-/// The same before the blur is known: strips then keep far from the corner, and in noise the way back to it is uncertain. Such corners
-/// only place the strips of the next pass.
+/// Corners less certain than this (σ, px) are rejected before the blur is known: strips then keep far from the corner,
+/// and in noise the way back to it is uncertain. Such corners only place the strips of the next pass.
 const FIRST_MAX_SIGMA: f64 = 1.0;
 
-/// All corners whose edges are where the warp says, within the strips.
+/// Localizes all corners whose edges are where the warp says, within the strips.
 pub(super) fn corners(image: &Pixels, specs: &[CornerSpec], warp: &Warp, known: Option<&Conditions>) -> Vec<Localized> {
     specs.par_iter().filter_map(|spec| corner(image, spec, warp, known)).collect()
 }
 
-/// What a pass tells of the image.
+/// Returns blur and light of the image, from the corners of a pass.
 pub(super) fn conditions(image: &Pixels, found: &[Localized]) -> Option<Conditions> {
     let mut blurs: Vec<f64> = found.iter().map(|c| c.blur).collect();
     let levels: Vec<([f64; 2], f64)> = found.iter().map(|c| (c.corner.px, c.bright)).collect();
@@ -60,7 +60,8 @@ fn corner(image: &Pixels, spec: &CornerSpec, warp: &Warp, known: Option<&Conditi
     if !inside {
         return None;
     }
-    // Unknown: the corner's shift, and the turn of each line. Each arm measures the shift along its normal, and its turn.
+    // Unknown: the corner's shift, and the turn of each line. Each arm measures the shift along its normal, and its
+    // turn.
     let (mut a, mut g) = (Matrix4::zeros(), Vector4::zeros());
     let mut blurs = Vec::with_capacity(4);
     let mut bright = 0.0f64;

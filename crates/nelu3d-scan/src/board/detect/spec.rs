@@ -27,7 +27,7 @@ pub(super) struct Arm {
     pub(super) ends: bool,
 }
 
-/// The corners of a board: inner corners of its squares row by row, or those of its markers.
+/// Returns the corners of a board: inner corners of its squares row by row, or those of its markers.
 pub(super) fn corners(layout: &Layout) -> Vec<CornerSpec> {
     match &layout.squares {
         Some(squares) => {
@@ -87,7 +87,7 @@ fn marker_corners(markers: &[Marker], which: usize, bits: usize) -> Vec<CornerSp
     (0..4).map(spec).collect()
 }
 
-/// Distance between two convex quadrilaterals that do not overlap: one end of it is a corner.
+/// Returns the distance between two convex quadrilaterals that do not overlap: one end of it is a corner.
 fn distance(a: &[[f64; 2]; 4], b: &[[f64; 2]; 4]) -> f64 {
     let to_segment = |p: [f64; 2], s: [f64; 2], e: [f64; 2]| {
         let d = [e[0] - s[0], e[1] - s[1]];

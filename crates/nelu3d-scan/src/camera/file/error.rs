@@ -49,7 +49,7 @@ pub enum CameraFileError {
 }
 
 impl CameraFileError {
-    /// The file.
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         match self {
             CameraFileError::Io { path, .. }

@@ -31,11 +31,23 @@ use crate::output::write_atomic;
 ///
 /// The file cannot be read or parsed, a key is missing, or a value is impossible; the message names file and key.
 pub fn read_camera(path: &Path) -> Result<Camera, CameraFileError> {
-    let source = Source::read(path)?;
-    let calibration = read_any(&source)?;
-    let camera = camera(&source, &calibration)?;
-    rotation(&source, &calibration)?;
-    translation(&source, &calibration)?;
+    camera_of(&Source::read(path)?)
+}
+
+/// Reads camera intrinsics from the content of a file, as [`read_camera`] does; `path` is only for messages.
+///
+/// # Errors
+///
+/// As [`read_camera`], but for what concerns the file itself.
+pub fn camera_from_bytes(path: &Path, bytes: &[u8]) -> Result<Camera, CameraFileError> {
+    camera_of(&Source::parse(path, bytes)?)
+}
+
+fn camera_of(source: &Source) -> Result<Camera, CameraFileError> {
+    let calibration = read_any(source)?;
+    let camera = camera(source, &calibration)?;
+    rotation(source, &calibration)?;
+    translation(source, &calibration)?;
     Ok(camera)
 }
 
@@ -45,14 +57,26 @@ pub fn read_camera(path: &Path) -> Result<Camera, CameraFileError> {
 ///
 /// As for [`read_camera`]; `R` and `T` are required.
 pub fn read_projector(path: &Path) -> Result<Projector, CameraFileError> {
-    let source = Source::read(path)?;
-    let calibration = read_any(&source)?;
-    let optics = camera(&source, &calibration)?;
+    projector_of(&Source::read(path)?)
+}
+
+/// Reads a projector from the content of a file, as [`read_projector`] does; `path` is only for messages.
+///
+/// # Errors
+///
+/// As [`read_projector`], but for what concerns the file itself.
+pub fn projector_from_bytes(path: &Path, bytes: &[u8]) -> Result<Projector, CameraFileError> {
+    projector_of(&Source::parse(path, bytes)?)
+}
+
+fn projector_of(source: &Source) -> Result<Projector, CameraFileError> {
+    let calibration = read_any(source)?;
+    let optics = camera(source, &calibration)?;
     let missing = |key| {
         source.missing(key, "a projector needs R and T (X_projector = R X_camera + T, mm), as stereo calibration gives")
     };
-    let rotation = rotation(&source, &calibration)?.ok_or_else(|| missing("R"))?;
-    let translation = translation(&source, &calibration)?.ok_or_else(|| missing("T"))?;
+    let rotation = rotation(source, &calibration)?.ok_or_else(|| missing("R"))?;
+    let translation = translation(source, &calibration)?.ok_or_else(|| missing("T"))?;
     Ok(Projector { optics, proj_from_cam: Isometry3::from_parts(translation, rotation) })
 }
 
@@ -124,7 +148,7 @@ fn camera(source: &Source, c: &Calibration) -> Result<Camera, CameraFileError> {
     Ok(Camera { width: c.width.1, height: c.height.1, fx, fy, cx, cy, distortion })
 }
 
-/// The rotation, from a 3×3 matrix or a Rodrigues vector.
+/// Returns the rotation, from a 3×3 matrix or a Rodrigues vector.
 fn rotation(source: &Source, c: &Calibration) -> Result<Option<UnitQuaternion<f64>>, CameraFileError> {
     let Some((key, r)) = &c.rotation else { return Ok(None) };
     finite(source, key, r)?;

@@ -16,7 +16,7 @@ pub(super) fn read(source: &Source) -> Result<Calibration, CameraFileError> {
     })
 }
 
-/// A matrix node `{rows, cols, dt, data}`, or plain nested lists; its numbers row by row.
+/// Returns the numbers of a matrix, row by row: a node `{rows, cols, dt, data}`, or plain nested lists.
 pub(super) fn matrix(source: &Source, key: &str) -> Result<(String, Vec<f64>), CameraFileError> {
     let node = source.value(key)?;
     let Some(data) = node.get("data") else {

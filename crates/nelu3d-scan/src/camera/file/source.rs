@@ -13,17 +13,23 @@ pub(super) struct Source {
 }
 
 impl Source {
+    /// Reads and parses a file.
     pub(super) fn read(path: &Path) -> Result<Self, CameraFileError> {
         let bytes = std::fs::read(path).map_err(|source| CameraFileError::Io { path: path.to_path_buf(), source })?;
+        Self::parse(path, &bytes)
+    }
+
+    /// Parses the content of a file; `path` is for messages.
+    pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Self, CameraFileError> {
         let syntax = |format, reason| CameraFileError::Syntax { path: path.to_path_buf(), format, reason };
-        let text = std::str::from_utf8(&bytes).map_err(|e| syntax("text", e.to_string()))?;
+        let text = std::str::from_utf8(bytes).map_err(|e| syntax("text", e.to_string()))?;
         // The YAML parser takes time that grows with the square of the depth: minutes for a file of brackets.
-        if text.len() > MOST_BYTES || depth(text) > MOST_DEPTH {
+        if text.len() > MAX_BYTES || depth(text) > MAX_DEPTH {
             return Err(syntax("JSON or YAML", "it is too large or nested too deeply for a camera file".into()));
         }
         let root: Value = if text.trim_start().starts_with('{') {
-            // Python and OpenCV write `NaN`, `.Nan` and `1.` into what they call JSON: YAML allows that, so that the error
-            // can name the key instead of a line.
+            // Python and OpenCV write `NaN`, `.Nan` and `1.` into what they call JSON: YAML allows that, so that the
+            // error can name the key instead of a line.
             serde_json::from_str(text)
                 .or_else(|e| serde_yaml_ng::from_str(text).map_err(|_| syntax("JSON", e.to_string())))?
         } else {
@@ -53,12 +59,12 @@ impl Source {
         self.root.get(key).is_some_and(|v| !v.is_null())
     }
 
-    /// A value that must be there.
+    /// Returns the value of a key that must be there.
     pub(super) fn value(&self, key: &str) -> Result<&Value, CameraFileError> {
         self.root.get(key).filter(|v| !v.is_null()).ok_or_else(|| self.missing(key, "add it"))
     }
 
-    /// A whole number of pixels.
+    /// Returns a size under a key: a whole number of pixels.
     pub(super) fn size(&self, key: &str) -> Result<(String, usize), CameraFileError> {
         let value = self.value(key)?;
         // Some tools write sizes as floats (640.0).
@@ -68,12 +74,12 @@ impl Source {
         Ok((key.into(), n as usize))
     }
 
-    /// All numbers under a key, whatever lists they are nested in, row by row.
+    /// Returns all numbers under a key, whatever lists they are nested in, row by row.
     pub(super) fn numbers(&self, key: &str) -> Result<(String, Vec<f64>), CameraFileError> {
         Ok((key.into(), self.flatten(key, self.value(key)?)?))
     }
 
-    /// The numbers of `value`, whatever lists they are nested in.
+    /// Returns the numbers of `value`, whatever lists they are nested in.
     pub(super) fn flatten(&self, key: &str, value: &Value) -> Result<Vec<f64>, CameraFileError> {
         match value {
             Value::Sequence(items) => {
@@ -97,29 +103,29 @@ impl Source {
 }
 
 /// A camera file takes a few kilobytes; tools that add the corners of every image may write much more.
-const MOST_BYTES: usize = 4 << 20;
+const MAX_BYTES: usize = 4 << 20;
 
 /// As deep as a JSON parser goes.
-const MOST_DEPTH: usize = 100;
+const MAX_DEPTH: usize = 100;
 
-/// How deep brackets, or the dashes of a list within a line, are nested, at most.
+/// Returns how deep brackets, or the dashes of a list within a line, are nested, at most.
 fn depth(text: &str) -> usize {
-    let (mut open, mut most) = (0usize, 0);
+    let (mut open, mut deepest) = (0usize, 0);
     for line in text.lines() {
-        most = most.max(line.split_whitespace().take_while(|word| matches!(*word, "-" | "?")).count());
+        deepest = deepest.max(line.split_whitespace().take_while(|word| matches!(*word, "-" | "?")).count());
         for byte in line.bytes() {
             match byte {
                 b'[' | b'{' => open += 1,
                 b']' | b'}' => open = open.saturating_sub(1),
                 _ => {}
             }
-            most = most.max(open);
+            deepest = deepest.max(open);
         }
     }
-    most
+    deepest
 }
 
-/// OpenCV's YAML without what makes it no YAML: its `%YAML:1.0` header and its type tags.
+/// Returns OpenCV's YAML without what makes it no YAML: its `%YAML:1.0` header and its type tags.
 fn plain_yaml(text: &str) -> String {
     let lines = text.trim_start_matches('\u{feff}').lines().filter(|l| !l.starts_with("%YAML"));
     lines.map(|l| l.replace("!!opencv-matrix", "")).collect::<Vec<_>>().join("\n")

@@ -64,7 +64,7 @@ pub enum ImageFileError {
 }
 
 impl ImageFileError {
-    /// The file.
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         match self {
             ImageFileError::Missing { path }

@@ -5,6 +5,10 @@ use std::path::Path;
 use super::error::ImageFileError;
 use super::raw::{Raw, RawData};
 
+/// Pixels that a byte can stand for at most: Deflate makes 1 of 1032 bytes, and a byte of a bilevel image holds 8
+/// pixels.
+const MAX_PIXELS_PER_BYTE: usize = 8 * 1032;
+
 /// A file being decoded: its bytes and how to complain about it.
 pub(super) struct File<'a> {
     pub(super) path: &'a Path,
@@ -32,11 +36,16 @@ impl File<'_> {
             }
             _ if found_width == 0 || found_height == 0 => Err(self.damaged("it has no pixels")),
             // A damaged header must not make a decoder ask for all memory there is.
-            _ if found_width.saturating_mul(found_height) > 1 << 28 => {
+            _ if found_width.saturating_mul(found_height) > self.max_pixels() => {
                 Err(self.damaged(format_args!("it claims {found_width}x{found_height} pixels")))
             }
             _ => Ok(()),
         }
+    }
+
+    /// Returns how many pixels a file of this length can hold.
+    fn max_pixels(&self) -> usize {
+        (1 << 16) + self.bytes.len().saturating_mul(MAX_PIXELS_PER_BYTE).min(1 << 28)
     }
 
     pub(super) fn raw(

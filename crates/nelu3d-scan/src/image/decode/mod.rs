@@ -31,8 +31,12 @@ pub fn decode(path: &Path, size: Option<(usize, usize)>) -> Result<Raw, ImageFil
     decode_bytes(path, &bytes, size)
 }
 
-/// [`decode()`] of a file's content; `path` is only for messages.
-pub(crate) fn decode_bytes(path: &Path, bytes: &[u8], size: Option<(usize, usize)>) -> Result<Raw, ImageFileError> {
+/// Decodes the content of a file, as [`decode()`] does; `path` is only for messages.
+///
+/// # Errors
+///
+/// As [`decode()`], but for what concerns the file itself.
+pub fn decode_bytes(path: &Path, bytes: &[u8], size: Option<(usize, usize)>) -> Result<Raw, ImageFileError> {
     let file = File { path, bytes, size };
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => png::decode(&file),

@@ -19,7 +19,7 @@ pub enum Depth {
 }
 
 impl Depth {
-    /// The largest code, or `None` for floats.
+    /// Returns the largest code, or `None` for floats.
     pub fn max(self) -> Option<f64> {
         match self {
             Depth::U8 => Some(255.0),
@@ -64,7 +64,7 @@ pub struct Raw {
 }
 
 impl Raw {
-    /// What a value is stored as.
+    /// Returns what a value is stored as.
     pub fn depth(&self) -> Depth {
         match self.data {
             RawData::U8(_) => Depth::U8,
@@ -73,13 +73,13 @@ impl Raw {
         }
     }
 
-    /// The linear image: `(code − black_level) / (saturation − black_level)`, demosaiced for a mosaic. `path` is only for
-    /// messages.
+    /// Makes the linear image: `(code − black_level) / (saturation − black_level)`, demosaiced for a mosaic. `path` is
+    /// only for messages.
     ///
     /// # Errors
     ///
-    /// The file has another number of channels than the sensor, a saturation no code of this depth can reach, or a value
-    /// that is not a number.
+    /// The file has another number of channels than the sensor, a saturation no code of this depth can reach, or a
+    /// value that is not a number.
     pub fn linearize(
         &self,
         path: &Path,
@@ -141,7 +141,7 @@ impl Raw {
         Ok(())
     }
 
-    /// Whether a three-channel image is really gray.
+    /// Returns whether a three-channel image is really gray.
     fn is_gray(&self) -> bool {
         fn gray<T: PartialEq>(v: &[T]) -> bool {
             v.chunks_exact(3).all(|p| p[0] == p[1] && p[1] == p[2])

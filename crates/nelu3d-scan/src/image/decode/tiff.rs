@@ -10,13 +10,19 @@ use super::error::ImageFileError;
 use super::file::File;
 use super::raw::{Raw, RawData};
 
+/// Bytes of a pixel of three 64-bit numbers: more than any capture has.
+const MAX_BYTES_PER_PIXEL: usize = 24;
+
 pub(super) fn decode(file: &File<'_>) -> Result<Raw, ImageFileError> {
-    // The size is checked before any pixel is allocated, which makes the decoder's own limit needless.
-    let mut decoder =
-        Decoder::new(Cursor::new(file.bytes)).map_err(|e| file.damaged(e))?.with_limits(Limits::unlimited());
+    let mut decoder = Decoder::new(Cursor::new(file.bytes)).map_err(|e| file.damaged(e))?;
     let (width, height) = decoder.dimensions().map_err(|e| file.damaged(e))?;
     let (width, height) = (width as usize, height as usize);
     file.check_size(width, height)?;
+    // The size is good, so any image of it may be read, but no list that a damaged tag claims to be longer.
+    let mut limits = Limits::default();
+    limits.decoding_buffer_size = limits.decoding_buffer_size.max(MAX_BYTES_PER_PIXEL * width * height);
+    limits.intermediate_buffer_size = limits.intermediate_buffer_size.max(file.bytes.len());
+    let mut decoder = decoder.with_limits(limits);
     let channels = match decoder.colortype().map_err(|e| file.damaged(e))? {
         ColorType::Gray(_) => 1,
         ColorType::RGB(_) => 3,
@@ -37,7 +43,7 @@ pub(super) fn decode(file: &File<'_>) -> Result<Raw, ImageFileError> {
     file.raw(width, height, channels, data)
 }
 
-/// `n` pixels stored plane after plane, interleaved.
+/// Interleaves `n` pixels that are stored plane after plane.
 fn interleaved<T: Copy>(v: Vec<T>, n: usize, planar: bool) -> Vec<T> {
     if !planar || n == 0 || v.len() != 3 * n {
         return v;

@@ -1,6 +1,6 @@
 //! Uncompressed raw images of one channel in DNG and CinemaDNG files (Adobe, "Digital Negative (DNG) Specification",
-//! version 1.6; TIFF 6.0), as high-speed and cinema cameras record them: 8 to 16 bits, packed or not, in strips or tiles,
-//! with the facts about the sensor that go with them.
+//! version 1.6; TIFF 6.0), as high-speed and cinema cameras record them: 8 to 16 bits, packed or not, in strips or
+//! tiles, with the facts about the sensor that go with them.
 //!
 //! Tags are read by the `tiff` crate; it refuses to decode images of this kind itself.
 
@@ -21,7 +21,7 @@ const CFA: u64 = 32803;
 /// PhotometricInterpretation of an image without a filter.
 const LINEAR_RAW: u64 = 34892;
 
-/// Whether the file is one for [`decode`]: its name or its content says so. It may be damaged.
+/// Returns whether the file is one for [`decode`]: its name or its content says so. It may be damaged.
 pub(super) fn is_raw(path: &Path, bytes: &[u8]) -> bool {
     if ending(path) == "dng" {
         return true;
@@ -34,7 +34,7 @@ pub(super) fn is_raw(path: &Path, bytes: &[u8]) -> bool {
     matches!(photometric, Some(CFA | LINEAR_RAW)) || matches!(bits, Some(10 | 12 | 14))
 }
 
-/// The codes of the raw image in a file of this (width, height), and what it says about the sensor.
+/// Decodes the raw image in a file of this (width, height); returns its codes, and what the file says about the sensor.
 pub(super) fn decode(path: &Path, bytes: Vec<u8>, size: (usize, usize)) -> Result<(Raw, Facts), ImageFileError> {
     let file = File { path, size };
     if bytes.is_empty() {
@@ -48,7 +48,7 @@ pub(super) fn decode(path: &Path, bytes: Vec<u8>, size: (usize, usize)) -> Resul
     Image { file, tags: &mut tags, dir: &dir }.decode()
 }
 
-/// The directory of the raw image: the first that is no preview (NewSubfileType, bit 0), children included.
+/// Returns the directory of the raw image: the first that is no preview (NewSubfileType, bit 0), children included.
 fn raw_directory(tags: &mut Tags) -> Result<Directory, String> {
     let first = tags.first()?;
     let children = tags.children(&first)?;
@@ -96,6 +96,10 @@ impl Image<'_> {
         if !(8..=16).contains(&bits) {
             return Err(self.file.kind(format!("has {bits} bits a pixel"), "record or convert it with 8 to 16 bits"));
         }
+        // What is not compressed takes its place: a damaged header must not make us ask for more.
+        if (width * height).saturating_mul(bits as usize) / 8 > self.tags.bytes().len() {
+            return Err(self.file.damaged(format_args!("it claims {width}x{height} pixels, which it cannot hold")));
+        }
         let area = self.active_area(width, height)?;
         let (found_width, found_height) = (area[3] - area[1], area[2] - area[0]);
         let (want_width, want_height) = self.file.size;
@@ -130,7 +134,7 @@ impl Image<'_> {
         Ok((Raw { width: found_width, height: found_height, channels: 1, data: RawData::U16(data) }, facts))
     }
 
-    /// The color filter. Its pattern begins at the top left of the active area.
+    /// Returns the color filter, whose pattern begins at the top left of the active area.
     fn channels(&mut self, photometric: Option<u64>) -> Result<Channels, ImageFileError> {
         let samples = self.number(tags::SAMPLES_PER_PIXEL)?.unwrap_or(1);
         let remedy = "record raw frames, or save them as 8 or 16-bit TIFF";
@@ -175,7 +179,7 @@ impl Image<'_> {
         }
     }
 
-    /// Top, left, bottom, right of the pixels that see light; the others are masked.
+    /// Returns top, left, bottom, right of the pixels that see light; the others are masked.
     fn active_area(&mut self, width: usize, height: usize) -> Result<[usize; 4], ImageFileError> {
         let area = self.numbers(tags::ACTIVE_AREA)?;
         if area.is_empty() {
@@ -190,7 +194,7 @@ impl Image<'_> {
         }
     }
 
-    /// Where the strips or tiles lie, in the file and in the image.
+    /// Returns where the strips or tiles lie, in the file and in the image.
     fn chunks(&mut self, width: usize, height: usize) -> Result<Vec<unpack::Chunk>, ImageFileError> {
         let tiled = !self.numbers(tags::TILE_OFFSETS)?.is_empty();
         let (offsets, lengths) = if tiled {
@@ -233,7 +237,7 @@ impl Image<'_> {
         Ok(())
     }
 
-    /// One black level for all pixels: the mean of those of the filter's cell.
+    /// Returns one black level for all pixels: the mean of those of the filter's cell.
     fn black_level(&mut self) -> Result<Option<f64>, ImageFileError> {
         let levels = self.numbers(tags::BLACK_LEVEL)?;
         let mean = levels.iter().sum::<f64>() / levels.len() as f64;

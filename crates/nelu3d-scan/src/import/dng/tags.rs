@@ -41,8 +41,8 @@ pub(super) struct Tags {
 }
 
 impl Tags {
-    /// The crate decodes the first image's description at once and refuses one with a color filter. So it is shown
-    /// another one first, appended here: a gray pixel.
+    /// Opens a file. The crate decodes the first image's description at once and refuses one with a color filter: it is
+    /// shown another one first, appended here: a gray pixel.
     pub(super) fn new(mut bytes: Vec<u8>) -> Result<Self, String> {
         let big = bytes.starts_with(b"MM");
         let header: [u8; 4] = bytes.get(4..8).and_then(|b| b.try_into().ok()).ok_or("it ends in its header")?;
@@ -64,17 +64,17 @@ impl Tags {
         Ok(Self { decoder, first: u64::from(first), len })
     }
 
-    /// The file, as it was given.
+    /// Returns the file, as it was given.
     pub(super) fn bytes(&mut self) -> &[u8] {
         &self.decoder.inner().get_ref()[..self.len]
     }
 
-    /// The file's first directory.
+    /// Returns the file's first directory.
     pub(super) fn first(&mut self) -> Result<Directory, String> {
         self.decoder.read_directory(IfdPointer(self.first)).map_err(|e| e.to_string())
     }
 
-    /// The directories that hang from one.
+    /// Returns the directories that hang from one.
     pub(super) fn children(&mut self, dir: &Directory) -> Result<Vec<Directory>, String> {
         let Some(value) = self.value(dir, SUB_IFDS)? else { return Ok(Vec::new()) };
         let pointers = value.into_ifd_vec().map_err(|e| e.to_string())?;
@@ -82,13 +82,14 @@ impl Tags {
         pointers.into_iter().take(MAX_CHILDREN).map(read).collect()
     }
 
-    /// The value of a tag that has one whole number, or the first of several.
+    /// Returns the value of a tag that has one whole number, or the first of several.
     pub(super) fn number(&mut self, dir: &Directory, tag: u16) -> Result<Option<u64>, String> {
         let first = self.numbers(dir, tag)?.first().copied();
         Ok(first.map(|v| v as u64))
     }
 
-    /// All numbers of a tag; none if there is no such tag. Those of more than 2⁵³ lose digits, which no file can reach.
+    /// Returns all numbers of a tag; none if there is no such tag. Those of more than 2⁵³ lose digits, which no file
+    /// can reach.
     pub(super) fn numbers(&mut self, dir: &Directory, tag: u16) -> Result<Vec<f64>, String> {
         let Some(value) = self.value(dir, tag)? else { return Ok(Vec::new()) };
         let values = match value {

@@ -51,7 +51,7 @@ pub(super) fn unpack(
     Ok(())
 }
 
-/// The `bits` ≤ 16 bits from bit `at` on. Up to 23 bits have to be looked at: three bytes.
+/// Returns the `bits` ≤ 16 bits from bit `at` on. Up to 23 bits have to be looked at: three bytes.
 fn packed(bytes: &[u8], at: usize, bits: usize) -> u16 {
     let byte = |i: usize| u32::from(bytes.get(at / 8 + i).copied().unwrap_or(0));
     let window = byte(0) << 16 | byte(1) << 8 | byte(2);

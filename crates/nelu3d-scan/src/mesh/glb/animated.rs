@@ -1,8 +1,9 @@
-//! A sequence of meshes as one animated file: every frame is a node whose scale is 1 during its own frame and 0 otherwise.
+//! A sequence of meshes as one animated file: every frame is a node whose scale is 1 during its own frame and 0
+//! otherwise.
 //!
-//! glTF has no visibility that could be animated; a scale of 0 is what its specification recommends for hiding (2.0, §5.25:
-//! with all of it zero, renderers may skip the node). Steps, not blends: in any viewer that plays animations exactly one
-//! frame is to be seen. One that does not shows the first.
+//! glTF has no visibility that could be animated; a scale of 0 is what its specification recommends for hiding (2.0,
+//! §5.25: with all of it zero, renderers may skip the node). Steps, not blends: in any viewer that plays animations
+//! exactly one frame is to be seen. One that does not shows the first.
 
 use std::io;
 use std::path::Path;
@@ -13,8 +14,8 @@ use super::{Buffers, FLOAT, push_mesh, write_file};
 use crate::mesh::model::Mesh;
 use crate::output::write_atomic;
 
-/// An animated `.glb` file in the making: one mesh after the other is pushed, then the file is written. What is kept of a
-/// mesh are its bytes in the file: 12 a vertex, 12 more for normals, 8 for colors, and 6 or 12 a triangle.
+/// An animated `.glb` file in the making: one mesh after the other is pushed, then the file is written. What is kept of
+/// a mesh are its bytes in the file: 12 a vertex, 12 more for normals, 8 for colors, and 6 or 12 a triangle.
 #[derive(Debug)]
 pub struct AnimatedGlb {
     fps: f64,
@@ -25,7 +26,7 @@ pub struct AnimatedGlb {
 }
 
 impl AnimatedGlb {
-    /// A sequence that is shown at this many frames a second.
+    /// Starts a sequence that is shown at this many frames a second.
     ///
     /// # Panics
     ///
@@ -35,7 +36,8 @@ impl AnimatedGlb {
         Self { fps, buffers: Buffers::default(), meshes: Vec::new(), frames: Vec::new() }
     }
 
-    /// Appends a frame, with normals and colors as [`write`](crate::mesh::write()) has them. An empty mesh shows nothing.
+    /// Appends a frame, with normals and colors as [`write`](crate::mesh::write()) has them. An empty mesh shows
+    /// nothing.
     ///
     /// # Errors
     ///
@@ -94,8 +96,8 @@ impl AnimatedGlb {
         write_atomic(path, |w| write_file(scene, self.buffers, w))
     }
 
-    /// The animation, whose arrays are appended to the buffer. Frame i is shown from i / fps to (i + 1) / fps; the last one
-    /// also at the very end, for the moment before the viewer begins again.
+    /// Makes the animation, whose arrays are appended to the buffer. Frame i is shown from i / fps to (i + 1) / fps;
+    /// the last one also at the very end, for the moment before the viewer begins again.
     fn animation(&mut self) -> Value {
         let n = self.frames.len();
         let time = |i: usize| (i as f64 / self.fps) as f32;

@@ -154,7 +154,7 @@ fn push_mesh(mesh: &Mesh, buffers: &mut Buffers) -> Value {
     primitive
 }
 
-/// An 8-bit sRGB value, as pictures have, to the linear light glTF wants (IEC 61966-2-1), 16 bits.
+/// Converts an 8-bit sRGB value, as pictures have, to the linear light glTF wants (IEC 61966-2-1), 16 bits.
 fn linear_u16(c: u8) -> u16 {
     let c = f64::from(c) / 255.0;
     let linear = if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };

@@ -12,7 +12,7 @@ pub(super) use validate::from_toml;
 
 use self::schema::{FORMAT, to_toml};
 use super::{PROJECTOR_FILE, RIG_FILE, Rig, RigError};
-use crate::camera::{read_camera, read_projector, write_camera, write_projector};
+use crate::camera::{Camera, Projector, read_camera, read_projector, write_camera, write_projector};
 use crate::output::{create_dir, write_atomic};
 
 impl Rig {
@@ -22,14 +22,33 @@ impl Rig {
     ///
     /// # Errors
     ///
-    /// No rig is there; rig.toml has an unknown key, a newer format or an impossible value; the camera or projector file
-    /// is bad. The message names the file, the key and a remedy.
+    /// No rig is there; rig.toml has an unknown key, a newer format or an impossible value; the camera or projector
+    /// file is bad. The message names the file, the key and a remedy.
     pub fn open(path: &Path) -> Result<Self, RigError> {
         let (root, toml) = read_toml(path)?;
         let camera = read_camera(&root.join(&toml.camera.intrinsics))?;
         let file = root.join(PROJECTOR_FILE);
         let projector = if file.exists() { Some(read_projector(&file)?) } else { None };
-        let (rig, problems) = from_toml(&root, toml, camera, projector);
+        Self::checked(&root, toml, camera, projector)
+    }
+
+    /// Makes the rig of the folder `root` from the content of its rig.toml, its camera and its projector. No file is
+    /// read.
+    ///
+    /// # Errors
+    ///
+    /// As [`Rig::open`], for rig.toml.
+    pub fn from_bytes(
+        root: &Path,
+        bytes: Vec<u8>,
+        camera: Camera,
+        projector: Option<Projector>,
+    ) -> Result<Self, RigError> {
+        Self::checked(root, parse(&root.join(RIG_FILE), bytes)?, camera, projector)
+    }
+
+    fn checked(root: &Path, toml: RigToml, camera: Camera, projector: Option<Projector>) -> Result<Self, RigError> {
+        let (rig, problems) = from_toml(root, toml, camera, projector);
         match problems.into_iter().next() {
             Some(first) => Err(first),
             None => Ok(rig),

@@ -65,8 +65,8 @@ pub(in crate::rig) struct PatternSetToml {
     pub(in crate::rig) inverse: Vec<String>,
 }
 
-/// The table `[board]`, with the keys of all kinds of board: which keys a kind has is checked by hand, which gives better
-/// messages than an enum.
+/// The table `[board]`, with the keys of all kinds of board: which keys a kind has is checked by hand, which gives
+/// better messages than an enum.
 #[derive(Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::rig) struct BoardToml {
