@@ -9,7 +9,7 @@ use crate::image::{Depth, ImageFileError};
 /// Why a rig folder could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum RigError {
-    /// No rig here.
+    /// The path has no rig.toml.
     #[error("{}: is no rig: it has no rig.toml; give the folder of a rig, or write its rig.toml", path.display())]
     NotARig {
         /// The path given.

@@ -60,7 +60,7 @@ fn raw_directory(tags: &mut Tags) -> Result<Directory, String> {
     Err("it has only previews".into())
 }
 
-/// Whose file it is that is decoded, for complaints.
+/// The file that is decoded, for messages.
 struct File<'a> {
     path: &'a Path,
     size: (usize, usize),
