@@ -196,7 +196,8 @@ fn set_levels(
     }
     if request.saturation.is_none() && !found.certain {
         notes.push(format!(
-            "saturation {} is {}; correct it in rig.toml, or import again with --saturation, if the sensor clips elsewhere",
+            "saturation {} is {}; correct it in rig.toml, or import again with --saturation, if the sensor clips \
+             elsewhere",
             found.saturation, found.reason
         ));
     }

@@ -27,8 +27,8 @@ pub enum PoseError {
     },
     /// The sweep has too few usable positions.
     #[error(
-        "only {usable} of {total} board positions are usable, and at least 3 are needed ({}); show the whole board at more \
-         positions, and check that it is the one described in rig.toml",
+        "only {usable} of {total} board positions are usable, and at least 3 are needed ({}); show the whole board at \
+         more positions, and check that it is the one described in rig.toml",
         list(reasons)
     )]
     TooFewPositions {

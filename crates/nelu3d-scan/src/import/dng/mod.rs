@@ -173,7 +173,8 @@ impl Image<'_> {
                 Err(self.file.kind(
                     format!("is compressed by {name}, which cannot be read"),
                     "convert it to uncompressed DNG, with Adobe DNG Converter (custom compatibility: uncompressed) or \
-                     dnglab convert --compression uncompressed; or to 16-bit TIFF without developing it: dcraw -D -4 -T",
+                     dnglab convert --compression uncompressed; or to 16-bit TIFF without developing it: dcraw -D -4 \
+                     -T",
                 ))
             }
         }
