@@ -38,6 +38,8 @@ pub trait Problem {
 pub enum SingularSystem {
     /// The damping is raised, as after a trial that did not help.
     RaisesDamping,
+    /// The search ends with the best parameters so far.
+    Stops,
     /// The search ends without a result.
     Fails,
 }
@@ -106,6 +108,7 @@ pub fn minimize<P: Problem>(problem: &mut P, start: P::Parameters, settings: &Lm
             let Some(candidate) = problem.step(&parameters, damping) else {
                 match settings.singular {
                     SingularSystem::RaisesDamping => damping *= settings.raise,
+                    SingularSystem::Stops => return Some(parameters),
                     SingularSystem::Fails => return None,
                 }
                 continue;

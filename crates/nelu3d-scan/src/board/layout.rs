@@ -122,8 +122,8 @@ fn check_markers(markers: &[Marker], dictionary: &Dictionary) -> Result<(), Boar
         });
         if !convex || c.iter().flatten().any(|v| !v.is_finite()) {
             return Err(BoardError::invalid(format!(
-                "the corners of marker {} are not a convex quadrilateral, clockwise as one looks at the print (x to the \
-                 right, y down)",
+                "the corners of marker {} are not a convex quadrilateral, clockwise as one looks at the print (x to \
+                 the right, y down)",
                 m.id
             )));
         }

@@ -28,7 +28,7 @@ pub(super) struct Batch<'a> {
 }
 
 impl Batch<'_> {
-    /// Puts every group into its own folder under `dir`; the codes that occurred, and the folders.
+    /// Puts every group into its own folder under `dir`; returns the codes that occurred, and the folders.
     pub(super) fn all(&self, dir: &Path) -> Result<(Codes, Vec<PathBuf>), ImportError> {
         let done = AtomicUsize::new(0);
         let folders: Vec<PathBuf> = (0..self.groups.len()).map(|i| numbered(dir, i)).collect();

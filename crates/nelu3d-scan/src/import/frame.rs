@@ -7,26 +7,26 @@ use super::facts::Facts;
 use super::{ImportError, dng};
 use crate::image::{ImageFileError, Raw, RawData, decode_bytes};
 
-/// What a frame's file is.
+/// The format of a frame's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
-    /// Which a rig can hold as it is.
+    /// A PNG file, which a rig can hold as it is.
     Png,
-    /// Which a rig can hold as it is.
+    /// A TIFF file, which a rig can hold as it is.
     Tiff,
-    /// Which becomes one of the others.
+    /// A DNG file, which becomes one of the others.
     Dng,
 }
 
 /// A frame that has been read.
 pub(super) struct Frame {
-    /// Its file.
+    /// The file that it was read from.
     pub path: PathBuf,
-    /// What that is.
+    /// The format of that file.
     pub format: Format,
-    /// Its codes.
+    /// The sensor's codes.
     pub raw: Raw,
-    /// What else it says.
+    /// What the file says about the sensor.
     pub facts: Facts,
 }
 
@@ -47,7 +47,7 @@ pub(super) fn read(path: &Path, size: (usize, usize)) -> Result<Frame, ImageFile
     Ok(Frame { path: path.to_path_buf(), format, raw, facts })
 }
 
-/// What all frames of a recording have to agree in.
+/// The properties that all frames of a recording share.
 #[derive(Clone, Debug)]
 pub(super) struct Kind {
     path: PathBuf,
@@ -64,7 +64,7 @@ impl Kind {
         Self { path, format: frame.format, depth: raw.depth(), channels: raw.channels, facts }
     }
 
-    /// Complains about a frame of another kind.
+    /// Fails for a frame of another kind.
     pub(super) fn check(&self, frame: &Frame) -> Result<(), ImportError> {
         let first = super::frames::file_name(&self.path);
         let raw = &frame.raw;

@@ -49,7 +49,7 @@ pub(super) fn list(dir: &Path, first: Option<usize>, last: Option<usize>) -> Res
     Ok(all[from - 1..to].to_vec())
 }
 
-/// Complains if the numbers in the names jump in a way that would shift all later frames to another place in their
+/// Fails if the numbers in the names jump in a way that would shift all later frames to another place in their
 /// group: a frame that was lost in copying, say. Names without a regular numbering (times, say) tell nothing.
 pub(super) fn check_numbers(frames: &[PathBuf], group: usize) -> Result<(), ImportError> {
     let Some(numbers) = frames.iter().map(|f| number(f)).collect::<Option<Vec<_>>>() else { return Ok(()) };

@@ -9,9 +9,9 @@ use crate::image::{Raw, RawData};
 /// What the codes of a recording have in common.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Codes {
-    /// The greatest.
+    /// The largest code.
     pub max: u16,
-    /// Every bit that any of them has.
+    /// Every bit that is set in any code.
     pub bits: u16,
 }
 
@@ -38,7 +38,7 @@ impl Codes {
     }
 }
 
-/// Black level and saturation, and where they are from.
+/// Black level and saturation, and how they were found.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Levels {
     pub black: f64,

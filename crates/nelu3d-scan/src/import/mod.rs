@@ -36,7 +36,7 @@ use crate::image::{ImageFileError, Raw};
 use crate::output::{OutputDir, write_atomic};
 use crate::rig::{RIG_FILE, Rig};
 
-/// What was imported, in every folder that an import made: tells such folders from somebody's own.
+/// Name of the report in every folder that an import made. It tells such folders from somebody's own.
 pub const IMPORT_FILE: &str = "import.json";
 
 /// Imports a recording. `progress` hears how many of how many frames are done, and returns whether to go on.
@@ -196,7 +196,8 @@ fn set_levels(
     }
     if request.saturation.is_none() && !found.certain {
         notes.push(format!(
-            "saturation {} is {}; correct it in rig.toml, or import again with --saturation, if the sensor clips elsewhere",
+            "saturation {} is {}; correct it in rig.toml, or import again with --saturation, if the sensor clips \
+             elsewhere",
             found.saturation, found.reason
         ));
     }

@@ -6,10 +6,10 @@ use std::path::Path;
 use super::ImportError;
 use crate::rig::{PatternSet, RIG_FILE, Rig};
 
-/// The word for a frame to leave out.
+/// The word for a frame to skip.
 const SKIP: &str = "skip";
 
-/// The file name of each frame of a group; `None` for one to leave out.
+/// The file name of each frame of a group; `None` for one to skip.
 pub(super) type Slots = Vec<Option<String>>;
 
 /// Returns the order that `words` state, for a rig that exists; without words, the images of the set and then white.
@@ -86,7 +86,7 @@ pub(super) fn of_new(
     Ok((slots, PatternSet { name: set.unwrap_or("recorded").into(), images, inverse: Vec::new() }))
 }
 
-/// Complains about an order that says nothing or the same twice.
+/// Fails for an order that names nothing, or an image twice.
 fn checked(slots: Slots, path: &Path) -> Result<Slots, ImportError> {
     let mut seen = HashSet::new();
     for name in slots.iter().flatten() {

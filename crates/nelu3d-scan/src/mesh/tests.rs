@@ -97,8 +97,10 @@ fn other_peoples_files_are_understood() {
     fs::write(
         path("ascii.ply"),
         "ply\r\nformat ascii 1.0\r\ncomment x\r\nelement vertex 4\r\nproperty double x\r\nproperty double y\r\n\
-         property double z\r\nproperty float red\r\nproperty float green\r\nproperty float blue\r\nproperty list uchar int tags\r\n\
-         element edge 1\r\nproperty int a\r\nelement face 1\r\nproperty uchar flag\r\nproperty list uchar uint vertex_index\r\n\
+         property double z\r\nproperty float red\r\nproperty float green\r\nproperty float blue\r\n\
+         property list uchar int tags\r\n\
+         element edge 1\r\nproperty int a\r\nelement face 1\r\nproperty uchar flag\r\n\
+         property list uchar uint vertex_index\r\n\
          end_header\r\n0 0 0 1 0.5 0 0\r\n1 0 0 0 0 0 2 7 7\r\n1 1 0 0 0 0 0\r\n0 1 0 0 0 0 0\r\n5\r\n9 4 0 1 2 3\r\n",
     )
     .unwrap();
@@ -121,12 +123,18 @@ fn other_peoples_files_are_understood() {
 
     fs::write(
         path("two.obj"),
-        "mtllib none.mtl\no a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl red\nf 1 2 3 4\no b\nv 0 0 5\nf -1/1 1//1 2\n",
+        "mtllib none.mtl\no a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl red\nf 1 2 3 4\no b\n\
+         v 0 0 5\nf -1/1 1//1 2\n",
     )
     .unwrap();
     // Materials and texture coordinates that are not there do not matter to the shape.
     assert_eq!(Mesh::read(&path("two.obj")).unwrap().faces.len(), 3);
-    fs::write(path("two.obj"), "o a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\no b\nv 0 0 5\nf -1 1 2\n").unwrap();
+    fs::write(
+        path("two.obj"),
+        "o a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\no b\n\
+         v 0 0 5\nf -1 1 2\n",
+    )
+    .unwrap();
     let m = Mesh::read(&path("two.obj")).unwrap();
     assert_eq!(m.faces.len(), 3);
     let corners: Vec<_> = m.faces[2].iter().map(|&i| m.vertices[i as usize]).collect();
@@ -134,7 +142,8 @@ fn other_peoples_files_are_understood() {
 
     fs::write(
         path("a.stl"),
-        "solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid x\n",
+        "solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n\
+         endloop\nendfacet\nendsolid x\n",
     )
     .unwrap();
     assert_eq!(Mesh::read(&path("a.stl")).unwrap().faces, [[0, 1, 2]]);
@@ -289,7 +298,8 @@ fn glb_nodes_are_placed() {
             "buffers": [{"byteLength": 72}],
             "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 36}],
             "accessors": [
-                {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]},
+                {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+                 "min": [0, 0, 0], "max": [1, 1, 0]},
                 {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC3"},
             ],
         });

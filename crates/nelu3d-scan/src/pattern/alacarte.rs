@@ -14,10 +14,10 @@ use crate::image::Image;
 ///
 /// What is minimized is a soft form of the paper's expected number of correspondence errors (the indicator of the
 /// decoded column becomes a softmax of ZNCC scores over all columns): for a column p seen with normal noise, the
-/// softmax's share of columns further than `tolerance_px` from p. Columns and noise are drawn anew in every iteration;
-/// Adam follows the exact gradient. Where this differs from the paper: the frequency cap is kept by construction (a
-/// pattern is a sum of waves below the cap) and not by a penalty, and every column of the light source is a candidate
-/// for every pixel, as the geometry is not known here.
+/// softmax's fraction on columns further than `tolerance_px` from p. Columns and noise are drawn anew in every
+/// iteration; Adam follows the exact gradient. Where this differs from the paper: the frequency cap is kept by
+/// construction (a pattern is a sum of waves below the cap) and not by a penalty, and every column of the light source
+/// is a candidate for every pixel, as the geometry is not known here.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[cfg_attr(feature = "clap", derive(clap::Args))]

@@ -6,11 +6,11 @@ use crate::image::Image;
 /// How an image changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stripes {
-    /// Not at all.
+    /// It is constant.
     Constant,
-    /// Along one axis only.
+    /// It changes along one axis only.
     Along(Axis),
-    /// Along both.
+    /// It changes along both axes.
     Both,
 }
 

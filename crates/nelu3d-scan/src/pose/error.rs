@@ -1,7 +1,7 @@
-/// Why a pose, or the poses of a sweep, cannot be told.
+/// Why a pose, or the poses of a sweep, cannot be solved for.
 #[derive(Debug, thiserror::Error)]
 pub enum PoseError {
-    /// A plane's pose takes four corners.
+    /// The pose of a plane takes four corners.
     #[error("{found} corners are too few for a pose: at least 4 are needed")]
     TooFewCorners {
         /// Corners given.
@@ -27,8 +27,8 @@ pub enum PoseError {
     },
     /// The sweep has too few usable positions.
     #[error(
-        "only {usable} of {total} board positions are usable, and at least 3 are needed ({}); show the whole board at more \
-         positions, and check that it is the one described in rig.toml",
+        "only {usable} of {total} board positions are usable, and at least 3 are needed ({}); show the whole board at \
+         more positions, and check that it is the one described in rig.toml",
         list(reasons)
     )]
     TooFewPositions {

@@ -163,7 +163,7 @@ impl Trajectory {
         Ok(Self::stage(&views, camera, &stage, rejected, "asked for".into(), detections))
     }
 
-    /// Takes over poses that are known without looking. Fewer than 3 are an error.
+    /// Takes over poses that are known without detecting the board. Fewer than 3 are an error.
     pub fn from_known(poses: &[KnownPose]) -> Result<Self, PoseError> {
         if poses.len() < 3 {
             return Err(PoseError::TooFewPositions { usable: poses.len(), total: poses.len(), reasons: Vec::new() });

@@ -17,7 +17,7 @@ pub enum Need {
     Frame,
 }
 
-/// What an image of a shot is.
+/// The role of an image in a shot.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum What {
     /// White or black: as the camera takes images.
@@ -35,8 +35,8 @@ pub struct Capture {
     pub black: Option<Image>,
     /// One image per pattern of the set, in its order.
     pub patterns: Vec<Image>,
-    /// Which of them are mono images of a color camera: one value a pixel, whose ratio to the flash stands in all three
-    /// channels.
+    /// For each pattern, whether it is a mono image of a color camera: one value a pixel, whose ratio to the flash
+    /// stands in all three channels.
     pub mono: Vec<bool>,
 }
 

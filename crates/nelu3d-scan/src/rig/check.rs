@@ -47,11 +47,11 @@ impl std::fmt::Display for Finding {
     }
 }
 
-/// The least white − black that counts as light, as a share of full scale.
+/// Smallest white − black that counts as light, as a fraction of full scale.
 const DARK: f32 = 0.02;
-/// A share of pixels that counts as nearly all.
+/// Fraction of pixels that counts as nearly all.
 const NEARLY_ALL: f64 = 0.99;
-/// The fewest usable board positions.
+/// Smallest number of usable board positions.
 const MIN_POSITIONS: usize = 3;
 
 /// What kind of folder a shot is.
@@ -175,7 +175,7 @@ fn list_shots(rig: &Rig, has_target: bool, findings: &mut Vec<Finding>) -> Vec<(
     shots
 }
 
-/// Checks shots; what it needs to know of the rig.
+/// Checks shots, with what it needs to know of the rig.
 struct Checker<'a> {
     rig: &'a Rig,
     /// Size of the images, if the intrinsics are good.
@@ -184,7 +184,7 @@ struct Checker<'a> {
     sensor_known: bool,
 }
 
-/// What the images of a shot have to agree in.
+/// The properties that all images of a shot share.
 struct Agreed {
     file: PathBuf,
     depth: Depth,
@@ -195,7 +195,7 @@ struct Agreed {
 /// A pattern of a shot, and the number of its channels.
 type Count = (PathBuf, usize);
 
-/// Complains about patterns that have another number of channels than in the shot where they are first.
+/// Adds a finding for each pattern that has another number of channels than in the shot where they are first.
 fn compare_counts(findings: &mut [Vec<Finding>], counts: &[Vec<Count>]) {
     let mut first: HashMap<&OsStr, &Count> = HashMap::new();
     for (findings, counts) in findings.iter_mut().zip(counts) {
@@ -243,7 +243,7 @@ impl Checker<'_> {
             let file = shot.dir.join(name);
             if let Some(image) = self.image(&file, What::Pattern, &mut agreed, &mut findings) {
                 counts.push((file.clone(), image.channels));
-                if share(&image, |v| v >= 1.0) > NEARLY_ALL {
+                if fraction(&image, |v| v >= 1.0) > NEARLY_ALL {
                     findings.push(error(file, "is clipped nearly everywhere", CLIPPED_REMEDY));
                 }
             }
@@ -252,7 +252,7 @@ impl Checker<'_> {
         (findings, counts)
     }
 
-    /// Reads an image and says all that is wrong with it. `None` if it cannot be used.
+    /// Reads an image and adds a finding for all that is wrong with it. Returns `None` if it cannot be used.
     fn image(
         &self,
         file: &Path,
@@ -301,7 +301,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Checks `truth/`, if there is one.
+    /// Checks the ground truth in `truth/`, if there is one.
     fn check_ground_truth(&self, shot: &Shot, findings: &mut Vec<Finding>) {
         let dir = shot.dir.join("truth");
         let depth_file = dir.join("depth.npy");
@@ -343,7 +343,7 @@ const CLIPPED_REMEDY: &str = "shorten the exposure, dim the light, or correct ca
 
 /// Checks that the flash is one: brighter than the ambient light, and not clipped.
 fn check_flash(file: &Path, white: &Image, black: Option<&Image>, findings: &mut Vec<Finding>) {
-    let clipped = share(white, |v| v >= 1.0);
+    let clipped = fraction(white, |v| v >= 1.0);
     if clipped > NEARLY_ALL {
         findings.push(error(file.to_path_buf(), "is clipped nearly everywhere", CLIPPED_REMEDY));
         return;
@@ -356,7 +356,7 @@ fn check_flash(file: &Path, white: &Image, black: Option<&Image>, findings: &mut
             let n = white.data.iter().zip(&black.data).filter(|(w, b)| *w - *b < DARK).count();
             n as f64 / white.data.len() as f64
         }
-        None => share(white, |v| v < DARK),
+        None => fraction(white, |v| v < DARK),
     };
     if dark > NEARLY_ALL {
         let problem = "is not brighter than black by 2 % of full scale, nearly everywhere";
@@ -366,7 +366,7 @@ fn check_flash(file: &Path, white: &Image, black: Option<&Image>, findings: &mut
 }
 
 /// Returns the fraction of values with a property.
-fn share(image: &Image, property: impl Fn(f32) -> bool) -> f64 {
+fn fraction(image: &Image, property: impl Fn(f32) -> bool) -> f64 {
     image.data.iter().filter(|&&v| property(v)).count() as f64 / image.data.len() as f64
 }
 

@@ -9,7 +9,7 @@ use crate::image::{Depth, ImageFileError};
 /// Why a rig folder could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum RigError {
-    /// No rig here.
+    /// The path has no rig.toml.
     #[error("{}: is no rig: it has no rig.toml; give the folder of a rig, or write its rig.toml", path.display())]
     NotARig {
         /// The path given.
@@ -80,7 +80,8 @@ pub enum RigError {
     /// Images of one name are mono in one folder and colored in another.
     #[error(
         "{}: has {} where {} has {}; take this pattern the same way everywhere",
-        path.display(), if *mono { "one channel" } else { "three channels" }, other.display(), if *mono { "three" } else { "one" }
+        path.display(), if *mono { "one channel" } else { "three channels" },
+        other.display(), if *mono { "three" } else { "one" }
     )]
     MixedChannels {
         /// A file.
@@ -94,7 +95,11 @@ pub enum RigError {
     #[error(
         "{}: has no pattern set{}; {}", path.display(),
         name.as_ref().map(|n| format!(" `{n}`")).unwrap_or_default(),
-        if known.is_empty() { "add a [[pattern_sets]] with name and images".into() } else { format!("it has: {}", known.join(", ")) }
+        if known.is_empty() {
+            "add a [[pattern_sets]] with name and images".into()
+        } else {
+            format!("it has: {}", known.join(", "))
+        }
     )]
     NoPatternSet {
         /// The rig.toml.

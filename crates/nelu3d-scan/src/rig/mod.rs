@@ -32,7 +32,7 @@ pub struct PatternSet {
     pub inverse: Vec<String>,
 }
 
-/// Where the board was, when that is known without looking.
+/// The pose of the board at a position, known without detecting the board.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KnownPose {
     /// Name of the position's folder.
@@ -114,7 +114,7 @@ impl Rig {
         self.root.join("patterns").join(pattern)
     }
 
-    /// Returns where the board was at a position, if that is known without looking.
+    /// Returns the pose of the board at a position, if it is known without detecting the board.
     pub fn known_pose(&self, position: &str) -> Option<&nalgebra::Isometry3<f64>> {
         self.poses.iter().find(|p| p.position == position).map(|p| &p.cam_from_board)
     }

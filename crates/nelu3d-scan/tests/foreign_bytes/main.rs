@@ -16,7 +16,8 @@ use std::time::{Duration, Instant};
 
 use proptest::test_runner::Config;
 
-/// Largest single request for memory that a file of a few kilobytes may make, bytes: what the TIFF crate allows for a tag.
+/// Largest single request for memory that a file of a few kilobytes may make, bytes: what the TIFF crate allows for a
+/// tag.
 const MAX_ALLOCATION: usize = 256 << 20;
 
 /// Longest time that a reader may take for such a file.
@@ -71,8 +72,8 @@ fn watched<T>(read: impl FnOnce() -> T) -> T {
     result
 }
 
-/// So many cases, times the number in `NELU3D_MORE_CASES` for a long search, and no file of failed ones: CI's checkout is
-/// thrown away.
+/// So many cases, times the number in `NELU3D_MORE_CASES` for a long search, and no file of failed ones: CI's checkout
+/// is thrown away.
 fn cases(n: u32) -> Config {
     let factor = std::env::var("NELU3D_MORE_CASES").ok().and_then(|f| f.parse().ok()).unwrap_or(1u32);
     Config { failure_persistence: None, ..Config::with_cases(n.saturating_mul(factor)) }

@@ -66,8 +66,13 @@ proptest! {
 
     #[test]
     fn arbitrary_bytes_are_no_mesh(
-        bytes in arbitrary(&[b"", b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\n", b"solid a\n",
-                             b"glTF\x02\0\0\0", b"v 0 0 0\nv 1 0 0\nf 1 2 "])
+        bytes in arbitrary(&[
+            b"",
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\n",
+            b"solid a\n",
+            b"glTF\x02\0\0\0",
+            b"v 0 0 0\nv 1 0 0\nf 1 2 ",
+        ])
     ) {
         for ending in ["ply", "obj", "stl", "glb"] {
             read(ending, &bytes);

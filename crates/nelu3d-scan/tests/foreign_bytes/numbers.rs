@@ -41,7 +41,9 @@ proptest! {
     }
 
     #[test]
-    fn arbitrary_bytes_are_no_array(bytes in arbitrary(&[b"", b"\x93NUMPY\x01\0\x40\0", b"\x93NUMPY\x02\0\x40\0\0\0{'descr': "])) {
+    fn arbitrary_bytes_are_no_array(
+        bytes in arbitrary(&[b"", b"\x93NUMPY\x01\0\x40\0", b"\x93NUMPY\x02\0\x40\0\0\0{'descr': "])
+    ) {
         let _ = watched(|| npy::from_bytes(Path::new("a.npy"), &bytes));
     }
 }

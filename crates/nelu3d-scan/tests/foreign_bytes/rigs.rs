@@ -60,12 +60,14 @@ markers = [
 const CAMERAS: [&str; 4] = [
     r#"{"resx": 640, "resy": 480, "K": [[900, 0, 320], [0, 900, 240], [0, 0, 1]], "dist_coeffs": [0.1, 0, 0, 0, 0],
         "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "T": [100, 0, 0]}"#,
-    "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   \
-     data: [ 9.0e+02, 0., 320., 0., 900., 240., 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 1\n   \
-     cols: 5\n   dt: d\n   data: [ -0.1, 0.05, 0., 0., 0. ]\n",
-    "image_width: 640\nimage_height: 480\ncamera_name: left\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [900, 0, 320, 0, \
-     900, 240, 0, 0, 1]\ndistortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0, 0, 0, 0, 0]\n",
-    "height: 480\nwidth: 640\ndistortion_model: plumb_bob\nD: [0, 0, 0, 0, 0]\nK: [900, 0, 320, 0, 900, 240, 0, 0, 1]\n",
+    "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n\
+     \x20  data: [ 9.0e+02, 0., 320., 0., 900., 240., 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 1\n\
+     \x20  cols: 5\n   dt: d\n   data: [ -0.1, 0.05, 0., 0., 0. ]\n",
+    "image_width: 640\nimage_height: 480\ncamera_name: left\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [900, 0, 320, \
+     0, 900, 240, 0, 0, 1]\ndistortion_model: plumb_bob\ndistortion_coefficients:\n\
+     \x20 rows: 1\n  cols: 5\n  data: [0, 0, 0, 0, 0]\n",
+    "height: 480\nwidth: 640\ndistortion_model: plumb_bob\nD: [0, 0, 0, 0, 0]\n\
+     K: [900, 0, 320, 0, 900, 240, 0, 0, 1]\n",
 ];
 
 fn pinhole() -> Camera {
@@ -101,7 +103,9 @@ proptest! {
     }
 
     #[test]
-    fn arbitrary_bytes_are_no_rig(bytes in arbitrary(&[b"", b"format = 1\n[camera]\n", b"{\"K\": ", b"K: ", b"a: &a [*a]\n"])) {
+    fn arbitrary_bytes_are_no_rig(
+        bytes in arbitrary(&[b"", b"format = 1\n[camera]\n", b"{\"K\": ", b"K: ", b"a: &a [*a]\n"])
+    ) {
         read_camera(&bytes);
         read_rig(bytes);
     }
@@ -134,7 +138,11 @@ proptest! {
     #![proptest_config(cases(100))]
 
     #[test]
-    fn cameras_round_trip(camera in camera(), turn in [-1.0f64..1.0, -1.0..1.0, -1.0..1.0], shift in [-1e3f64..1e3, -1e3..1e3, -1e3..1e3]) {
+    fn cameras_round_trip(
+        camera in camera(),
+        turn in [-1.0f64..1.0, -1.0..1.0, -1.0..1.0],
+        shift in [-1e3f64..1e3, -1e3..1e3, -1e3..1e3],
+    ) {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.json");
         write_camera(&path, &camera).unwrap();

@@ -1,4 +1,4 @@
-//! Whether the print in the image is the board's.
+//! Checking that the print in the image is the board's.
 
 use super::pixels::Pixels;
 use super::warp::Warp;

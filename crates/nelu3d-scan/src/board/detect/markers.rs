@@ -8,7 +8,7 @@ use super::pair::Pair;
 use super::quads;
 use crate::board::{BoardError, Dictionary, Marker};
 
-/// Share of the bits a dictionary can correct that may be wrong: OpenCV's `errorCorrectionRate`.
+/// Fraction of the bits a dictionary can correct that may be wrong: OpenCV's `errorCorrectionRate`.
 const CORRECTION_RATE: f64 = 0.6;
 
 pub(super) fn matcher(dictionary: &Dictionary) -> Matcher {

@@ -20,7 +20,7 @@ pub(super) struct Localized {
     bright: f64,
 }
 
-/// What an earlier pass tells of an image.
+/// Blur and light of an image, from an earlier pass.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Conditions {
     /// Typical blur, px.
@@ -28,8 +28,8 @@ pub(super) struct Conditions {
     light: Light,
 }
 
-/// Share of the clear strip beside an edge that is looked at: what lies beyond may be blurred into it.
-const CLEAR_SHARE: f64 = 0.6;
+/// Fraction of the clear strip beside an edge that is looked at: what lies beyond may be blurred into it.
+const CLEAR_FRACTION: f64 = 0.6;
 /// Strips narrower than this say nothing about levels, px on either side.
 const MIN_HALF_WIDTH: f64 = 1.5;
 /// Strip before the blur is known, px: wide enough to catch an edge that the coarse step misplaced.
@@ -128,7 +128,7 @@ fn measure(
     let expected = Expected { start, along, normal, length, sag, light };
 
     let wanted = blur.map_or(FIRST_HALF_WIDTH, |b| (3.5 * b + 1.0).clamp(2.5, 20.0));
-    let half_width = wanted.min(CLEAR_SHARE * clear);
+    let half_width = wanted.min(CLEAR_FRACTION * clear);
     // Around the corner the other edge rounds this one off, by as much as it is blurred.
     let skip = blur.map_or(0.4 * length, |b| 3.0 * b + 0.7).min(0.4 * length).max(1.5);
     let range = [skip, if ends { length - skip } else { length }];

@@ -108,8 +108,8 @@ fn read_any(source: &Source) -> Result<Calibration, CameraFileError> {
     } else if source.has("resx") || source.has("resy") || source.has("K") || source.has("dist_coeffs") {
         lookup3d::read(source)
     } else {
-        let remedy = "a camera file has resx, resy, K, dist_coeffs (LookUp3D) or image_width, image_height, camera_matrix, \
-                      distortion_coefficients (OpenCV, ROS)";
+        let remedy = "a camera file has resx, resy, K, dist_coeffs (LookUp3D) or image_width, image_height, \
+                      camera_matrix, distortion_coefficients (OpenCV, ROS)";
         Err(source.missing("K", remedy))
     }
 }

@@ -27,7 +27,10 @@ pub enum ImageFileError {
         path: PathBuf,
     },
     /// Truncated or damaged.
-    #[error("{}: cannot be decoded ({reason}): the file is truncated or damaged; copy or capture it again", path.display())]
+    #[error(
+        "{}: cannot be decoded ({reason}): the file is truncated or damaged; copy or capture it again",
+        path.display()
+    )]
     Damaged {
         /// The file.
         path: PathBuf,

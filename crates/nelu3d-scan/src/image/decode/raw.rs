@@ -112,7 +112,8 @@ impl Raw {
             let name = channels.name();
             return Err(if self.channels == 3 {
                 let remedy = if self.is_gray() {
-                    "its three channels are equal: save it with one (ImageMagick: convert in.png -colorspace Gray out.png)"
+                    "its three channels are equal: save it with one (ImageMagick: convert in.png -colorspace \
+                     Gray out.png)"
                 } else {
                     "set camera.channels = \"rgb\" if this is a color camera, or save the sensor's single channel"
                 };

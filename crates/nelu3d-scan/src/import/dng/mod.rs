@@ -60,7 +60,7 @@ fn raw_directory(tags: &mut Tags) -> Result<Directory, String> {
     Err("it has only previews".into())
 }
 
-/// Whose file it is that is decoded, for complaints.
+/// The file that is decoded, for messages.
 struct File<'a> {
     path: &'a Path,
     size: (usize, usize),
@@ -173,7 +173,8 @@ impl Image<'_> {
                 Err(self.file.kind(
                     format!("is compressed by {name}, which cannot be read"),
                     "convert it to uncompressed DNG, with Adobe DNG Converter (custom compatibility: uncompressed) or \
-                     dnglab convert --compression uncompressed; or to 16-bit TIFF without developing it: dcraw -D -4 -T",
+                     dnglab convert --compression uncompressed; or to 16-bit TIFF without developing it: dcraw -D -4 \
+                     -T",
                 ))
             }
         }
