@@ -13,11 +13,12 @@ mod field;
 mod net;
 pub(crate) mod program;
 mod surface;
+mod timing;
 
 pub use adapter::{Gpu, list};
 pub use bench::{GpuReport, PhaseResult};
 pub use field::Samples;
-pub use surface::{AmbientUse, Lattice, RayScene, ScenePixel, SurfaceTraining, TrainingReport};
+pub use surface::{AmbientUse, RayScene, ScenePixel, SurfaceTraining, TrainingReport};
 
 /// The GPU that tests run on: the one that NELU3D_TEST_DEVICE names (as `gpu:1`), else the first, be it a software driver. `None` if there is none, and loudly; with NELU3D_REQUIRE_GPU set
 /// that is a failure.

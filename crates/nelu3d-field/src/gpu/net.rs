@@ -7,7 +7,7 @@ use super::program::{Binding, Buffer, Call, Constants, FOLD, Kernels, folded};
 use crate::adam::{AdamConfig, MomentBuffers, Update};
 use crate::device::DeviceError;
 use crate::encoding::hash_grid::HashGrid;
-use crate::field::train::Training;
+use crate::field::training::Training;
 use crate::field::{HashField, TrainConfig};
 use crate::mlp::{Activation, MlpConfig, weight_norm};
 use bytemuck::{Pod, Zeroable};
