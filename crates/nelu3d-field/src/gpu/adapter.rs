@@ -1,5 +1,6 @@
 //! Finding a GPU, and opening it.
 
+use super::program::{BufferMemory, Compiled};
 use crate::device::{Choice, DeviceError, Found};
 use std::collections::HashMap;
 use std::fmt;
@@ -27,8 +28,8 @@ pub struct Gpu {
     pub(super) max_buffer_bytes: u64,
     /// Most workgroups along one axis of a call.
     pub(super) max_groups: u32,
-    pub(super) memory: Arc<super::program::Memory>,
-    pub(super) compiled: super::program::Compiled,
+    pub(super) memory: Arc<BufferMemory>,
+    pub(super) compiled: Compiled,
     failure: Arc<Mutex<Option<DeviceError>>>,
 }
 

@@ -13,6 +13,8 @@ mod field;
 mod net;
 pub(crate) mod program;
 mod surface;
+#[cfg(test)]
+mod test_device;
 mod timing;
 
 pub use adapter::{Gpu, list};
@@ -20,29 +22,5 @@ pub use bench::{GpuReport, PhaseResult};
 pub use field::Samples;
 pub use surface::{AmbientUse, RayScene, ScenePixel, SurfaceTraining, TrainingReport};
 
-/// The GPU that tests run on: the one that NELU3D_TEST_DEVICE names (as `gpu:1`), else the first, be it a software driver. `None` if there is none, and loudly; with NELU3D_REQUIRE_GPU set
-/// that is a failure.
 #[cfg(test)]
-fn test_choice() -> Option<crate::device::Choice> {
-    use crate::device::Choice;
-    let named = std::env::var("NELU3D_TEST_DEVICE").ok().map(|t| t.parse().expect("a device"));
-    let number = |n: Option<usize>| n.map(Choice::GpuAt);
-    let choice = named.or_else(|| number(list().iter().position(|f| f.unusable.is_none())));
-    if choice.is_none() {
-        assert!(std::env::var_os("NELU3D_REQUIRE_GPU").is_none(), "no GPU, and NELU3D_REQUIRE_GPU is set");
-        eprintln!("SKIPPED: GPU tests: no GPU and no software driver (Debian: apt-get install mesa-vulkan-drivers)");
-    }
-    choice
-}
-
-/// Shared by all tests.
-#[cfg(test)]
-pub(crate) fn test_gpu() -> Option<std::sync::Arc<Gpu>> {
-    test_choice().map(|choice| Gpu::open(choice).expect("it was listed"))
-}
-
-/// One to break; its kernels are the other forms, where there are two.
-#[cfg(test)]
-pub(crate) fn test_gpu_alone() -> Option<std::sync::Arc<Gpu>> {
-    test_choice().map(|choice| Gpu::the_other_way(choice).expect("it was listed"))
-}
+pub(crate) use test_device::{test_gpu, test_gpu_alone};
