@@ -2,7 +2,7 @@
 
 use super::super::adapter::Gpu;
 use super::memory::Held;
-use super::queue::PATIENCE;
+use super::wait::PATIENCE;
 use crate::device::DeviceError;
 use bytemuck::Pod;
 use std::marker::PhantomData;

@@ -6,6 +6,7 @@ mod kernels;
 mod memory;
 mod pipeline;
 mod queue;
+mod wait;
 
 pub(crate) use buffer::{Binding, Buffer};
 pub(crate) use constants::{Constants, FOLD, PLACE, folded};
