@@ -15,8 +15,8 @@ use pulp::{Arch, Simd, WithSimd};
 use std::hint::black_box;
 use std::rc::Rc;
 
-/// All kernels. Encodings and the optimizer come at three sizes: the coarse levels alone, which a cache holds, and the
-/// tables of the narrow-band and the full step.
+/// Returns all kernels. Encodings and the optimizer come at three sizes: the coarse levels alone, which a cache holds,
+/// and the tables of the narrow-band and the full step.
 pub fn kernels() -> Vec<Case> {
     let [full, narrow, small] = steps();
     let cached = StepShape { name: "cached", n_levels: 4, finest_resolution: 32, log2_hashmap_size: 15, ..narrow };
@@ -119,7 +119,7 @@ struct EncodingCase {
     d: Vec<f32>,
 }
 
-/// Gather, scatter and optimizer of a table.
+/// Returns the cases of a table: gather, scatter and optimizer.
 fn encoding(shape: &StepShape) -> Vec<Case> {
     let grid = Rc::new(HashGrid::new(&shape.config().field.encoding).expect("sizes in range"));
     let rays = RaySet::new(shape.n_rays, shape.n_samples, shape.band, 1);
@@ -137,7 +137,7 @@ impl EncodingCase {
         Case { name: format!("{what}, {}", self.name), points: self.points.len(), demand, run: Box::new(run) }
     }
 
-    /// A gradient and its marks, large enough for any level: as in a step, all levels use one buffer in turn.
+    /// Makes a gradient and its marks, large enough for any level: as in a step, all levels use one buffer in turn.
     fn buffer(&self) -> (Vec<f32>, Vec<u8>) {
         let n_features = self.grid.config().n_features_per_level;
         let largest = self.grid.levels().iter().map(|level| level.n_entries * n_features).max().unwrap_or(0);
@@ -169,7 +169,7 @@ impl EncodingCase {
         })
     }
 
-    /// The lines of a level that the points touch.
+    /// Returns the lines of a level that the points touch.
     fn marks(&self, level: usize) -> Vec<u8> {
         let (mut gradient, mut touched) = self.buffer();
         let n_entries = self.grid.levels()[level].n_entries;
@@ -181,8 +181,8 @@ impl EncodingCase {
     }
 
     fn optimizer(&self) -> Case {
-        // The lines are marked again before each step. Their gradients stay zero, so that there is nothing else to prepare:
-        // what is done to a line does not depend on them.
+        // The lines are marked again before each step. Their gradients stay zero, so that there is nothing else to
+        // prepare: what is done to a line does not depend on them.
         let marks: Vec<Vec<u8>> = (0..self.grid.levels().len()).map(|l| self.marks(l)).collect();
         let (mut params, grid) = (self.table.clone(), self.grid.clone());
         let (mut gradient, mut touched) = self.buffer();

@@ -7,12 +7,18 @@ fn amount(bytes: u64) -> String {
     if bytes < 1_000_000 { format!("{bytes} bytes") } else { format!("{} MB", bytes.div_ceil(1_000_000)) }
 }
 
+/// Returns in which way a buffer is too large, for the bytes of the largest one; 0 if its memory as a whole was too small.
+fn excess(max: u64) -> String {
+    if max > 0 { format!("more than the {} that there are", amount(max)) } else { "which is not free there".into() }
+}
+
 /// Why there is no device, or no longer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DeviceError {
     /// The program has no GPU code in it.
     #[error(
-        "--device {0}: this build has no GPU code; build with `--features gpu` (cargo install --path crates/nelu3d-cli --features gpu), or use --device cpu"
+        "--device {0}: this build has no GPU code; build with `--features gpu` (cargo install \
+         --path crates/nelu3d-cli --features gpu), or use --device cpu"
     )]
     NotBuilt(Choice),
     /// No such device.
@@ -25,9 +31,10 @@ pub enum DeviceError {
     },
     /// A buffer does not fit.
     #[error(
-        "{device}: {what} needs {}, {}; use a smaller problem (--samples, --max-labels), another --device, or --device cpu",
+        "{device}: {what} needs {}, {}; use a smaller problem (--samples, --max-labels), another --device, or \
+         --device cpu",
         amount(*needed),
-        if *max > 0 { format!("more than the {} that there are", amount(*max)) } else { "which is not free there".into() }
+        excess(*max)
     )]
     Memory {
         /// The device.
@@ -41,7 +48,8 @@ pub enum DeviceError {
     },
     /// A kernel would need more workgroups than can be started at once.
     #[error(
-        "{device}: `{what}` would take {asked} workgroups, and {max} is the most there; use fewer --samples, another --device, or --device cpu"
+        "{device}: `{what}` would take {asked} workgroups, and {max} is the most there; use \
+         fewer --samples, another --device, or --device cpu"
     )]
     Size {
         /// The device.

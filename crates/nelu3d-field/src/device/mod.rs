@@ -1,7 +1,7 @@
 //! Where kernels run: on this machine's cores, or on a GPU.
 //!
-//! Callers name a [`Choice`] and get a [`Device`]; which of the two it is matters only inside this crate. A build without the
-//! feature `gpu` has the same types and knows one device.
+//! Callers name a [`Choice`] and get a [`Device`]; which of the two it is matters only inside this crate. A build
+//! without the feature `gpu` has the same types and knows one device.
 
 mod choice;
 mod error;
@@ -46,7 +46,8 @@ impl Device {
         }
     }
 
-    /// Opens a device, or the CPU if there is no such device: for the middle of work that began with one that was there.
+    /// Opens a device, or the CPU if there is no such device: for the middle of work that began with one that was
+    /// there.
     pub fn or_cpu(choice: Choice) -> Self {
         Self::open(choice).unwrap_or(Self::Cpu)
     }

@@ -10,8 +10,8 @@ pub(crate) fn append_positions<const D: usize>(points: &[[f32; D]], x: &mut [f32
     }
 }
 
-/// A transposition: rows of features by point become `[level][point][feature]`, so that each level's owner reads only its
-/// own.
+/// A transposition: rows of features by point become `[level][point][feature]`, so that each level's owner reads only
+/// its own.
 pub(crate) struct Columns<'a> {
     out: &'a mut [f32],
     n_points: usize,

@@ -16,7 +16,8 @@ pub enum FieldError {
     Network(#[from] MlpError),
     /// Stored parameters belong to another configuration.
     #[error(
-        "field parameters: the configuration needs {expected} values, found {found}; was the file cut off or the configuration changed?"
+        "field parameters: the configuration needs {expected} values, found {found}; was the file cut off or the \
+         configuration changed?"
     )]
     Length {
         /// Number of parameters of the configuration.
@@ -47,7 +48,7 @@ pub enum RegressionLoss {
 }
 
 impl RegressionLoss {
-    /// Value and derivative at a residual.
+    /// Returns value and derivative at a residual.
     #[inline(always)]
     pub fn at(self, r: f32) -> (f32, f32) {
         match self {
@@ -79,8 +80,8 @@ pub struct TrainConfig {
 }
 
 impl Default for TrainConfig {
-    /// The rate of Müller et al. 2022, Sec. 4, for the table; a third of it for the network, whose loss otherwise jumps
-    /// between steps.
+    /// Returns the rate of Müller et al. 2022, Sec. 4, for the table; a third of it for the network, whose loss
+    /// otherwise jumps between steps.
     fn default() -> Self {
         Self {
             loss: RegressionLoss::L2,

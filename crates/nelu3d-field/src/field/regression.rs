@@ -57,8 +57,9 @@ pub(super) struct Network<'a, E> {
 }
 
 impl<E> Network<'_, E> {
-    /// Computes forward, loss and backward of all points; writes the network's gradient and returns the sum of the points'
-    /// losses. `per_output` has a target, or a gradient, per output. The gradients of the inputs stay in the first chunks.
+    /// Computes forward, loss and backward of all points; writes the network's gradient and returns the sum of the
+    /// points' losses. `per_output` has a target, or a gradient, per output. The gradients of the inputs stay in the
+    /// first chunks.
     pub(super) fn gradients<const D: usize>(
         &self,
         points: &[[f32; D]],

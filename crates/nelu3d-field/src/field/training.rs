@@ -7,7 +7,7 @@ use crate::adam::{self, MomentBuffers};
 use crate::encoding::hash_grid::HashGrid;
 use crate::mlp::{MlpConfig, weight_norm};
 
-/// What training needs beside the parameters.
+/// The state of a training beside the parameters.
 #[derive(Debug, Default)]
 pub(crate) struct Training {
     /// Steps done.

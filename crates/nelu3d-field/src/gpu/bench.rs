@@ -1,4 +1,4 @@
-//! What a device can do, and how much of it a training step uses.
+//! The ceilings of a device, and how close a training step comes to them.
 
 use super::timing::{Demand, ceilings};
 use super::{AmbientUse, Gpu, RayScene, ScenePixel, SurfaceTraining};
@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// A phase, measured.
 #[derive(Clone, Debug, Serialize)]
 pub struct PhaseResult {
-    /// Its name.
+    /// Name of the phase.
     pub name: &'static str,
     /// Seconds.
     pub secs: f64,
@@ -25,7 +25,7 @@ pub struct PhaseResult {
     pub flops: f64,
     /// Bytes to and from its memory, each counted once per access.
     pub bytes: f64,
-    /// Least possible time, by the ceiling that is nearer, over the time taken.
+    /// The least possible time, by the ceiling that is nearer, over the time taken.
     pub share_of_ceiling: f64,
     /// `arithmetic` or `memory`.
     pub bound: &'static str,
@@ -53,8 +53,8 @@ pub struct GpuReport {
 }
 
 impl GpuReport {
-    /// Measures a step of the published size: 2^19 entries, 2 × 64 units, about `n_samples` samples; `budget` seconds for
-    /// each phase.
+    /// Measures a step of the published size: 2^19 entries, 2 × 64 units, about `n_samples` samples; `budget` seconds
+    /// for each phase.
     ///
     /// # Errors
     ///

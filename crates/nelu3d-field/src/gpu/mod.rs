@@ -1,11 +1,11 @@
 //! The GPU forms of the kernels, through wgpu: Vulkan, Metal or Direct3D 12, whatever the machine has, no toolkit.
 //!
-//! [`Gpu`] is an opened device, `program.rs` what is run on it. Of the operations, `net.rs` is an encoding with its network and
-//! optimizer, `field.rs` the regression made of it, `surface.rs` volume rendering. Shaders are WGSL files in `shaders/`, one per
-//! kernel, completed with the sizes of the problem as constants.
+//! [`Gpu`] is an opened device, `program/` has the buffers and kernels that are run on it, `net/` an encoding with its
+//! network and optimizer, `field.rs` the regression made of it, `surface/` volume rendering. Shaders are WGSL files in
+//! `shaders/`, one per kernel, completed with the sizes of the problem as constants.
 //!
-//! Results differ from the CPU's by rounding, and from run to run: the gradients of a table are summed by atomic additions, in
-//! whatever order they come.
+//! Results differ from the CPU's by rounding, and from run to run: the gradients of a table are summed by atomic
+//! additions, in whatever order they come.
 
 mod adapter;
 mod bench;

@@ -4,8 +4,8 @@ use super::adapter::{Gpu, list};
 use crate::device::Choice;
 use std::sync::Arc;
 
-/// Returns the GPU that tests run on: the one that NELU3D_TEST_DEVICE names (as `gpu:1`), else the first, be it a software
-/// driver. `None` if there is none, and loudly; with NELU3D_REQUIRE_GPU set that is a failure.
+/// Returns the GPU that tests run on: the one that NELU3D_TEST_DEVICE names (as `gpu:1`), else the first, be it a
+/// software driver. `None` if there is none, and loudly; with NELU3D_REQUIRE_GPU set that is a failure.
 fn test_choice() -> Option<Choice> {
     let named = std::env::var("NELU3D_TEST_DEVICE").ok().map(|t| t.parse().expect("a device"));
     let number = |n: Option<usize>| n.map(Choice::GpuAt);

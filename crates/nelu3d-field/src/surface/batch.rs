@@ -57,8 +57,8 @@ pub(super) fn blocks(offsets: &[usize]) -> impl Iterator<Item = Range<usize>> + 
     })
 }
 
-/// Returns the samples that the eikonal loss takes: in every block of whole rays of up to 96 samples (or one longer ray), each
-/// `every`-th, the first included. A network's masks then fall together, and rays share the load evenly.
+/// Returns the samples that the eikonal loss takes: in every block of whole rays of up to 96 samples (or one longer
+/// ray), each `every`-th, the first included. A network's masks then fall together, and rays share the load evenly.
 pub fn eikonal_samples(offsets: &[usize], every: usize) -> impl Iterator<Item = usize> + '_ {
     let some = blocks(offsets).filter(move |_| every > 0);
     some.flat_map(move |rays| (offsets[rays.start]..offsets[rays.end]).step_by(every.max(1)))

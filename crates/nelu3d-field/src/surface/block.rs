@@ -1,5 +1,5 @@
-//! One block of rays, from its points to its gradients. Everything here is inlined into the dispatched function that calls
-//! it, so that it is compiled for the processor's instructions.
+//! One block of rays, from its points to its gradients. Everything here is inlined into the dispatched function that
+//! calls it, so that it is compiled for the processor's instructions.
 
 use super::chunk::{Chunk, reserve};
 use super::config::SurfaceConfig;

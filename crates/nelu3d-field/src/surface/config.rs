@@ -14,8 +14,8 @@ pub struct SurfaceLoss {
     pub lookup_loss_weight: f64,
     /// Weight of Eq. 5.
     pub mask_weight: f64,
-    /// Whether the opacity of Eq. 5 is clamped to [1e-3, 1 − 1e-3], as published. A ray that is blocked for certain then has
-    /// no gradient at all: a background ray behind which a start lies is never carved.
+    /// Whether the opacity of Eq. 5 is clamped to [1e-3, 1 − 1e-3], as published. A ray that is blocked for certain
+    /// then has no gradient at all: a background ray behind which a start lies is never carved.
     pub clamped_mask: bool,
     /// Weight of L_eik, Eq. 6.
     pub eikonal_weight: f64,

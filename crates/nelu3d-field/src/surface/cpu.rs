@@ -1,8 +1,8 @@
-//! Fast form of a step. A block of whole rays goes from its points to its share of the network's gradient without leaving
-//! the second-level cache: one gather gives features and Jacobian, one backward pass serves both the distance and its
-//! gradient (see [`crate::mlp::gradient`]), compositing and losses work on the block's rays, and what remains for the table
-//! is 2 values per level and point, with one s and one u per point. Then every part of the table is scattered into and
-//! updated by its one owner ([`crate::field::table`]).
+//! Fast form of a step. A block of whole rays goes from its points to its share of the network's gradient without
+//! leaving the second-level cache: one gather gives features and Jacobian, one backward pass serves both the distance
+//! and its gradient (see [`crate::mlp::gradient`]), compositing and losses work on the block's rays, and what remains
+//! for the table is 2 values per level and point, with one s and one u per point. Then every part of the table is
+//! scattered into and updated by its one owner ([`crate::field::table`]).
 
 use super::batch::{SurfaceBatch, blocks};
 use super::block::{self, Shared};
@@ -22,8 +22,8 @@ use std::ops::Range;
 const BLOCKS: usize = 8;
 
 impl NeuralSurface {
-    /// Takes one step of the optimizer; returns the losses before it. Writes the gradient of the batch's ambient fractions to
-    /// `d_ambient`, `[ray][k]` (empty: not wanted). No rays: nothing happens.
+    /// Takes one step of the optimizer; returns the losses before it. Writes the gradient of the batch's ambient
+    /// fractions to `d_ambient`, `[ray][k]` (empty: not wanted). No rays: nothing happens.
     ///
     /// The same parameters and batch give the same bits on any number of threads.
     ///
@@ -36,8 +36,9 @@ impl NeuralSurface {
         self.step_with(batch.offsets, batch.points, &loss, d_ambient, &mut [])
     }
 
-    /// Takes one step of the optimizer for another image formation. `offsets` and `points` as in [`SurfaceBatch`]; what the loss
-    /// sends back goes to `ray_outputs`, `[ray][value]`, and `sample_outputs`, `[sample][value]` (empty: not wanted).
+    /// Takes one step of the optimizer for another image formation. `offsets` and `points` as in [`SurfaceBatch`]; what
+    /// the loss sends back goes to `ray_outputs`, `[ray][value]`, and `sample_outputs`, `[sample][value]` (empty: not
+    /// wanted).
     ///
     /// # Panics
     /// If a length does not fit, or if the loss needs gradients of which only some are computed.
@@ -150,8 +151,8 @@ fn collect_outputs(chunks: &[Chunk], out: &mut [f32], outputs: impl Fn(&Chunk) -
     }
 }
 
-/// The loss of a caller outside this crate: called, not inlined, so that the kernels are compiled here and only once for
-/// all of them.
+/// The loss of a caller outside this crate: called, not inlined, so that the kernels are compiled here and only once
+/// for all of them.
 struct Dynamic<'a>(&'a dyn RayLoss);
 
 impl RayLoss for Dynamic<'_> {

@@ -53,7 +53,8 @@ impl NeuralSurface {
         &self.field
     }
 
-    /// Returns the signed distance, to be fitted to known values. Its optimizer's moments are those of [`Self::train_step`] too.
+    /// Returns the signed distance, to be fitted to known values. Its optimizer's moments are those of
+    /// [`Self::train_step`] too.
     pub fn field_mut(&mut self) -> &mut HashField<3> {
         &mut self.field
     }
@@ -63,8 +64,9 @@ impl NeuralSurface {
         (10.0 * self.sharpness as f64).exp()
     }
 
-    /// Returns the floating-point operations of the networks in one step of `n` samples: a multiplication and an addition for each
-    /// weight in the value, the gradient, the weights' gradient, and the tangents of the eikonal samples.
+    /// Returns the floating-point operations of the networks in one step of `n` samples: a multiplication and an
+    /// addition for each weight in the value, the gradient, the weights' gradient, and the tangents of the eikonal
+    /// samples.
     pub fn flops_per_step(&self, n: usize) -> usize {
         let every = self.config.loss.eikonal_every;
         let passes = 3 * n + if every == 0 { 0 } else { n.div_ceil(every) };

@@ -15,8 +15,8 @@ pub trait RayLoss: Sync {
     /// Returns the number of values per sample that it sends back to the caller.
     fn n_sample_outputs(&self) -> usize;
 
-    /// Computes the loss of ray `ray` and its gradients. `sdf` are the signed distances of its samples, front to back, `gradients` their
-    /// gradients in space (empty unless [`Self::needs_gradients`]).
+    /// Computes the loss of ray `ray` and its gradients. `sdf` are the signed distances of its samples, front to back,
+    /// `gradients` their gradients in space (empty unless [`Self::needs_gradients`]).
     fn ray(
         &self,
         ray: usize,
@@ -28,7 +28,7 @@ pub trait RayLoss: Sync {
     );
 }
 
-/// Where a [`RayLoss`] puts what it found.
+/// The outputs of a [`RayLoss`].
 #[derive(Debug)]
 pub struct RayGradient<'a> {
     /// Losses of the step so far, image and mask: to be added to, already divided by the number of rays.

@@ -18,7 +18,7 @@ pub struct FrequencyField {
     training: Option<Box<FrequencyTraining>>,
 }
 
-/// What training needs beside the parameters.
+/// The state of a training beside the parameters.
 #[derive(Clone, Debug, Default)]
 struct FrequencyTraining {
     /// Steps done.
@@ -66,8 +66,8 @@ impl FrequencyField {
         self.mlp.n_outputs
     }
 
-    /// Takes one step of weighted regression, as [`HashField::train_step`](crate::HashField::train_step); returns the loss
-    /// before it.
+    /// Takes one step of weighted regression, as [`HashField::train_step`](crate::HashField::train_step); returns the
+    /// loss before it.
     ///
     /// # Panics
     /// If a length does not fit.

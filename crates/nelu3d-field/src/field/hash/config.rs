@@ -30,7 +30,8 @@ pub struct HashFieldConfig<const D: usize = 3> {
 }
 
 impl<const D: usize> HashFieldConfig<D> {
-    /// Returns the settings of a small isotropic field: 8 levels of 2 features from 8 to 128 cells, 2^15 entries, 2 × 32 units.
+    /// Returns the settings of a small isotropic field: 8 levels of 2 features from 8 to 128 cells, 2^15 entries, 2 ×
+    /// 32 units.
     pub fn small(n_outputs: usize) -> Self {
         let encoding = HashGridConfig {
             n_levels: 8,

@@ -64,7 +64,8 @@ impl<const D: usize> HashField<D> {
         &self.config
     }
 
-    /// Returns all parameters: the hash table `[entry][feature]`, coarse to fine, then the network (see [`crate::mlp`]).
+    /// Returns all parameters: the hash table `[entry][feature]`, coarse to fine, then the network (see
+    /// [`crate::mlp`]).
     pub fn params(&self) -> &[f32] {
         &self.params
     }

@@ -1,8 +1,8 @@
 //! One training step: weighted regression of the outputs on targets.
 //!
-//! After the gradients of all points ([`super::super::regression`]), every part of the table is owned by one task, which
-//! scatters all points' gradients into it and updates the lines it touched ([`super::super::table`]). Neither depends on
-//! the number of threads.
+//! After the gradients of all points ([`super::super::regression`]), every part of the table is owned by one task,
+//! which scatters all points' gradients into it and updates the lines it touched ([`super::super::table`]). Neither
+//! depends on the number of threads.
 
 use super::super::regression::{CHUNK, Network, Objective};
 use super::super::table::Part;
@@ -11,11 +11,11 @@ use super::encoder::HashEncoder;
 use super::field::HashField;
 
 impl<const D: usize> HashField<D> {
-    /// Takes one step of weighted regression; returns the loss before it, (1 / n k) Σ_i w_i Σ_o ρ(out_io − target_io), with ρ
-    /// of [`super::TrainConfig::loss`].
+    /// Takes one step of weighted regression; returns the loss before it, (1 / n k) Σ_i w_i Σ_o ρ(out_io − target_io),
+    /// with ρ of [`super::TrainConfig::loss`].
     ///
-    /// `targets[point][output]`, `weights[point]` (empty: all 1). The schedule counts the calls. A loss that is not finite
-    /// means a target or weight is not, and the field is lost. No points: nothing happens, loss 0.
+    /// `targets[point][output]`, `weights[point]` (empty: all 1). The schedule counts the calls. A loss that is not
+    /// finite means a target or weight is not, and the field is lost. No points: nothing happens, loss 0.
     ///
     /// # Panics
     /// If a length does not fit.
@@ -26,8 +26,8 @@ impl<const D: usize> HashField<D> {
         self.step(points, targets, Objective::Regression { loss, weights, scale }) * scale as f64
     }
 
-    /// Takes one step of the optimizer for a loss that is the caller's, given its gradient by the outputs, `[point][output]`. No
-    /// points: nothing happens.
+    /// Takes one step of the optimizer for a loss that is the caller's, given its gradient by the outputs,
+    /// `[point][output]`. No points: nothing happens.
     ///
     /// # Panics
     /// If a length does not fit.

@@ -3,8 +3,8 @@
 use crate::adam::Update;
 use crate::field::TrainConfig;
 
-/// Returns the rates of a net in every step of its schedule from `first` on: table, network, root of the bias correction,
-/// and the rate of a parameter whose learning rate is 1.
+/// Returns the rates of a net in every step of its schedule from `first` on: table, network, root of the bias
+/// correction, and the rate of a parameter whose learning rate is 1.
 pub(in super::super) fn schedule(settings: &TrainConfig, first: u64, n_steps: usize) -> Vec<[f32; 4]> {
     (first..first + n_steps as u64)
         .map(|step| {

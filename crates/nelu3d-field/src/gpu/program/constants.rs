@@ -53,7 +53,7 @@ impl Constants {
 pub(super) const SUBGROUPS: &str = "SUBGROUPS";
 
 /// The beginning of a kernel whose form depends on subgroups.
-pub(crate) const PLACE: &str = include_str!("shaders/place.wgsl");
+pub(crate) const PLACE: &str = include_str!("../shaders/place.wgsl");
 
 /// Returns the workgroups for `n` threads of a grid of `size` each, folded into two dimensions: thread
 /// `(wid.y * FOLD + wid.x) * size + lid.x`.

@@ -131,18 +131,18 @@ impl Buffers {
         })
     }
 
-    /// What the surface's net shares with the rest of the step.
+    /// Returns what the surface's net shares with the rest of the step.
     pub(super) fn shared(&self) -> Shared<'_> {
         Shared { control: &self.control, n_at: control::N_AT, rates: &self.rates, rates_at: SURFACE_RATES }
     }
 
-    /// What the ambient net shares with the rest of the step.
+    /// Returns what the ambient net shares with the rest of the step.
     pub(super) fn shared_ambient(&self) -> Shared<'_> {
         Shared { control: &self.control, n_at: control::RAYS_AT, rates: &self.rates, rates_at: AMBIENT_RATES }
     }
 }
 
-/// The color field's frame as the shader reads it: affine map, kappa, lower corner, scale.
+/// Returns the color field's frame as the shader reads it: affine map, kappa, lower corner, scale.
 fn frame(scene: &RayScene<'_>) -> [[f32; 4]; 6] {
     let [lo, scale] = [scene.frame.lo, scene.frame.scale].map(|v| [v[0] as f32, v[1] as f32, v[2] as f32, 0.0]);
     let [m0, m1, m2] = scene.affine;

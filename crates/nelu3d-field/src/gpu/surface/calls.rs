@@ -47,7 +47,7 @@ impl Calls {
     }
 }
 
-/// The constants that complete every kernel of a training.
+/// Returns the constants that complete every kernel of a training.
 fn constants([net, ambient]: [&Net; 2], buffers: &Buffers, occupancy: &OccupancyGrid, scene: &RayScene) -> Constants {
     net.constants(&buffers.shared())
         .count("STEP_AT", control::STEP_AT)

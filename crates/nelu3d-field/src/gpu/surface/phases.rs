@@ -57,7 +57,8 @@ impl SurfaceTraining {
             "slopes" => (n * work.corner_values, n * 4.0 * (0.5 * work.corner_values + 2.0 * work.n_inputs)),
             "compositing" => (n * 60.0, n * 4.0 * (2.0 + 8.0 + 2.0 + 3.0 * k)),
             "network's gradient" => (2.0 * n * macs, n * 4.0 * work.unit_values),
-            // A value is read, added to and written; the table's gradient is read once, and its touched entries updated.
+            // A value is read, added to and written; the table's gradient is read once, and its touched entries
+            // updated.
             _ => {
                 let touched = (n * work.corner_values).min(work.n_table);
                 (n * work.corner_values * 2.0, 4.0 * (2.0 * n * work.corner_values + work.n_table + 7.0 * touched))

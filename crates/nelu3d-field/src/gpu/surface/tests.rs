@@ -8,6 +8,7 @@ use crate::mlp::Activation;
 use crate::occupancy::OccupancyConfig;
 use crate::occupancy::OccupancyGrid;
 use crate::surface::tests::{Rays, config, gradients, surface};
+use crate::surface::{NeuralSurface, SurfaceLosses};
 use std::sync::Arc;
 
 fn ambient_field() -> HashField<2> {

@@ -57,8 +57,8 @@ fn split(x: f32, n: f32) -> (u32, f32) {
     ((low + SHIFT).to_bits() & 0x7f_ffff, position - low)
 }
 
-/// Returns the words of the lower and the upper vertex along axis `A`, and the fraction. A word holds the brick above the corner's
-/// bits, so that the axes' words, added (dense) or combined by exclusive or (hashed), give the entry.
+/// Returns the words of the lower and the upper vertex along axis `A`, and the fraction. A word holds the brick above
+/// the corner's bits, so that the axes' words, added (dense) or combined by exclusive or (hashed), give the entry.
 #[inline(always)]
 fn axis<const A: usize, const D: usize>(
     level: &Level<D>,

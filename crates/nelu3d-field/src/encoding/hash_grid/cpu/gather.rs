@@ -57,8 +57,8 @@ fn interpolate<const D: usize, const F: usize, const SLOPES: bool>(
     }
 }
 
-/// Where the features of a block go. `jacobian` is that of every `every`-th point, `[point / every][axis][stride]`; of none if
-/// `every` is 0.
+/// Where the features of a block go. `jacobian` is that of every `every`-th point, `[point / every][axis][stride]`; of
+/// none if `every` is 0.
 pub(super) struct Encoded<'a> {
     pub(super) every: usize,
     pub(super) out: &'a mut [f32],

@@ -1,10 +1,12 @@
-//! The fast form. `GROUP` points at a time pass through a pipeline of three stages: their entries are computed and asked for;
-//! some groups later, when memory has answered, they are copied together in plain loads and stores; and one group later
-//! interpolated as whole vectors. The gradient goes the same way back, neighbors in one cell added up first.
+//! The fast form. `GROUP` points at a time pass through a pipeline of three stages: their entries are computed and
+//! asked for; some groups later, when memory has answered, they are copied together in plain loads and stores; and one
+//! group later interpolated as whole vectors. The gradient goes the same way back, neighbors in one cell added up
+//! first.
 //!
 //! The stages matter. Used at once, entries are waited for; collected in registers, they cost more in shuffles than
-//! everything else together; and a vector read back right after its parts were written waits for them to reach the cache.
-//! All loops are plain Rust that the compiler vectorizes; every function is inlined into a caller that `pulp` dispatched.
+//! everything else together; and a vector read back right after its parts were written waits for them to reach the
+//! cache. All loops are plain Rust that the compiler vectorizes; every function is inlined into a caller that `pulp`
+//! dispatched.
 
 mod cells;
 mod gather;
@@ -30,8 +32,8 @@ macro_rules! by_features {
     };
 }
 
-/// Writes features and Jacobian in one gather, for callers that are already dispatched. Rows of `out` are `stride` values
-/// apart, and only the first `n_features` of each are written. `jacobian` is that of every `every`-th point,
+/// Writes features and Jacobian in one gather, for callers that are already dispatched. Rows of `out` are `stride`
+/// values apart, and only the first `n_features` of each are written. `jacobian` is that of every `every`-th point,
 /// `[point / every][axis][stride]`; with `every` = 0 it is not written.
 #[inline(always)]
 pub(crate) fn encode_inlined<const D: usize>(
@@ -52,8 +54,8 @@ pub fn forward<const D: usize>(grid: &HashGrid<D>, table: &[f32], points: &[[f32
     forward_with_jacobian(grid, table, points, 0, out, &mut []);
 }
 
-/// Writes the features of many points, `out[point][l·F + f]`, and their derivatives at every `every`-th point (none if 0):
-/// `jacobian[point / every][axis][l·F + f]`, per unit of x. Runs on the calling thread.
+/// Writes the features of many points, `out[point][l·F + f]`, and their derivatives at every `every`-th point (none if
+/// 0): `jacobian[point / every][axis][l·F + f]`, per unit of x. Runs on the calling thread.
 pub fn forward_with_jacobian<const D: usize>(
     grid: &HashGrid<D>,
     table: &[f32],
@@ -78,11 +80,11 @@ pub fn forward_with_jacobian<const D: usize>(
     Arch::new().dispatch(Forward(grid, table, points, every, out, jacobian));
 }
 
-/// Adds to the gradient of the entries `range` of one level, `gradient[entry − range.start][feature]`, and sets the mark
-/// of every cache line (16 values) it adds to.
+/// Adds to the gradient of the entries `range` of one level, `gradient[entry − range.start][feature]`, and sets the
+/// mark of every cache line (16 values) it adds to.
 ///
-/// One caller owns an entry, so nothing is atomic, and the order of summation is that of the points, however the table is
-/// cut and whatever the number of threads.
+/// One caller owns an entry, so nothing is atomic, and the order of summation is that of the points, however the table
+/// is cut and whatever the number of threads.
 pub(crate) fn scatter<const D: usize>(
     grid: &HashGrid<D>,
     level: usize,
