@@ -82,7 +82,7 @@ impl OccupancyGrid {
     }
 
     /// Returns the fraction of the existing cells that are occupied.
-    pub fn share(&self) -> f64 {
+    pub fn occupied_fraction(&self) -> f64 {
         let occupied: u32 = self.occupied.iter().map(|bits| bits.count_ones()).sum();
         occupied as f64 / self.cells.len().max(1) as f64
     }
@@ -138,7 +138,7 @@ mod tests {
     fn finds_a_shell_and_follows_it() {
         let config = OccupancyConfig { resolution: 32, ..OccupancyConfig::default() };
         let mut grid = OccupancyGrid::new(config, |p| p[2] > 0.25);
-        assert_eq!(grid.share(), 1.0);
+        assert_eq!(grid.occupied_fraction(), 1.0);
         assert!(grid.is_occupied([0.5, 0.5, 0.3]) && !grid.is_occupied([0.5, 0.5, 0.2]));
         assert!(!grid.is_occupied([1.0, 0.5, 0.5]) && !grid.is_occupied([0.5, f32::NAN, 0.5]));
         let shell = |radius: f32| {
@@ -150,7 +150,7 @@ mod tests {
             }
         };
         grid.update(0, 1, shell(0.3));
-        assert!(grid.share() > 0.05 && grid.share() < 0.5, "{}", grid.share());
+        assert!(grid.occupied_fraction() > 0.05 && grid.occupied_fraction() < 0.5, "{}", grid.occupied_fraction());
         assert!(grid.is_occupied([0.8, 0.5, 0.5]) && !grid.is_occupied([0.5, 0.5, 0.5]));
         // No cell outside those that exist.
         assert!(!grid.is_occupied([0.5, 0.5, 0.2]));

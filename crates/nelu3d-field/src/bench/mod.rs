@@ -16,7 +16,7 @@ mod steps;
 pub use kernels::kernels;
 pub use machine::{Machine, Rate};
 pub use rays::RaySet;
-pub use report::{BenchError, KernelResult, Report, StepResult};
+pub use report::{BenchError, BenchReport, KernelResult, StepResult};
 pub use steps::{StepShape, SurfaceBench, steps};
 
 use cpu_time::ProcessTime;
@@ -111,16 +111,19 @@ mod tests {
 
     #[test]
     fn every_kernel_and_step_is_measured_against_its_ceiling() {
-        let report = Report::measure("cached", &[1, 2], 0.0, &|_, _| (), &|| false).unwrap();
+        let report = BenchReport::measure("cached", &[1, 2], 0.0, &|_, _| (), &|| false).unwrap();
         assert!(report.kernels.len() == 4 && report.steps.is_empty(), "{:?}", report.kernels);
         for kernel in &report.kernels {
             assert!(kernel.points_per_cpu_sec > 0.0 && kernel.share_of_ceiling > 1e-3, "{kernel:?}");
         }
-        let steps = Report::measure("step narrow-small", &[1, 2], 0.0, &|_, _| (), &|| false).unwrap().steps;
+        let steps = BenchReport::measure("step narrow-small", &[1, 2], 0.0, &|_, _| (), &|| false).unwrap().steps;
         assert_eq!(steps.iter().map(|s| s.threads).collect::<Vec<_>>(), [1, 2]);
         assert!(steps.iter().all(|s| s.n_points == 16384 && s.share_of_ceiling > 1e-3 && s.phases.len() == 5));
-        assert!(matches!(Report::measure("no such", &[1], 0.0, &|_, _| (), &|| false), Err(BenchError::Nothing(_))));
-        assert!(matches!(Report::measure("", &[1], 0.0, &|_, _| (), &|| true), Err(BenchError::Cancelled)));
+        assert!(matches!(
+            BenchReport::measure("no such", &[1], 0.0, &|_, _| (), &|| false),
+            Err(BenchError::Nothing(_))
+        ));
+        assert!(matches!(BenchReport::measure("", &[1], 0.0, &|_, _| (), &|| true), Err(BenchError::Cancelled)));
     }
 
     #[test]

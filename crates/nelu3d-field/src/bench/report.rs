@@ -64,7 +64,7 @@ pub struct StepResult {
 
 /// Ceilings, kernels and steps of one run.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct BenchReport {
     /// What the machine can do.
     pub machine: Machine,
     /// Every kernel, on one thread.
@@ -73,7 +73,7 @@ pub struct Report {
     pub steps: Vec<StepResult>,
 }
 
-impl Report {
+impl BenchReport {
     /// Measures everything whose name contains `filter`, for about `budget_secs` of processor time each. Between them,
     /// `tick(done, total)` hears how far it is and `cancelled` is asked whether to go on.
     ///
@@ -175,7 +175,7 @@ fn time_steps(bench: &mut SurfaceBench, budget_secs: f64) -> (f64, f64) {
     (best_cpu, best_wall)
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for BenchReport {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let m = &self.machine;
         writeln!(f, "Machine, one core ({})", m.simd)?;

@@ -78,7 +78,7 @@ impl GpuReport {
             lattice: Lattice { nodes: &nodes, cells, k: 3 },
             affine: RayScene::CUBE,
             frame: ProjectiveFrame::UNIT,
-            ambient: AmbientUse::Share,
+            ambient: AmbientUse::Fraction,
             n_samples,
             first_rays: n_rays,
             max_rays: n_rays,

@@ -232,7 +232,7 @@ impl Recorder<'_> {
             .value("MASK_CLAMP", MASK_CLAMP)
             .value("MIN_OPACITY", MIN_OPACITY)
             .value("MIN_WHITE", min_white.into())
-            .flag("BOUNDED", ambient == AmbientUse::Share)
+            .flag("BOUNDED", ambient == AmbientUse::Fraction)
             .flag("UNBOUNDED", matches!(ambient, AmbientUse::Intensity { .. }))
             .flag("CLAMPED", settings.clamped_mask);
         let mut bindings: Vec<&dyn Binding> =

@@ -26,7 +26,7 @@ pub enum AmbientUse {
     /// There is no ambient light.
     None,
     /// The output is the ambient fraction A.
-    Share,
+    Fraction,
     /// The output is I_ambient; the fraction is that divided by I_white, or by `min_white` if that is more.
     Intensity {
         /// The least I_white that is divided by.

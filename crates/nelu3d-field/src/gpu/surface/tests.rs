@@ -30,7 +30,7 @@ fn step(gpu: &Arc<Gpu>, start: &NeuralSurface, rays: &Rays) -> (SurfaceLosses, N
         lattice: Lattice { nodes: &[0.0; 4 * 4 * 4 * 2], cells: [1; 3], k: 2 },
         affine: [[0.0; 4]; 3],
         frame: ProjectiveFrame::UNIT,
-        ambient: AmbientUse::Share,
+        ambient: AmbientUse::Fraction,
         n_samples: rays.points.len(),
         first_rays: n_rays,
         max_rays: n_rays,
@@ -165,7 +165,7 @@ fn a_training_finds_a_plane_and_goes_on_from_where_it_was() {
         lattice: Lattice { nodes: &nodes, cells, k: 2 },
         affine: RayScene::CUBE,
         frame: ProjectiveFrame::UNIT,
-        ambient: AmbientUse::Share,
+        ambient: AmbientUse::Fraction,
         n_samples: 2000,
         first_rays: 16,
         max_rays: 128,
@@ -191,7 +191,7 @@ fn a_training_finds_a_plane_and_goes_on_from_where_it_was() {
     let [before, behind] = depth(&surface);
     assert!(before > 0.0 && behind < 0.0, "{before} {behind}");
     assert_eq!((surface.field().n_steps(), ambient.n_steps()), (120, 120));
-    assert!((occupancy.share() - late.occupied).abs() < 1e-9);
+    assert!((occupancy.occupied_fraction() - late.occupied).abs() < 1e-9);
     assert!(occupancy.is_occupied([0.5, 0.5, 0.54]) && !occupancy.is_occupied([0.5, 0.5, 0.1]));
     // As if nothing had happened.
     let mut again = SurfaceTraining::new(&gpu, &surface, &ambient, &occupancy, &scene, 10).unwrap();
