@@ -204,9 +204,16 @@ pub(crate) fn reconstruct(
                 inv_s_per_mm: surface.inv_s() / bounds.unit_mm,
                 rays: n_rays,
                 samples: n_samples,
-                occupied: occupancy.share(),
+                occupied: occupancy.occupied_fraction(),
             });
-            tracing::info!(?losses, inv_s = surface.inv_s(), n_rays, n_samples, occupied = occupancy.share(), step);
+            tracing::info!(
+                ?losses,
+                inv_s = surface.inv_s(),
+                n_rays,
+                n_samples,
+                occupied = occupancy.occupied_fraction(),
+                step
+            );
             if !losses.total.is_finite() {
                 return Err(diverged(step + 1));
             }
