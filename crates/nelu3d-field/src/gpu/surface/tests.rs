@@ -112,16 +112,13 @@ fn a_step_agrees_with_the_cpu() {
     }
 }
 
-/// Rays along z through a lattice whose codewords tell z: a plane at 0.54 is seen where it is.
-#[test]
-fn a_training_finds_a_plane_and_goes_on_from_where_it_was() {
-    let Some(gpu) = test_gpu() else { return };
+/// A surface f = 3 (0.5 − z), to be trained for 120 steps.
+fn plane() -> NeuralSurface {
     let mut settings = config(true);
     settings.extent = [3.0; 3];
     settings.sharpness = 0.3;
     settings.field.width = 16;
     settings.field.training.schedule.n_steps = 120;
-    // f = 3 (0.5 - z): the plane of the start is in the middle.
     let mut surface = NeuralSurface::new(settings, 4).unwrap();
     for i in 0..400 {
         let p: Vec<[f32; 3]> = (0..512)
@@ -134,6 +131,14 @@ fn a_training_finds_a_plane_and_goes_on_from_where_it_was() {
         surface.field_mut().train_step(&p, &targets, &[]);
     }
     surface.field_mut().finish_training();
+    surface
+}
+
+/// Rays along z through a lattice whose codewords tell z: a plane at 0.54 is seen where it is.
+#[test]
+fn a_training_finds_a_plane_and_goes_on_from_where_it_was() {
+    let Some(gpu) = test_gpu() else { return };
+    let mut surface = plane();
     let cells = [4usize, 4, 24];
     let [na, nb, nw] = cells.map(|c| c + 3);
     let node = |i: usize| {
