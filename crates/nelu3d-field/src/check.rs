@@ -3,13 +3,13 @@
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-/// `n` uniform values in `lo..hi`.
+/// Returns `n` uniform values in `lo..hi`.
 pub(crate) fn uniform(seed: u64, n: usize, lo: f64, hi: f64) -> Vec<f64> {
     let mut rng = StdRng::seed_from_u64(seed);
     (0..n).map(|_| rng.random_range(lo..hi)).collect()
 }
 
-/// The same in `f32`.
+/// Returns the same in `f32`.
 pub(crate) fn uniform_f32(seed: u64, n: usize, lo: f64, hi: f64) -> Vec<f32> {
     uniform(seed, n, lo, hi).into_iter().map(|x| x as f32).collect()
 }

@@ -1,11 +1,11 @@
 //! Small neural fields and differentiable volume rendering on the CPU. Knows nothing about scanners.
 //!
-//! One folder per operation. Each has a contract (`mod.rs`), a plain `reference` generic over `f32`/`f64` that cites its
-//! equations, and a fast `cpu` form that is tested against the reference:
+//! One folder per operation. Each has a contract (`mod.rs`), a plain `reference` generic over `f32`/`f64` that cites
+//! its equations, and a fast `cpu` form that is tested against the reference:
 //!
 //! | operation | folder | source |
 //! |---|---|---|
-//! | multiresolution hash grid | [`encoding::hash_grid`] | Müller et al. 2022, *Instant Neural Graphics Primitives*, Sec. 3 |
+//! | multiresolution hash grid | [`encoding::hash_grid`] | Müller et al. 2022, *Instant NGP*, Sec. 3 |
 //! | frequency encoding | [`encoding::frequency`] | Mildenhall et al. 2020, *NeRF*, Eq. 4 |
 //! | multilayer perceptron | [`mlp`] | |
 //! | compositing of signed distances | [`volrend`] | Wang et al. 2021, *NeuS*, Eq. 13 |

@@ -1,8 +1,8 @@
-//! Occupancy grid: which cells of the unit cube volume rendering need not look into (Müller et al. 2022, Sec. 5.1; Li et al.
-//! 2023, *NerfAcc*, Sec. 4.1).
+//! Occupancy grid: which cells of the unit cube volume rendering need not look into (Müller et al. 2022, Sec. 5.1; Li
+//! et al. 2023, *NerfAcc*, Sec. 4.1).
 //!
-//! A cell holds a decaying maximum of the alphas seen at random points in it, and is occupied where that exceeds a threshold.
-//! Which cells exist at all is the caller's: those that no ray can reach are never looked at.
+//! A cell holds a decaying maximum of the alphas seen at random points in it, and is occupied where that exceeds a
+//! threshold. Which cells exist at all is the caller's: those that no ray can reach are never looked at.
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
@@ -30,19 +30,19 @@ impl Default for OccupancyConfig {
     }
 }
 
-/// See the module.
+/// The cells of the unit cube in which volume rendering looks for a surface.
 #[derive(Clone, Debug)]
 pub struct OccupancyGrid {
     pub(crate) config: OccupancyConfig,
     /// Cells that exist, ascending.
     pub(crate) cells: Vec<u32>,
-    /// Of every cell of the cube, x fastest.
+    /// Value of every cell of the cube, x fastest.
     pub(crate) values: Vec<f32>,
     pub(crate) occupied: Vec<u64>,
 }
 
 impl OccupancyGrid {
-    /// A grid all of whose cells for which `exists` (given the center) are occupied.
+    /// Makes a grid all of whose cells for which `exists` (given the center) are occupied.
     pub fn new(config: OccupancyConfig, exists: impl Fn([f32; 3]) -> bool) -> Self {
         let n = config.resolution;
         assert!((1..=1024).contains(&n), "an occupancy grid has 1 to 1024 cells per axis, not {n}");
@@ -59,14 +59,14 @@ impl OccupancyGrid {
         grid
     }
 
-    /// The point of a cell at a position within it.
+    /// Returns the point of a cell at a position within it.
     fn point(&self, cell: u32, within: [f32; 3]) -> [f32; 3] {
         let n = self.config.resolution as u32;
         let corner = [cell % n, cell / n % n, cell / n / n];
         std::array::from_fn(|a| (corner[a] as f32 + within[a]) / n as f32)
     }
 
-    /// Whether a point of the unit cube lies in an occupied cell.
+    /// Returns whether a point of the unit cube lies in an occupied cell.
     #[inline]
     pub fn is_occupied(&self, point: [f32; 3]) -> bool {
         let n = self.config.resolution;
@@ -81,8 +81,8 @@ impl OccupancyGrid {
         self.occupied[cell / 64] >> (cell % 64) & 1 == 1
     }
 
-    /// Share of the cells that exist which are occupied.
-    pub fn share(&self) -> f64 {
+    /// Returns the fraction of the existing cells that are occupied.
+    pub fn occupied_fraction(&self) -> f64 {
         let occupied: u32 = self.occupied.iter().map(|bits| bits.count_ones()).sum();
         occupied as f64 / self.cells.len().max(1) as f64
     }
@@ -138,7 +138,7 @@ mod tests {
     fn finds_a_shell_and_follows_it() {
         let config = OccupancyConfig { resolution: 32, ..OccupancyConfig::default() };
         let mut grid = OccupancyGrid::new(config, |p| p[2] > 0.25);
-        assert_eq!(grid.share(), 1.0);
+        assert_eq!(grid.occupied_fraction(), 1.0);
         assert!(grid.is_occupied([0.5, 0.5, 0.3]) && !grid.is_occupied([0.5, 0.5, 0.2]));
         assert!(!grid.is_occupied([1.0, 0.5, 0.5]) && !grid.is_occupied([0.5, f32::NAN, 0.5]));
         let shell = |radius: f32| {
@@ -150,7 +150,7 @@ mod tests {
             }
         };
         grid.update(0, 1, shell(0.3));
-        assert!(grid.share() > 0.05 && grid.share() < 0.5, "{}", grid.share());
+        assert!(grid.occupied_fraction() > 0.05 && grid.occupied_fraction() < 0.5, "{}", grid.occupied_fraction());
         assert!(grid.is_occupied([0.8, 0.5, 0.5]) && !grid.is_occupied([0.5, 0.5, 0.5]));
         // No cell outside those that exist.
         assert!(!grid.is_occupied([0.5, 0.5, 0.2]));

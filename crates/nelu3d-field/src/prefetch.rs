@@ -1,5 +1,5 @@
-//! Asking for memory ahead of its use. Tables are far larger than the second-level cache and are read at random: without
-//! this, a training step mostly waits.
+//! Asking for memory ahead of its use. Tables are far larger than the second-level cache and are read at random:
+//! without this, a training step mostly waits.
 
 /// Brings the cache line of `slice[index]` closer, on machines where the compiler offers that; never faults, whatever
 /// the index.

@@ -23,32 +23,32 @@ pub trait Real:
     + Send
     + Sync
 {
-    /// Nearest value of this type.
+    /// Returns the nearest value of this type.
     fn of(x: f64) -> Self;
-    /// Widened (exactly) to `f64`.
+    /// Returns the value widened (exactly) to `f64`.
     fn to_f64(self) -> f64;
-    /// e^x
+    /// Returns e^x
     fn exp(self) -> Self;
-    /// e^x − 1 without cancellation at small x.
+    /// Returns e^x − 1 without cancellation at small x.
     fn exp_m1(self) -> Self;
-    /// ln(1 + x) without cancellation at small x.
+    /// Returns ln(1 + x) without cancellation at small x.
     fn ln_1p(self) -> Self;
-    /// Natural logarithm.
+    /// Returns the natural logarithm.
     fn ln(self) -> Self;
-    /// Square root.
+    /// Returns the square root.
     fn sqrt(self) -> Self;
-    /// Absolute value.
+    /// Returns the absolute value.
     fn abs(self) -> Self;
-    /// Largest integer not above.
+    /// Returns the largest integer not above.
     fn floor(self) -> Self;
-    /// Sine and cosine.
+    /// Returns sine and cosine.
     fn sin_cos(self) -> (Self, Self);
-    /// The larger one; the other one if one is NaN.
+    /// Returns the larger one; the other one if one is NaN.
     fn max(self, other: Self) -> Self;
-    /// The smaller one; the other one if one is NaN.
+    /// Returns the smaller one; the other one if one is NaN.
     fn min(self, other: Self) -> Self;
 
-    /// 1 / (1 + e^−x), finite for every x.
+    /// Returns 1 / (1 + e^−x), finite for every x.
     fn sigmoid(self) -> Self {
         if self < Self::of(0.0) {
             let e = self.exp();
@@ -58,7 +58,7 @@ pub trait Real:
         }
     }
 
-    /// ln sigmoid(x) = min(x, 0) − ln(1 + e^−|x|), finite for every finite x.
+    /// Returns ln sigmoid(x) = min(x, 0) − ln(1 + e^−|x|), finite for every finite x.
     fn log_sigmoid(self) -> Self {
         self.min(Self::of(0.0)) - (-self.abs()).exp().ln_1p()
     }

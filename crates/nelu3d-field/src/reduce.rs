@@ -17,7 +17,7 @@ pub(crate) fn fill_and_sum<T: Send>(out: &mut [T], f: &(impl Fn(usize, &mut [T])
     part(0, out, f)
 }
 
-/// Scalar product, in eight running sums.
+/// Returns the scalar product, in eight running sums.
 #[inline(always)]
 pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0f32; 8];

@@ -48,7 +48,7 @@ pub(super) fn train(
         let seed = opts.seed.wrapping_mul(0x9E37_79B9).wrapping_add(step as u64);
         let (losses, n_samples) = model.step(scene, &grid, n_rays, reverse, anneal, seed);
         if step % 100 == 0 || step + 1 == opts.steps {
-            let (inv_s, occupied) = (model.surface.inv_s(), grid.share());
+            let (inv_s, occupied) = (model.surface.inv_s(), grid.occupied_fraction());
             tracing::info!(?losses, inv_s, n_rays, n_samples, occupied, blur = ?model.blur[0].taps(), step);
             records.push(TrainingRecord {
                 iteration: step + 1,

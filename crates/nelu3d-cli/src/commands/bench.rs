@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use anyhow::Result;
-use nelu3d_field::bench::Report;
+use nelu3d_field::bench::BenchReport;
 use nelu3d_field::device::Device;
 
 use super::Context;
@@ -24,7 +24,7 @@ pub(crate) fn run(args: args::Bench, context: &Context) -> Result<ExitCode> {
             context.progress.stage("Measuring");
             let tick = |done, total| context.progress.tick(done, total);
             let cancelled = || context.progress.cancelled();
-            let report = Report::measure(&args.filter, &threads, args.seconds, &tick, &cancelled)?;
+            let report = BenchReport::measure(&args.filter, &threads, args.seconds, &tick, &cancelled)?;
             context.answer(&report, || report.to_string())?;
         }
     }

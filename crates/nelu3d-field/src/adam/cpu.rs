@@ -59,7 +59,7 @@ impl WithSimd for Dense<'_> {
     }
 }
 
-/// One step of every parameter; `step` counts from 0.
+/// Takes one step of every parameter; `step` counts from 0.
 pub fn step(
     config: &AdamConfig,
     learning_rate: f64,
@@ -81,8 +81,9 @@ struct Lazy<'a> {
 }
 
 impl Lazy<'_> {
-    /// One line. Whole lines are updated, by a step of length zero where there is no gradient: memory comes by lines
-    /// anyway, a loop without branches is vectorized, and every value is stored (storing some through a mask is slow).
+    /// Updates one line. Whole lines are updated, by a step of length zero where there is no gradient: memory comes by
+    /// lines anyway, a loop without branches is vectorized, and every value is stored (storing some through a mask is
+    /// slow).
     #[inline(always)]
     fn line(
         k: Factors,
@@ -148,7 +149,7 @@ impl WithSimd for Lazy<'_> {
     }
 }
 
-/// One step of the parameters whose gradient is not exactly zero, among the cache lines (16 values) whose byte in
+/// Takes one step of the parameters whose gradient is not exactly zero, among the cache lines (16 values) whose byte in
 /// `touched` is set. The gradients used and the marks are cleared on the way, ready for the next step.
 pub fn step_lazy(
     config: &AdamConfig,

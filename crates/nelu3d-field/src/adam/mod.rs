@@ -1,9 +1,9 @@
 //! Adam (Kingma & Ba 2015, Alg. 1) over flat buffers, dense or lazy, and its learning-rate schedule.
 //!
-//! State is both moments of every parameter, each in a buffer of its own. The caller owns the
-//! buffers and calls once per parameter group, with that group's learning rate. The lazy form updates the parameters with a
-//! gradient alone and leaves the others and their moments as they are (they do not decay), with the bias correction of the
-//! global step: hash tables see a fraction of their entries per step (Müller et al. 2022, Sec. 4).
+//! State is both moments of every parameter, each in a buffer of its own. The caller owns the buffers and calls once
+//! per parameter group, with that group's learning rate. The lazy form updates the parameters with a gradient alone and
+//! leaves the others and their moments as they are (they do not decay), with the bias correction of the global step:
+//! hash tables see a fraction of their entries per step (Müller et al. 2022, Sec. 4).
 
 pub mod cpu;
 pub mod reference;
@@ -21,13 +21,13 @@ pub struct Moments<'a> {
 }
 
 impl<'a> Moments<'a> {
-    /// Number of parameters.
+    /// Returns the number of parameters.
     fn len(&self) -> usize {
         assert_eq!(self.first.len(), self.second.len());
         self.first.len()
     }
 
-    /// Those of the first `n` parameters, and the rest.
+    /// Returns those of the first `n` parameters, and the rest.
     pub fn split_at(self, n: usize) -> (Self, Self) {
         let (first, first_rest) = self.first.split_at_mut(n);
         let (second, second_rest) = self.second.split_at_mut(n);
@@ -45,12 +45,12 @@ pub struct MomentBuffers {
 }
 
 impl MomentBuffers {
-    /// For `n` parameters.
+    /// Makes the moments of `n` parameters.
     pub fn new(n: usize) -> Self {
         Self { first: zeros(n), second: zeros(n) }
     }
 
-    /// All of them.
+    /// Returns all of them.
     pub fn all(&mut self) -> Moments<'_> {
         Moments { first: &mut self.first, second: &mut self.second }
     }
@@ -69,7 +69,7 @@ pub struct AdamConfig {
 }
 
 impl Default for AdamConfig {
-    /// Those of Müller et al. 2022, Sec. 4.
+    /// Returns the settings of Müller et al. 2022, Sec. 4.
     fn default() -> Self {
         Self { beta1: 0.9, beta2: 0.99, epsilon: 1e-15 }
     }
@@ -96,7 +96,7 @@ impl Default for Schedule {
 }
 
 impl Schedule {
-    /// Factor on the learning rates at a step, counted from 0.
+    /// Returns the factor on the learning rates at a step, counted from 0.
     pub fn factor(&self, step: u64) -> f64 {
         if step < self.n_warmup_steps {
             return self.warmup_start + (1.0 - self.warmup_start) * step as f64 / self.n_warmup_steps as f64;
@@ -119,7 +119,7 @@ pub(crate) struct Update {
 }
 
 impl Update {
-    /// At `step`, counted from 0.
+    /// Returns the update at `step`, counted from 0.
     pub(crate) fn new(config: &AdamConfig, learning_rate: f64, step: u64) -> Self {
         let t = step.saturating_add(1).min(i32::MAX as u64) as i32;
         let AdamConfig { beta1, beta2, epsilon } = *config;

@@ -3,7 +3,7 @@
 use super::AdamConfig;
 use crate::Real;
 
-/// One step of every parameter; `step` counts from 0. `first` and `second` are the moments m and v.
+/// Takes one step of every parameter; `step` counts from 0. `first` and `second` are the moments m and v.
 pub fn step<T: Real>(
     config: &AdamConfig,
     learning_rate: f64,
@@ -25,7 +25,7 @@ pub fn step<T: Real>(
     }
 }
 
-/// One step of the parameters whose gradient is not exactly zero.
+/// Takes one step of the parameters whose gradient is not exactly zero.
 pub fn step_lazy<T: Real>(
     config: &AdamConfig,
     learning_rate: f64,

@@ -4,7 +4,8 @@ use super::steps::{LineCounts, adam_demand, encode_demand, scatter_demand};
 use super::{Case, Demand, RaySet, StepShape, steps};
 use crate::adam::{self, AdamConfig, MomentBuffers, Moments};
 use crate::encoding::frequency;
-use crate::encoding::hash_grid::{HashGrid, cpu as hash_grid};
+use crate::encoding::hash_grid::HashGrid;
+use crate::encoding::hash_grid::cpu::{self as hash_grid, LINE};
 use crate::memory;
 use crate::mlp::cpu::{self as mlp, BLOCK, MlpGradient, PackedMlp, padded};
 use crate::mlp::gradient::{self, GradientScratch};
@@ -14,8 +15,8 @@ use pulp::{Arch, Simd, WithSimd};
 use std::hint::black_box;
 use std::rc::Rc;
 
-/// All kernels. Encodings and the optimizer come at three sizes: the coarse levels alone, which a cache holds, and the
-/// tables of the narrow-band and the full step.
+/// Returns all kernels. Encodings and the optimizer come at three sizes: the coarse levels alone, which a cache holds,
+/// and the tables of the narrow-band and the full step.
 pub fn kernels() -> Vec<Case> {
     let [full, narrow, small] = steps();
     let cached = StepShape { name: "cached", n_levels: 4, finest_resolution: 32, log2_hashmap_size: 15, ..narrow };
@@ -107,53 +108,90 @@ impl WithSimd for &mut SurfaceBlock {
     }
 }
 
+/// Inputs of the cases of a hash grid.
+struct EncodingCase {
+    name: &'static str,
+    grid: Rc<HashGrid<3>>,
+    points: Rc<[[f32; 3]]>,
+    lines: LineCounts,
+    table: Vec<f32>,
+    /// Gradients of one level's features.
+    d: Vec<f32>,
+}
+
+/// Returns the cases of a table: gather, scatter and optimizer.
 fn encoding(shape: &StepShape) -> Vec<Case> {
     let grid = Rc::new(HashGrid::new(&shape.config().field.encoding).expect("sizes in range"));
     let rays = RaySet::new(shape.n_rays, shape.n_samples, shape.band, 1);
-    let n = rays.points().len();
     let lines = LineCounts::of(&grid, rays.points());
-    let name = |what: &str| format!("{what}, {}", shape.name);
     let points: Rc<[[f32; 3]]> = rays.points().into();
     let mut table = memory::zeros(grid.n_params());
     grid.init(1, &mut table);
-    let mut cases = Vec::new();
+    let d = uniform(points.len() * grid.config().n_features_per_level, 1e-3);
+    let case = EncodingCase { name: shape.name, grid, points, lines, table, d };
+    // Memory in the same order as ever, so that pages lie as they did when older numbers were taken.
+    let (scatter, optimizer) = (case.scatter(), case.optimizer());
+    vec![case.gather("gather", 0), case.gather("gather with slopes of half", 2), scatter, optimizer]
+}
 
-    let d = uniform(n * grid.config().n_features_per_level, 1e-3);
-    let u: Vec<f32> = uniform(n, 1e-3);
-    // As in a step, all levels use one buffer in turn.
-    let n_features = grid.config().n_features_per_level;
-    let largest = grid.levels().iter().map(|level| level.n_entries * n_features).max().unwrap_or(0);
-    let buffer = || (memory::zeros(largest), vec![0u8; largest.div_ceil(16)]);
-    let (mut gradient, mut touched) = buffer();
-    let scatter = {
-        let (grid, points, d) = (grid.clone(), points.clone(), d.clone());
-        move || {
+impl EncodingCase {
+    fn case(&self, what: &str, demand: Demand, run: impl FnMut() + 'static) -> Case {
+        Case { name: format!("{what}, {}", self.name), points: self.points.len(), demand, run: Box::new(run) }
+    }
+
+    /// Makes a gradient and its marks, large enough for any level: as in a step, all levels use one buffer in turn.
+    fn buffer(&self) -> (Vec<f32>, Vec<u8>) {
+        let n_features = self.grid.config().n_features_per_level;
+        let largest = self.grid.levels().iter().map(|level| level.n_entries * n_features).max().unwrap_or(0);
+        (memory::zeros(largest), vec![0u8; largest.div_ceil(LINE)])
+    }
+
+    fn gather(&self, what: &str, every: usize) -> Case {
+        let (grid, points, table, n) = (self.grid.clone(), self.points.clone(), self.table.clone(), self.points.len());
+        let mut out = vec![0.0; n * grid.n_features()];
+        let n_slopes = if every == 0 { 0 } else { n.div_ceil(every) };
+        let mut jacobian = vec![0.0; n_slopes * 3 * grid.n_features()];
+        self.case(what, encode_demand(&self.grid, &self.lines, n, n_slopes), move || {
+            hash_grid::forward_with_jacobian(&grid, &table, &points, every, &mut out, &mut jacobian);
+        })
+    }
+
+    fn scatter(&self) -> Case {
+        let (grid, points, d) = (self.grid.clone(), self.points.clone(), self.d.clone());
+        let u: Vec<f32> = uniform(points.len(), 1e-3);
+        let n_features = grid.config().n_features_per_level;
+        let (mut gradient, mut touched) = self.buffer();
+        self.case("scatter with slopes", scatter_demand(&self.grid, &self.lines, points.len()), move || {
             let incoming = hash_grid::Incoming { d: &d, s: &u, u: [&u; 3] };
             for (l, level) in grid.levels().iter().enumerate() {
                 let n = level.n_entries * n_features;
-                let (gradient, touched) = (&mut gradient[..n], &mut touched[..n.div_ceil(16)]);
+                let (gradient, touched) = (&mut gradient[..n], &mut touched[..n.div_ceil(LINE)]);
                 hash_grid::scatter(&grid, l, &points, incoming, 0..level.n_entries, gradient, touched);
             }
-        }
-    };
-    // The lines that the points touch, marked again before each step. Their gradients stay zero, so that there is nothing
-    // else to prepare: what is done to a line does not depend on them.
-    let marks: Vec<Vec<u8>> = (0..grid.levels().len())
-        .map(|l| {
-            let (mut gradient, mut touched) = buffer();
-            let n_entries = grid.levels()[l].n_entries;
-            let incoming = hash_grid::Incoming { d: &d, s: &[], u: [&[]; 3] };
-            hash_grid::scatter(&grid, l, &points, incoming, 0..n_entries, &mut gradient, &mut touched);
-            touched.truncate((n_entries * n_features).div_ceil(16));
-            touched
         })
-        .collect();
-    let optimizer = {
-        let (mut params, grid) = (table.clone(), grid.clone());
-        let (mut gradient, mut touched) = buffer();
-        let mut moments = MomentBuffers::new(table.len());
+    }
+
+    /// Returns the lines of a level that the points touch.
+    fn marks(&self, level: usize) -> Vec<u8> {
+        let (mut gradient, mut touched) = self.buffer();
+        let n_entries = self.grid.levels()[level].n_entries;
+        let incoming = hash_grid::Incoming { d: &self.d, s: &[], u: [&[]; 3] };
+        let range = 0..n_entries;
+        hash_grid::scatter(&self.grid, level, &self.points, incoming, range, &mut gradient, &mut touched);
+        touched.truncate((n_entries * self.grid.config().n_features_per_level).div_ceil(LINE));
+        touched
+    }
+
+    fn optimizer(&self) -> Case {
+        // The lines are marked again before each step. Their gradients stay zero, so that there is nothing else to
+        // prepare: what is done to a line does not depend on them.
+        let marks: Vec<Vec<u8>> = (0..self.grid.levels().len()).map(|l| self.marks(l)).collect();
+        let (mut params, grid) = (self.table.clone(), self.grid.clone());
+        let (mut gradient, mut touched) = self.buffer();
+        let mut moments = MomentBuffers::new(params.len());
         let config = AdamConfig::default();
-        move || {
+        let n_features = grid.config().n_features_per_level;
+        self.case("lazy Adam", adam_demand(&self.lines), move || {
             for (level, marks) in grid.levels().iter().zip(&marks) {
                 let range = level.offset * n_features..(level.offset + level.n_entries) * n_features;
                 let touched = &mut touched[..marks.len()];
@@ -163,30 +201,8 @@ fn encoding(shape: &StepShape) -> Vec<Case> {
                 let gradient = &mut gradient[..range.len()];
                 adam::cpu::step_lazy(&config, 1e-4, 100, &mut params[range], moments, gradient, touched);
             }
-        }
-    };
-    for (what, every) in [("gather", 0), ("gather with slopes of half", 2)] {
-        let (grid, points, table) = (grid.clone(), points.clone(), table.clone());
-        let mut out = vec![0.0; n * grid.n_features()];
-        let n_slopes = if every == 0 { 0 } else { n.div_ceil(every) };
-        let mut jacobian = vec![0.0; n_slopes * 3 * grid.n_features()];
-        cases.push(Case {
-            name: name(what),
-            points: n,
-            demand: encode_demand(&grid, &lines, n, n_slopes),
-            run: Box::new(move || {
-                hash_grid::forward_with_jacobian(&grid, &table, &points, every, &mut out, &mut jacobian);
-            }),
-        });
+        })
     }
-    cases.push(Case {
-        name: name("scatter with slopes"),
-        points: n,
-        demand: scatter_demand(&grid, &lines, n),
-        run: Box::new(scatter),
-    });
-    cases.push(Case { name: name("lazy Adam"), points: n, demand: adam_demand(&lines), run: Box::new(optimizer) });
-    cases
 }
 
 fn compositing(shape: &StepShape) -> Case {

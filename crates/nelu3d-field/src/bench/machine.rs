@@ -24,7 +24,7 @@ pub struct Rate {
     pub lines_per_sec: f64,
 }
 
-/// What one core of this machine can do.
+/// The abilities of one core of this machine.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Machine {
     /// Vector instructions the kernels were dispatched to.
@@ -85,7 +85,7 @@ impl Machine {
     }
 }
 
-/// Rate at a size between the measured ones, linear over the logarithm of the size.
+/// Returns the rate at a size between the measured ones, linear over the logarithm of the size.
 pub(super) fn interpolate(rates: &[Rate], bytes: usize) -> f64 {
     let after = rates.partition_point(|r| r.table_bytes < bytes);
     let (a, b) = (rates[after.saturating_sub(1)], rates[after.min(rates.len() - 1)]);

@@ -4,8 +4,8 @@
 //! training step at a named size, with its [`Demand`] counted by hand: from the two follows the least time the work can
 //! take here (a roofline), and the share of it that is reached.
 //!
-//! Everything runs on one thread unless said otherwise, and is timed in seconds of the processor, best of several: other
-//! programs on the machine then disturb least.
+//! Everything runs on one thread unless said otherwise, and is timed in seconds of the processor, best of several:
+//! other programs on the machine then disturb least.
 
 mod kernels;
 mod machine;
@@ -16,7 +16,7 @@ mod steps;
 pub use kernels::kernels;
 pub use machine::{Machine, Rate};
 pub use rays::RaySet;
-pub use report::{BenchError, KernelResult, Report, StepResult};
+pub use report::{BenchError, BenchReport, KernelResult, StepResult};
 pub use steps::{StepShape, SurfaceBench, steps};
 
 use cpu_time::ProcessTime;
@@ -35,7 +35,7 @@ pub struct Accesses {
     pub lines: f64,
 }
 
-/// What a piece of work asks of the machine.
+/// The demand of a piece of work on the machine.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Demand {
     /// Floating-point operations; a fused multiply-add is two.
@@ -51,7 +51,7 @@ pub struct Demand {
 }
 
 impl Demand {
-    /// Least time of every part on a machine, s.
+    /// Returns the least time of every part on a machine, s.
     fn parts(&self, machine: &Machine) -> [(&'static str, f64); 5] {
         // Every access takes a place in the processor's pipeline; every line must come from where it is.
         let random = |demand: &[Accesses], rates: &[Rate]| -> f64 {
@@ -70,7 +70,8 @@ impl Demand {
         ]
     }
 
-    /// Least time on a machine, s: its slowest part, as if everything else went on beside it; and which part that is.
+    /// Returns the least time on a machine, s: its slowest part, as if everything else went on beside it; and which
+    /// part that is.
     pub fn floor(&self, machine: &Machine) -> (&'static str, f64) {
         self.parts(machine).into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("five parts")
     }
@@ -88,7 +89,8 @@ pub struct Case {
     pub run: Box<dyn FnMut()>,
 }
 
-/// Processor seconds of one call of `run`: the best of several repetitions that take about `budget_secs` together.
+/// Returns the processor seconds of one call of `run`: the best of several repetitions that take about `budget_secs`
+/// together.
 pub fn best_secs(budget_secs: f64, mut run: impl FnMut()) -> f64 {
     run();
     let time = |n: usize, run: &mut dyn FnMut()| {
@@ -109,16 +111,19 @@ mod tests {
 
     #[test]
     fn every_kernel_and_step_is_measured_against_its_ceiling() {
-        let report = Report::measure("cached", &[1, 2], 0.0, &|_, _| (), &|| false).unwrap();
+        let report = BenchReport::measure("cached", &[1, 2], 0.0, &|_, _| (), &|| false).unwrap();
         assert!(report.kernels.len() == 4 && report.steps.is_empty(), "{:?}", report.kernels);
         for kernel in &report.kernels {
             assert!(kernel.points_per_cpu_sec > 0.0 && kernel.share_of_ceiling > 1e-3, "{kernel:?}");
         }
-        let steps = Report::measure("step narrow-small", &[1, 2], 0.0, &|_, _| (), &|| false).unwrap().steps;
+        let steps = BenchReport::measure("step narrow-small", &[1, 2], 0.0, &|_, _| (), &|| false).unwrap().steps;
         assert_eq!(steps.iter().map(|s| s.threads).collect::<Vec<_>>(), [1, 2]);
         assert!(steps.iter().all(|s| s.n_points == 16384 && s.share_of_ceiling > 1e-3 && s.phases.len() == 5));
-        assert!(matches!(Report::measure("no such", &[1], 0.0, &|_, _| (), &|| false), Err(BenchError::Nothing(_))));
-        assert!(matches!(Report::measure("", &[1], 0.0, &|_, _| (), &|| true), Err(BenchError::Cancelled)));
+        assert!(matches!(
+            BenchReport::measure("no such", &[1], 0.0, &|_, _| (), &|| false),
+            Err(BenchError::Nothing(_))
+        ));
+        assert!(matches!(BenchReport::measure("", &[1], 0.0, &|_, _| (), &|| true), Err(BenchError::Cancelled)));
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub struct RaySet {
 }
 
 impl RaySet {
-    /// `n_rays` rays of `n_samples`, stratified within ±`band` / 2 of the surface.
+    /// Makes `n_rays` rays of `n_samples`, stratified within ±`band` / 2 of the surface.
     pub fn new(n_rays: usize, n_samples: usize, band: f32, seed: u64) -> Self {
         let mut rng = StdRng::seed_from_u64(seed);
         let code =
@@ -43,17 +43,17 @@ impl RaySet {
         set
     }
 
-    /// The samples.
+    /// Returns the samples.
     pub fn points(&self) -> &[[f32; 3]] {
         &self.points
     }
 
-    /// First sample of every ray, and the number of samples.
+    /// Returns the first sample of every ray, and the number of samples.
     pub fn offsets(&self) -> &[usize] {
         &self.offsets
     }
 
-    /// As one step takes them.
+    /// Returns the rays as one step takes them.
     pub fn batch(&self) -> SurfaceBatch<'_> {
         SurfaceBatch {
             offsets: &self.offsets,

@@ -23,7 +23,7 @@ pub enum BenchError {
 /// A kernel, measured.
 #[derive(Clone, Debug, Serialize)]
 pub struct KernelResult {
-    /// Its name and size.
+    /// Name and size of the workload.
     pub name: String,
     /// Points (samples, rows) per processor second.
     pub points_per_cpu_sec: f64,
@@ -37,14 +37,14 @@ pub struct KernelResult {
     pub lines_per_point: f64,
     /// Which resource limits it.
     pub bound: String,
-    /// Least possible time over the time taken, 0..1.
+    /// The least possible time over the time taken, 0..1.
     pub share_of_ceiling: f64,
 }
 
 /// A training step, measured.
 #[derive(Clone, Debug, Serialize)]
 pub struct StepResult {
-    /// Its name.
+    /// Name of the workload.
     pub name: String,
     /// Threads.
     pub threads: usize,
@@ -56,7 +56,7 @@ pub struct StepResult {
     pub points_per_sec: f64,
     /// Sum of the phases' least possible times over the processor time taken, 0..1.
     pub share_of_ceiling: f64,
-    /// Least possible time of every phase, in nanoseconds per point: (phase, ns, what limits it).
+    /// The least possible time of every phase, in nanoseconds per point: (phase, ns, what limits it).
     pub phases: Vec<(String, f64, String)>,
     /// Time taken, in nanoseconds per point.
     pub ns_per_point: f64,
@@ -64,7 +64,7 @@ pub struct StepResult {
 
 /// Ceilings, kernels and steps of one run.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct BenchReport {
     /// What the machine can do.
     pub machine: Machine,
     /// Every kernel, on one thread.
@@ -73,7 +73,7 @@ pub struct Report {
     pub steps: Vec<StepResult>,
 }
 
-impl Report {
+impl BenchReport {
     /// Measures everything whose name contains `filter`, for about `budget_secs` of processor time each. Between them,
     /// `tick(done, total)` hears how far it is and `cancelled` is asked whether to go on.
     ///
@@ -153,7 +153,7 @@ impl Report {
     }
 }
 
-/// Processor and wall seconds of a step, the best of several turns of a few steps each.
+/// Returns the processor and wall seconds of a step, the best of several turns of a few steps each.
 fn time_steps(bench: &mut SurfaceBench, budget_secs: f64) -> (f64, f64) {
     const TURN: usize = 4;
     // The optimizer's memory is made, and pages are touched, by the first steps.
@@ -175,7 +175,7 @@ fn time_steps(bench: &mut SurfaceBench, budget_secs: f64) -> (f64, f64) {
     (best_cpu, best_wall)
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for BenchReport {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let m = &self.machine;
         writeln!(f, "Machine, one core ({})", m.simd)?;
@@ -219,7 +219,8 @@ impl fmt::Display for Report {
         for s in &self.steps {
             writeln!(
                 f,
-                "  {:14} {} thread{}: {:.3} M points per CPU second, {:.3} M points/s, {:.0} ns a point, {:.0}% of the ceiling",
+                "  {:14} {} thread{}: {:.3} M points per CPU second, {:.3} M points/s, \
+                 {:.0} ns a point, {:.0}% of the ceiling",
                 s.name,
                 s.threads,
                 if s.threads == 1 { " " } else { "s" },

@@ -32,7 +32,7 @@ pub struct StepShape {
     pub n_hidden_layers: usize,
 }
 
-/// The steps that are measured.
+/// Returns the steps that are measured.
 pub fn steps() -> [StepShape; 3] {
     let full = StepShape {
         name: "full",
@@ -58,7 +58,7 @@ pub fn steps() -> [StepShape; 3] {
 }
 
 impl StepShape {
-    /// The surface that is trained.
+    /// Returns the surface that is trained.
     pub fn config(&self) -> SurfaceConfig {
         let encoding = HashGridConfig {
             n_levels: self.n_levels,
@@ -86,7 +86,7 @@ impl StepShape {
         }
     }
 
-    /// Points of one step.
+    /// Returns the number of points of one step.
     pub fn n_points(&self) -> usize {
         self.n_rays * self.n_samples
     }
@@ -100,7 +100,7 @@ pub struct SurfaceBench {
 }
 
 impl SurfaceBench {
-    /// For steps of this shape.
+    /// Makes a benchmark for steps of this shape.
     ///
     /// # Panics
     /// If the shape is out of range.
@@ -110,15 +110,15 @@ impl SurfaceBench {
         Self { surface, batches, next: 0 }
     }
 
-    /// One step; returns its loss.
+    /// Takes one step; returns its loss.
     pub fn step(&mut self) -> f64 {
         let batch = &self.batches[self.next % self.batches.len()];
         self.next += 1;
         self.surface.train_step(&batch.batch(), &mut []).total
     }
 
-    /// What the phases of one step ask of the machine, one after the other: gather, network, compositing, scatter,
-    /// optimizer.
+    /// Returns what the phases of one step ask of the machine, one after the other: gather, network, compositing,
+    /// scatter, optimizer.
     pub fn demands(&self) -> Vec<(&'static str, Demand)> {
         let batch = &self.batches[0];
         let n = batch.points().len();
@@ -175,13 +175,14 @@ fn level_bytes(grid: &HashGrid<3>, level: usize) -> usize {
     grid.levels()[level].n_entries * grid.config().n_features_per_level * 4
 }
 
-/// Bytes of the values of all levels up to this one: what is between two uses of a line. A step goes through all levels,
-/// and the coarse ones are used most.
+/// Bytes of the values of all levels up to this one: what is between two uses of a line. A step goes through all
+/// levels, and the coarse ones are used most.
 fn bytes_up_to(grid: &HashGrid<3>, level: usize) -> usize {
     (0..=level).map(|l| level_bytes(grid, l)).sum()
 }
 
-/// Trilinear interpolation along three axes of F features: 7 differences and fused multiply-adds, 9 more for the slopes.
+/// Returns the demand of the encoding: trilinear interpolation along three axes of F features: 7 differences and fused
+/// multiply-adds, 9 more for the slopes.
 pub(super) fn encode_demand(grid: &HashGrid<3>, lines: &LineCounts, n: usize, n_slopes: usize) -> Demand {
     let per_point = 3 * 7 * grid.n_features();
     let per_slope = (2 * 3 + 4 + 2 + 1) * grid.n_features();
@@ -189,7 +190,7 @@ pub(super) fn encode_demand(grid: &HashGrid<3>, lines: &LineCounts, n: usize, n_
     Demand { flops: (n * per_point + n_slopes * per_slope) as f64, reads, ..Demand::default() }
 }
 
-/// Eight corners of every point at every level.
+/// Returns the accesses of eight corners of every point at every level.
 fn accesses(
     grid: &HashGrid<3>,
     lines: &LineCounts,
@@ -200,14 +201,15 @@ fn accesses(
     lines.by_point.iter().enumerate().map(level).collect()
 }
 
-/// Eight corners' factors and F fused multiply-adds each. All levels use one gradient buffer in turn.
+/// Returns the demand of the scatter: eight corners' factors and F fused multiply-adds each. All levels use one
+/// gradient buffer in turn.
 pub(super) fn scatter_demand(grid: &HashGrid<3>, lines: &LineCounts, n: usize) -> Demand {
     let flops = (n * (8 * 6 * grid.levels().len() + 8 * 2 * grid.n_features())) as f64;
     Demand { flops, updates: accesses(grid, lines, n, level_bytes), ..Demand::default() }
 }
 
-/// Parameters and both moments of every line that was touched are read and written, in order; the gradient is still in a
-/// cache.
+/// Returns the demand of the optimizer: parameters and both moments of every line that was touched are read and
+/// written, in order; the gradient is still in a cache.
 pub(super) fn adam_demand(lines: &LineCounts) -> Demand {
     let touched: f64 = lines.distinct.iter().sum();
     // 14 operations a parameter, a division and a square root among them.

@@ -1,5 +1,5 @@
-//! The form for GPUs. The image is cut into slabs of rows, so that each slab's costs fit into a buffer; paths that go on in
-//! the next slab carry their costs over.
+//! The form for GPUs. The image is cut into slabs of rows, so that each slab's costs fit into a buffer; paths that go
+//! on in the next slab carry their costs over.
 
 use super::hypotheses::HypothesisLine;
 use super::problem::{DIRECTIONS, NEAR, OUTSIDE, Problem, Winner};
@@ -97,7 +97,7 @@ fn lit(gpu: &Gpu, problem: &Problem<'_>) -> Result<Buffer<u32>, DeviceError> {
     gpu.upload("the lit cells", &problem.lit.lit.chunks(32).map(word).collect::<Vec<_>>())
 }
 
-/// A line as the shader reads it.
+/// Returns a line as the shader reads it.
 fn packed(line: &HypothesisLine) -> [f32; 8] {
     let HypothesisLine { origin: [x, y, z], at, slope: [dx, dy, dz], bend, .. } = *line;
     [x, y, z, at, dx, dy, dz, bend]

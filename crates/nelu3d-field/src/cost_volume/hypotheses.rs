@@ -2,8 +2,8 @@
 
 use crate::lattice::ProjectiveFrame;
 
-/// Depth hypotheses, even in inverse depth: hypothesis l has the inverse depth `first + l · spacing`, so that hypotheses
-/// with larger numbers are nearer.
+/// Depth hypotheses, even in inverse depth: hypothesis l has the inverse depth `first + l · spacing`, so that
+/// hypotheses with larger numbers are nearer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthHypotheses {
     /// Inverse depth of the first.
@@ -85,8 +85,8 @@ impl PixelRay {
     }
 }
 
-/// A pixel's hypotheses in the unit cube: `q(l) = origin + (l − at) · slope / (1 + (l − at) · bend)`, in single precision
-/// without cancellation.
+/// A pixel's hypotheses in the unit cube: `q(l) = origin + (l − at) · slope / (1 + (l − at) · bend)`, in single
+/// precision without cancellation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct HypothesisLine {
     /// q of hypothesis `at`.

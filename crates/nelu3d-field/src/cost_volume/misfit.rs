@@ -19,8 +19,8 @@ impl LightFractionEquations {
         self.sums[4] += iv * indirect * r;
     }
 
-    /// Returns the best fractions, neither negative nor above 0.45, and by how much they lower χ². `prior` are the weights
-    /// of their squares.
+    /// Returns the best fractions, neither negative nor above 0.45, and by how much they lower χ². `prior` are the
+    /// weights of their squares.
     #[inline(always)]
     pub fn solve(&self, prior: [f32; 2]) -> ([f32; 2], f32) {
         let [aa, ab, bb, f, g] = self.sums;

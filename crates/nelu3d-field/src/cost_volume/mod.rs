@@ -1,10 +1,10 @@
-//! Which depth explains each pixel of an image best, when neighbors tend to have the same one: a cost volume over a known
-//! lattice, aggregated by semi-global matching (Hirschmüller 2008, *Stereo Processing by Semiglobal Matching and Mutual
-//! Information*, Sec. 2.3).
+//! Which depth explains each pixel of an image best, when neighbors tend to have the same one: a cost volume over a
+//! known lattice, aggregated by semi-global matching (Hirschmüller 2008, *Stereo Processing by Semiglobal Matching and
+//! Mutual Information*, Sec. 2.3).
 //!
 //! Every pixel tries the same [`DepthHypotheses`], even in inverse depth; where they lie in the lattice is told by the
-//! pixel's [`PixelRay`]. The lattice's codeword c is compared with the measured one p. Part of the light may not be in c:
-//! a fraction a of it has the codeword 1 everywhere (ambient light), a fraction b that of the surroundings
+//! pixel's [`PixelRay`]. The lattice's codeword c is compared with the measured one p. Part of the light may not be in
+//! c: a fraction a of it has the codeword 1 everywhere (ambient light), a fraction b that of the surroundings
 //! (interreflection):
 //!
 //! ```text
@@ -12,10 +12,10 @@
 //! cost    = E* / (1 + E* / saturation)          E* = E at its minimum over 0 ≤ a, b; both then at most 0.45
 //! ```
 //!
-//! Hypotheses outside the lattice, or in a part of it that is not lit, cost [`OUTSIDE`]. Pixels all of whose hypotheses are
-//! outside take no part: the paths of the aggregation end before them and begin anew behind them, as at pixels that are no
-//! part of the problem. Path costs along eight directions are summed, one direction after the other, so that results are
-//! the same in every run.
+//! Hypotheses outside the lattice, or in a part of it that is not lit, cost [`OUTSIDE`]. Pixels all of whose hypotheses
+//! are outside take no part: the paths of the aggregation end before them and begin anew behind them, as at pixels that
+//! are no part of the problem. Path costs along eight directions are summed, one direction after the other, so that
+//! results are the same in every run.
 //!
 //! [`mod@reference`] is the plain form, which the tests compare with; `cpu.rs` and `gpu.rs` are the fast ones.
 

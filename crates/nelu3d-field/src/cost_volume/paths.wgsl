@@ -53,8 +53,8 @@ fn place(x: i32, y: i32) -> u32 {
 }
 
 #if SUBGROUPS
-// Notes the least of all threads' values, once all threads have come here; `turn` is 0 or 1, and not the one of the call
-// before.
+// Notes the least of all threads' values, once all threads have come here; `turn` is 0 or 1, and not the one of the
+// call before.
 fn gather(at: Place, turn: u32, least: f32) {
     let m = subgroupMin(least);
     if (at.lane == 0u) {

@@ -92,8 +92,8 @@ pub struct Winner {
     /// Index of the best hypothesis (of equal ones the first), moved by at most half a hypothesis to the minimum of the
     /// parabola through it and its neighbors; NaN if all are outside.
     pub index: f32,
-    /// How much less it costs, summed over paths, than the best hypothesis more than [`NEAR`] away, divided by the number
-    /// of paths; infinite if there is no such hypothesis.
+    /// How much less it costs, summed over paths, than the best hypothesis more than [`NEAR`] away, divided by the
+    /// number of paths; infinite if there is no such hypothesis.
     pub margin: f32,
 }
 

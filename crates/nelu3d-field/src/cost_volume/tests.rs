@@ -108,13 +108,12 @@ impl RaySource for TestImage {
 /// The same winners, but for rounding and pixels on the edge of two decisions.
 fn assert_agree(what: &str, found: &[Winner], expected: &[Winner]) {
     assert_eq!(found.len(), expected.len());
-    let same = |(a, b): &(&Winner, &Winner)| (a.index - b.index).abs() < 0.5 || a.index.is_nan() && b.index.is_nan();
+    let same = |(a, b): &(&Winner, &Winner)| (a.index - b.index).abs() < 1e-2 || a.index.is_nan() && b.index.is_nan();
     let all = found.len();
     let pairs: Vec<(&Winner, &Winner)> = found.iter().zip(expected).filter(same).collect();
-    assert!(pairs.len() as f32 > 0.999 * all as f32, "{what}: {} of {all}", pairs.len());
+    assert!(pairs.len() + 1 + all / 1000 >= all, "{what}: {} of {all}", pairs.len());
     for (a, b) in pairs {
         let close = |a: f32, b: f32, e: f32| a == b || a.is_nan() && b.is_nan() || (a - b).abs() < e;
-        assert!(close(a.index, b.index, 1e-2), "{what}: {a:?} {b:?}");
         assert!(close(a.margin, b.margin, 2e-3 * b.margin.max(1.0)), "{what}: {a:?} {b:?}");
     }
 }

@@ -1,10 +1,9 @@
-//! Settings of a field and of its training.
+//! Settings of a training, and errors of a field.
 
 use crate::adam::{AdamConfig, Schedule};
-use crate::encoding::hash_grid::{HashGrid, HashGridConfig, HashGridError};
-use crate::mlp::{Activation, MlpConfig, MlpError};
+use crate::encoding::hash_grid::HashGridError;
+use crate::mlp::MlpError;
 use serde::{Deserialize, Serialize};
-use std::fmt;
 
 /// Why a field cannot be made.
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -17,7 +16,8 @@ pub enum FieldError {
     Network(#[from] MlpError),
     /// Stored parameters belong to another configuration.
     #[error(
-        "field parameters: the configuration needs {expected} values, found {found}; was the file cut off or the configuration changed?"
+        "field parameters: the configuration needs {expected} values, found {found}; was the file cut off or the \
+         configuration changed?"
     )]
     Length {
         /// Number of parameters of the configuration.
@@ -48,7 +48,7 @@ pub enum RegressionLoss {
 }
 
 impl RegressionLoss {
-    /// Value and derivative at a residual.
+    /// Returns value and derivative at a residual.
     #[inline(always)]
     pub fn at(self, r: f32) -> (f32, f32) {
         match self {
@@ -80,8 +80,8 @@ pub struct TrainConfig {
 }
 
 impl Default for TrainConfig {
-    /// The rate of Müller et al. 2022, Sec. 4, for the table; a third of it for the network, whose loss otherwise jumps
-    /// between steps.
+    /// Returns the rate of Müller et al. 2022, Sec. 4, for the table; a third of it for the network, whose loss
+    /// otherwise jumps between steps.
     fn default() -> Self {
         Self {
             loss: RegressionLoss::L2,
@@ -94,78 +94,17 @@ impl Default for TrainConfig {
     }
 }
 
-/// Everything that determines a field apart from its parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct HashFieldConfig<const D: usize = 3> {
-    /// Encoding of the point.
-    pub encoding: HashGridConfig<D>,
-    /// Length of an output vector, k.
-    pub n_outputs: usize,
-    /// Units of a hidden layer.
-    pub width: usize,
-    /// Number of hidden layers.
-    pub n_hidden_layers: usize,
-    /// Activation of the output.
-    #[serde(default)]
-    pub output_activation: Activation,
-    /// Whether the network also sees the point itself, after its features.
-    #[serde(default)]
-    pub append_position: bool,
-    /// Training.
-    #[serde(default)]
-    pub training: TrainConfig,
-}
-
-impl<const D: usize> HashFieldConfig<D> {
-    /// A small isotropic field: 8 levels of 2 features from 8 to 128 cells, 2^15 entries, 2 × 32 units.
-    pub fn small(n_outputs: usize) -> Self {
-        let encoding = HashGridConfig {
-            n_levels: 8,
-            n_features_per_level: 2,
-            log2_hashmap_size: 15,
-            base_resolution: [8; D],
-            finest_resolution: [128; D],
-        };
-        Self {
-            encoding,
-            n_outputs,
-            width: 32,
-            n_hidden_layers: 2,
-            output_activation: Activation::Linear,
-            append_position: false,
-            training: TrainConfig::default(),
-        }
+/// Checks the parameters of a field.
+///
+/// # Errors
+///
+/// [`FieldError`] for a wrong number of them, or one that is not finite.
+pub(super) fn check_params(params: &[f32], expected: usize) -> Result<(), FieldError> {
+    if params.len() != expected {
+        return Err(FieldError::Length { expected, found: params.len() });
     }
-
-    pub(crate) fn build(&self) -> Result<(HashGrid<D>, MlpConfig), FieldError> {
-        let grid = HashGrid::new(&self.encoding)?;
-        let mlp = MlpConfig {
-            n_inputs: grid.n_features() + if self.append_position { D } else { 0 },
-            n_outputs: self.n_outputs,
-            width: self.width,
-            n_hidden_layers: self.n_hidden_layers,
-            output_activation: self.output_activation,
-        };
-        mlp.validate()?;
-        Ok((grid, mlp))
-    }
-}
-
-impl<const D: usize> fmt::Display for HashFieldConfig<D> {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let e = &self.encoding;
-        write!(
-            f,
-            "hash grid {}x{} {:?}..{:?} 2^{} + mlp {}x{} -> {}",
-            e.n_levels,
-            e.n_features_per_level,
-            e.base_resolution,
-            e.finest_resolution,
-            e.log2_hashmap_size,
-            self.n_hidden_layers,
-            self.width,
-            self.n_outputs
-        )
+    match params.iter().position(|x| !x.is_finite()) {
+        Some(index) => Err(FieldError::NotFinite { index }),
+        None => Ok(()),
     }
 }

@@ -1,120 +1,54 @@
-//! Evaluation of many points.
+//! Evaluation of many points, for all forms of a field.
 
-use super::HashField;
-use super::train::append_positions;
-use crate::encoding::hash_grid::cpu as hash_grid;
+use super::encoder::Encoder;
+use super::regression::Network;
 use crate::mlp::cpu::{self as mlp, BLOCK, MlpScratch, padded};
-use crate::reduce::dot;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 /// Points of one task: enough to make its scratch memory cheap.
-const TASK: usize = 32 * BLOCK;
+pub(super) const TASK: usize = 32 * BLOCK;
 
-impl<const D: usize> HashField<D> {
-    /// Outputs of many points, in parallel: `out[point][output]`. Points outside [0, 1]^D are clamped to it.
-    ///
-    /// # Panics
-    /// If `out` does not hold `n_outputs` values per point.
-    pub fn query(&self, points: &[[f32; D]], out: &mut [f32]) {
-        let k = self.n_outputs();
+impl<E> Network<'_, E> {
+    /// Writes the outputs of many points, in parallel: `out[point][output]`.
+    pub(super) fn query<const D: usize>(&self, points: &[[f32; D]], out: &mut [f32])
+    where
+        E: Encoder<D>,
+    {
+        let k = self.mlp.n_outputs;
         assert_eq!(out.len(), points.len() * k);
         points.par_chunks(TASK).zip(out.par_chunks_mut(TASK * k)).for_each(|(points, out)| {
-            Arch::new().dispatch(Query { field: self, points, out });
-        });
-    }
-
-    /// Outputs and their derivatives by the point, in parallel: `out[point][output]`,
-    /// `jacobian[point][output][axis]` per unit of [0, 1]. Along an axis where a point is clamped the derivative is 0.
-    ///
-    /// # Panics
-    /// If `out` or `jacobian` do not hold `n_outputs` values per point.
-    pub fn query_with_jacobian(&self, points: &[[f32; D]], out: &mut [f32], jacobian: &mut [[f32; D]]) {
-        let k = self.n_outputs();
-        assert_eq!(out.len(), points.len() * k);
-        assert_eq!(jacobian.len(), points.len() * k);
-        let tasks = points.par_chunks(TASK).zip(out.par_chunks_mut(TASK * k)).zip(jacobian.par_chunks_mut(TASK * k));
-        tasks.for_each(|((points, out), jacobian)| {
-            Arch::new().dispatch(QueryWithJacobian { field: self, points, out, jacobian });
+            Arch::new().dispatch(Query { network: self, points, out });
         });
     }
 }
 
-struct Query<'a, const D: usize> {
-    field: &'a HashField<D>,
+struct Query<'a, E, const D: usize> {
+    network: &'a Network<'a, E>,
     points: &'a [[f32; D]],
     out: &'a mut [f32],
 }
 
-impl<const D: usize> WithSimd for Query<'_, D> {
+impl<E: Encoder<D>, const D: usize> WithSimd for Query<'_, E, D> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let HashField { config, grid, mlp, params, packed, .. } = self.field;
-        let table = &params[..grid.n_params()];
-        let k = self.field.n_outputs();
-        let stride = padded(mlp.n_inputs);
-        let mut scratch = MlpScratch::new(packed);
+        let Network { encoder, mlp, packed } = *self.network;
+        let (k, stride) = (mlp.n_outputs, padded(mlp.n_inputs));
+        let (mut encoding, mut scratch) = (encoder.scratch(0), MlpScratch::new(packed));
         let mut x = vec![0.0; BLOCK * stride];
         for (points, out) in self.points.chunks(BLOCK).zip(self.out.chunks_mut(BLOCK * k)) {
-            hash_grid::encode_inlined(grid, table, points, 0, &mut x, &mut [], stride);
-            if config.append_position {
-                append_positions(points, &mut x, stride, grid.n_features());
-            }
+            encoder.encode(points, &mut encoding, &mut x, stride);
             mlp::forward_block(simd, packed, &x, points.len(), &mut scratch);
-            for (y, out) in scratch.output().chunks_exact(padded(k)).zip(out.chunks_exact_mut(k)) {
-                out.copy_from_slice(&y[..k]);
-            }
+            copy_outputs(&scratch, k, out);
         }
     }
 }
 
-struct QueryWithJacobian<'a, const D: usize> {
-    field: &'a HashField<D>,
-    points: &'a [[f32; D]],
-    out: &'a mut [f32],
-    jacobian: &'a mut [[f32; D]],
-}
-
-impl<const D: usize> WithSimd for QueryWithJacobian<'_, D> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let HashField { config, grid, mlp, params, packed, .. } = self.field;
-        let table = &params[..grid.n_params()];
-        let k = self.field.n_outputs();
-        let (n_features, stride) = (grid.n_features(), padded(mlp.n_inputs));
-        let mut scratch = MlpScratch::new(packed);
-        let mut x = vec![0.0; BLOCK * stride];
-        let mut d_x = x.clone();
-        let mut slopes = vec![0.0; BLOCK * D * stride];
-        let blocks = self.points.chunks(BLOCK).zip(self.out.chunks_mut(BLOCK * k));
-        for ((points, out), jacobian) in blocks.zip(self.jacobian.chunks_mut(BLOCK * k)) {
-            hash_grid::encode_inlined(grid, table, points, 1, &mut x, &mut slopes, stride);
-            if config.append_position {
-                append_positions(points, &mut x, stride, n_features);
-            }
-            mlp::forward_block(simd, packed, &x, points.len(), &mut scratch);
-            for (y, out) in scratch.output().chunks_exact(padded(k)).zip(out.chunks_exact_mut(k)) {
-                out.copy_from_slice(&y[..k]);
-            }
-            for o in 0..k {
-                let seed = scratch.output_and_gradient().1;
-                seed.fill(0.0);
-                for d in seed.chunks_exact_mut(padded(k)) {
-                    d[o] = 1.0;
-                }
-                mlp::backward_block(simd, packed, &x, points.len(), &mut scratch, None, &mut d_x);
-                let rows = d_x.chunks_exact(stride).zip(slopes.chunks_exact(D * stride));
-                for ((d, slopes), jacobian) in rows.zip(jacobian.chunks_exact_mut(k)) {
-                    for a in 0..D {
-                        jacobian[o][a] = dot(&d[..n_features], &slopes[a * stride..][..n_features]);
-                        if config.append_position {
-                            jacobian[o][a] += d[n_features + a];
-                        }
-                    }
-                }
-            }
-        }
+/// Copies the outputs of a block, `out[point][output]`.
+#[inline(always)]
+pub(super) fn copy_outputs(scratch: &MlpScratch, k: usize, out: &mut [f32]) {
+    for (y, out) in scratch.output().chunks_exact(padded(k)).zip(out.chunks_exact_mut(k)) {
+        out.copy_from_slice(&y[..k]);
     }
 }

@@ -1,5 +1,6 @@
 //! Finding a GPU, and opening it.
 
+use super::program::{BufferMemory, Compiled};
 use crate::device::{Choice, DeviceError, Found};
 use std::collections::HashMap;
 use std::fmt;
@@ -25,10 +26,10 @@ pub struct Gpu {
     /// Whether a workgroup's memory is faster than the rest.
     pub(super) tiles: bool,
     pub(super) max_buffer_bytes: u64,
-    /// Most workgroups along one axis of a call.
+    /// The most workgroups along one axis of a call.
     pub(super) max_groups: u32,
-    pub(super) memory: Arc<super::program::Memory>,
-    pub(super) compiled: super::program::Compiled,
+    pub(super) memory: Arc<BufferMemory>,
+    pub(super) compiled: Compiled,
     failure: Arc<Mutex<Option<DeviceError>>>,
 }
 
@@ -58,7 +59,7 @@ fn adapters() -> Vec<Adapter> {
     all
 }
 
-/// Why an adapter cannot be used.
+/// Returns why an adapter cannot be used.
 fn unusable(adapter: &Adapter) -> Option<String> {
     let limits = adapter.limits();
     let less = |what: &str, has: u64, needed: u64| (has < needed).then(|| format!("{what}: {has}, needed {needed}"));
@@ -101,7 +102,7 @@ fn max_buffer_bytes(limits: &wgpu::Limits) -> u64 {
     limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
 }
 
-/// See [`crate::device::list`].
+/// Returns all GPUs; see [`crate::device::list`].
 pub fn list() -> Vec<Found> {
     adapters().iter().enumerate().map(|(i, a)| found(i, a)).collect()
 }
@@ -122,11 +123,11 @@ impl Gpu {
         answer
     }
 
-    /// One of one's own, to break in a test.
+    /// Opens a device of one's own, to break in a test.
     ///
     /// # Errors
     ///
-    /// There is none such.
+    /// There is no such device.
     #[doc(hidden)]
     pub fn open_anew(choice: Choice) -> Result<Arc<Self>, DeviceError> {
         let adapters = adapters();
@@ -204,12 +205,12 @@ impl Gpu {
         })
     }
 
-    /// What the device calls itself.
+    /// Returns the name that the device gives itself.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Whether all has gone well so far.
+    /// Returns whether all has gone well so far.
     ///
     /// # Errors
     ///
@@ -218,7 +219,7 @@ impl Gpu {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone().map_or(Ok(()), Err)
     }
 
-    /// Largest buffer of a kernel, bytes.
+    /// Returns the largest buffer of a kernel, bytes.
     pub(crate) fn max_buffer_bytes(&self) -> u64 {
         self.max_buffer_bytes
     }
@@ -234,7 +235,8 @@ impl Gpu {
         let _ = self.device.poll(wgpu::PollType::Poll);
     }
 
-    /// A second handle that works the other way: without atomic additions, and with a workgroup's memory where the first does without.
+    /// Opens a second handle that works the other way: without atomic additions, and with a workgroup's memory where
+    /// the first does without.
     #[cfg(test)]
     pub(super) fn the_other_way(choice: Choice) -> Result<Arc<Self>, DeviceError> {
         let adapters = adapters();

@@ -1,30 +1,23 @@
-//! What a device can do, and how much of it a training step uses.
+//! The ceilings of a device, and how close a training step comes to them.
 
-use super::program::{Binding, Call, Constants, FOLD, Kernels, folded};
-use super::{AmbientUse, Gpu, Lattice, RayScene, ScenePixel, SurfaceTraining};
+use super::timing::{Demand, ceilings};
+use super::{AmbientUse, Gpu, RayScene, ScenePixel, SurfaceTraining};
 use crate::adam::Schedule;
 use crate::device::DeviceError;
 use crate::encoding::hash_grid::HashGridConfig;
 use crate::field::{HashField, HashFieldConfig, TrainConfig};
+use crate::lattice::{Lattice, ProjectiveFrame};
 use crate::mlp::Activation;
 use crate::occupancy::{OccupancyConfig, OccupancyGrid};
 use crate::surface::{NeuralSurface, SurfaceConfig, SurfaceLoss};
 use serde::Serialize;
 use std::fmt;
 use std::sync::Arc;
-use std::time::Instant;
-
-/// What a phase of a step asks of the device.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Demand {
-    pub(super) flops: f64,
-    pub(super) bytes: f64,
-}
 
 /// A phase, measured.
 #[derive(Clone, Debug, Serialize)]
 pub struct PhaseResult {
-    /// Its name.
+    /// Name of the phase.
     pub name: &'static str,
     /// Seconds.
     pub secs: f64,
@@ -32,7 +25,7 @@ pub struct PhaseResult {
     pub flops: f64,
     /// Bytes to and from its memory, each counted once per access.
     pub bytes: f64,
-    /// Least possible time, by the ceiling that is nearer, over the time taken.
+    /// The least possible time, by the ceiling that is nearer, over the time taken.
     pub share_of_ceiling: f64,
     /// `arithmetic` or `memory`.
     pub bound: &'static str,
@@ -59,113 +52,20 @@ pub struct GpuReport {
     pub phases: Vec<PhaseResult>,
 }
 
-const FMA: &str = "
-@group(0) @binding(0) var<storage, read_write> x: array<vec4<f32>>;
-@compute @workgroup_size(256)
-fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid: vec3<u32>) {
-    let i = (wid.y * FOLD + wid.x) * 256u + lid.x;
-    let y = x[i];
-    var a = y;
-    var b = y + 1.0;
-    var c = y + 2.0;
-    var d = y + 3.0;
-    for (var k = 0u; k < ROUNDS; k++) {
-        a = fma(a, y, y);
-        b = fma(b, y, y);
-        c = fma(c, y, y);
-        d = fma(d, y, y);
-    }
-    x[i] = a + b + c + d;
-}";
-
-const STREAM: &str = "
-@group(0) @binding(0) var<storage, read_write> x: array<vec4<f32>>;
-@compute @workgroup_size(256)
-fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_id) lid: vec3<u32>) {
-    let i = (wid.y * FOLD + wid.x) * 256u + lid.x;
-    if (i < N) { x[i] = x[i] * 0.5; }
-}";
-
-/// Seconds of calls, run again and again for about `budget` seconds: the best of three such runs.
-pub(super) fn seconds(gpu: &Gpu, calls: &[&[Call]], budget: f64) -> Result<f64, DeviceError> {
-    let run = |n: usize| -> Result<f64, DeviceError> {
-        let start = Instant::now();
-        for _ in 0..n {
-            gpu.submit(calls)?;
-        }
-        gpu.wait()?;
-        Ok(start.elapsed().as_secs_f64() / n as f64)
-    };
-    let once = run(1)?.max(1e-7);
-    let n = (budget / 3.0 / once).clamp(1.0, 1000.0) as usize;
-    (0..3).try_fold(f64::INFINITY, |best, _| Ok(best.min(run(n)?)))
-}
-
-/// Ceilings: flops and bytes per second.
-fn ceilings(gpu: &Arc<Gpu>, budget: f64) -> Result<[f64; 2], DeviceError> {
-    const ROUNDS: usize = 256;
-    let mut kernels = Kernels::new(gpu);
-    let n_threads = if gpu.tiles { 1 << 20 } else { 1 << 12 };
-    let x = gpu.upload("ceilings", &vec![[0.5f32; 4]; n_threads])?;
-    let bindings: &[&dyn Binding] = &[&x];
-    let constants = Constants::default().count("FOLD", FOLD).count("ROUNDS", ROUNDS);
-    let call = kernels.run("fma", FMA, &constants, folded(n_threads, 256), bindings)?;
-    let flops = (n_threads * ROUNDS * 4 * 4 * 2) as f64 / seconds(gpu, &[&[call]], budget)?;
-    let n = (gpu.max_buffer_bytes.min(1 << 30) / 16) as usize;
-    let x = gpu.zeros::<[f32; 4]>("ceilings", n)?;
-    let bindings: &[&dyn Binding] = &[&x];
-    let constants = Constants::default().count("FOLD", FOLD).count("N", n);
-    let call = kernels.run("stream", STREAM, &constants, folded(n, 256), bindings)?;
-    let bytes = (n * 32) as f64 / seconds(gpu, &[&[call]], budget)?;
-    Ok([flops, bytes])
-}
-
 impl GpuReport {
-    /// Measures a step of the published size: 2^19 entries, 2 × 64 units, about `n_samples` samples; `budget` seconds for
-    /// each phase.
+    /// Measures a step of the published size: 2^19 entries, 2 × 64 units, about `n_samples` samples; `budget` seconds
+    /// for each phase.
     ///
     /// # Errors
     ///
     /// The device failed, or the step does not fit.
     pub fn measure(gpu: &Arc<Gpu>, n_samples: usize, budget: f64) -> Result<Self, DeviceError> {
         let [flops_per_sec, bytes_per_sec] = ceilings(gpu, budget)?;
-        let encoding = HashGridConfig {
-            n_levels: 16,
-            n_features_per_level: 2,
-            log2_hashmap_size: 19,
-            base_resolution: [16; 3],
-            finest_resolution: [4096; 3],
-        };
-        let schedule = Schedule { n_steps: 100_000, ..Schedule::default() };
-        let training = TrainConfig { weight_normalization: true, schedule, ..TrainConfig::default() };
-        let field = HashFieldConfig {
-            encoding,
-            n_outputs: 1,
-            width: 64,
-            n_hidden_layers: 2,
-            output_activation: Activation::Linear,
-            append_position: true,
-            training: training.clone(),
-        };
-        let loss = SurfaceLoss { eikonal_every: 4, ..SurfaceLoss::default() };
-        let config = SurfaceConfig { field, extent: [3.0; 3], sharpness: 0.3, sharpness_learning_rate: 0.0, loss };
-        let surface = NeuralSurface::new(config, 1).expect("the published configuration is valid");
-        let mut image = HashFieldConfig::<2>::small(1);
-        image.output_activation = Activation::Sigmoid;
-        image.training = TrainConfig { weight_normalization: false, ..training };
-        let ambient = HashField::new(image, 1).expect("a valid configuration");
+        let (surface, ambient) = published_networks();
         // A shell around the middle, as a surface leaves it; rays that cross it take 32 samples.
         let occupancy = OccupancyGrid::new(OccupancyConfig::default(), |p| (p[2] - 0.5).abs() < 1.0 / 64.0);
         let n_rays = (n_samples / 32).max(64);
-        let side = 64;
-        let pixels: Vec<ScenePixel> = (0..side * side)
-            .map(|i| {
-                let at = |v: usize| (v as f32 + 0.5) / side as f32;
-                let place = [at(i % side), at(i / side)];
-                let dir = [0.4 * (place[0] - 0.5), 0.4 * (place[1] - 0.5), 1.0];
-                ScenePixel { dir, near: 1.0, place, far: 2.0, mask: 1.0 }
-            })
-            .collect();
+        let pixels = fan_of_pixels(64);
         let cells = [128, 128, 4];
         let nodes: Vec<f32> = (0..131 * 131 * 7 * 3).map(|i| (i * 7919 % 1009) as f32 / 1009.0).collect();
         let scene = RayScene {
@@ -175,16 +75,10 @@ impl GpuReport {
             measured: &vec![0.4; pixels.len() * 3],
             white: &vec![0.8; pixels.len()],
             n_channels: 1,
-            lattice: Lattice {
-                nodes: &nodes,
-                cells,
-                k: 3,
-                affine: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-                kappa: 0.0,
-                lo: [0.0; 3],
-                scale: [1.0; 3],
-            },
-            ambient: AmbientUse::Share,
+            lattice: Lattice { nodes: &nodes, cells, k: 3 },
+            affine: RayScene::CUBE,
+            frame: ProjectiveFrame::UNIT,
+            ambient: AmbientUse::Fraction,
             n_samples,
             first_rays: n_rays,
             max_rays: n_rays,
@@ -208,17 +102,49 @@ impl GpuReport {
                 bound: if arithmetic > memory { "arithmetic" } else { "memory" },
             });
         })?;
-        Ok(Self {
-            device: gpu.name().to_owned(),
-            flops_per_sec,
-            bytes_per_sec,
-            n_rays,
-            n_samples,
-            step_secs,
-            memory_bytes,
-            phases,
-        })
+        let device = gpu.name().to_owned();
+        Ok(Self { device, flops_per_sec, bytes_per_sec, n_rays, n_samples, step_secs, memory_bytes, phases })
     }
+}
+
+/// Makes a surface and an ambient network of the published size: 2^19 entries, 2 × 64 units.
+fn published_networks() -> (NeuralSurface, HashField<2>) {
+    let encoding = HashGridConfig {
+        n_levels: 16,
+        n_features_per_level: 2,
+        log2_hashmap_size: 19,
+        base_resolution: [16; 3],
+        finest_resolution: [4096; 3],
+    };
+    let schedule = Schedule { n_steps: 100_000, ..Schedule::default() };
+    let training = TrainConfig { weight_normalization: true, schedule, ..TrainConfig::default() };
+    let field = HashFieldConfig {
+        encoding,
+        n_outputs: 1,
+        width: 64,
+        n_hidden_layers: 2,
+        output_activation: Activation::Linear,
+        append_position: true,
+        training: training.clone(),
+    };
+    let loss = SurfaceLoss { eikonal_every: 4, ..SurfaceLoss::default() };
+    let config = SurfaceConfig { field, extent: [3.0; 3], sharpness: 0.3, sharpness_learning_rate: 0.0, loss };
+    let surface = NeuralSurface::new(config, 1).expect("the published configuration is valid");
+    let mut image = HashFieldConfig::<2>::small(1);
+    image.output_activation = Activation::Sigmoid;
+    image.training = TrainConfig { weight_normalization: false, ..training };
+    (surface, HashField::new(image, 1).expect("a valid configuration"))
+}
+
+/// Makes `side × side` pixels whose rays fan out along z.
+fn fan_of_pixels(side: usize) -> Vec<ScenePixel> {
+    let pixel = |i: usize| {
+        let at = |v: usize| (v as f32 + 0.5) / side as f32;
+        let place = [at(i % side), at(i / side)];
+        let dir = [0.4 * (place[0] - 0.5), 0.4 * (place[1] - 0.5), 1.0];
+        ScenePixel { dir, near: 1.0, place, far: 2.0, mask: 1.0 }
+    };
+    (0..side * side).map(pixel).collect()
 }
 
 impl fmt::Display for GpuReport {

@@ -40,7 +40,8 @@ fn wide<const D: usize>(points: &[[f32; D]], weights: &[f32]) -> Vec<[f32; 4]> {
 }
 
 impl<const D: usize> HashField<D> {
-    /// `n_steps` steps of weighted regression on the device, each on the next `batch` samples, round and round. `go_on` is told the number of steps submitted and can end the training. Returns the loss before the last step.
+    /// Takes `n_steps` steps of weighted regression on the device, each on the next `batch` samples, round and round.
+    /// `go_on` is told the number of steps submitted and can end the training. Returns the loss before the last step.
     ///
     /// # Errors
     ///
@@ -114,7 +115,7 @@ impl<const D: usize> HashField<D> {
         Ok(losses.iter().map(|l| f64::from(*l)).sum())
     }
 
-    /// [`HashField::query`] on the device.
+    /// Writes what [`HashField::query`] writes, on the device.
     ///
     /// # Errors
     ///

@@ -3,9 +3,9 @@
 use super::spline::{slopes, weights};
 use super::view::{Lattice, locate};
 
-/// A [`Lattice`] ready to be evaluated at many points. It gives what [`Lattice::eval`] and [`Lattice::eval_along`] give, but
-/// for rounding, faster: the four nodes along w of all channels lie side by side in memory and are summed as one vector
-/// over (a, b) before w is looked at. More than six channels go the plain way.
+/// A [`Lattice`] ready to be evaluated at many points. It gives what [`Lattice::eval`] and [`Lattice::eval_along`]
+/// give, but for rounding, faster: the four nodes along w of all channels lie side by side in memory and are summed as
+/// one vector over (a, b) before w is looked at. More than six channels go the plain way.
 #[derive(Clone, Copy, Debug)]
 pub struct LatticeEvaluator<'a> {
     lattice: Lattice<'a>,
@@ -46,8 +46,8 @@ impl<'a> LatticeEvaluator<'a> {
         }
     }
 
-    /// Evaluates the spline and its derivative in the direction `dq` at unit coordinates `q` (clamped to the cube), into
-    /// `out` and `dout`, `k` values each.
+    /// Evaluates the spline and its derivative in the direction `dq` at unit coordinates `q` (clamped to the cube),
+    /// into `out` and `dout`, `k` values each.
     #[inline]
     pub fn eval_along(&self, q: [f32; 3], dq: [f32; 3], out: &mut [f32], dout: &mut [f32]) {
         match self.lattice.k {

@@ -4,8 +4,8 @@
 /// `q_i = (y_i / (1 + kappa · y_2) − lo_i) · scale_i`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProjectiveFrame {
-    /// One over the distance from the origin to the center in which the lines of constant (q_0, q_1) meet; 0 for parallel
-    /// lines.
+    /// One over the distance from the origin to the center in which the lines of constant (q_0, q_1) meet; 0 for
+    /// parallel lines.
     pub kappa: f64,
     /// Lower corner of the box that maps to the unit cube, after the division.
     pub lo: [f64; 3],

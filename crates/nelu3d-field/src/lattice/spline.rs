@@ -1,4 +1,5 @@
-//! Uniform cubic B-splines (de Boor 1978, *A Practical Guide to Splines*): the weights of the four nodes around a point.
+//! Uniform cubic B-splines (de Boor 1978, *A Practical Guide to Splines*): the weights of the four nodes around a
+//! point.
 
 use crate::Real;
 
@@ -17,8 +18,8 @@ pub fn weights<T: Real>(f: T) -> [T; 4] {
     weights_times_six(f).map(|w| w / T::of(6.0))
 }
 
-/// Returns [`weights`] as products with 1/6 instead of quotients, which is faster and differs in the last bit: for fits,
-/// which evaluate every sample in every iteration.
+/// Returns [`weights`] as products with 1/6 instead of quotients, which is faster and differs in the last bit: for
+/// fits, which evaluate every sample in every iteration.
 #[inline(always)]
 pub fn weights_by_product(f: f32) -> [f32; 4] {
     const SIXTH: f32 = 1.0 / 6.0;

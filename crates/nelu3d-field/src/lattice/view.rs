@@ -9,8 +9,8 @@ pub struct Lattice<'a> {
     pub cells: [usize; 3],
     /// Number of channels.
     pub k: usize,
-    /// Coefficients `[b][a][w][k]`. Along each axis there are three nodes more than cells, one before the first cell and two
-    /// behind the last.
+    /// Coefficients `[b][a][w][k]`. Along each axis there are three nodes more than cells, one before the first cell
+    /// and two behind the last.
     pub nodes: &'a [f32],
 }
 
@@ -95,8 +95,8 @@ impl Lattice<'_> {
         out[..K].copy_from_slice(&acc);
     }
 
-    /// Evaluates the spline and its derivative in the direction `dq` at unit coordinates `q` (clamped to the cube), into
-    /// `out` and `dout`, `k` values each.
+    /// Evaluates the spline and its derivative in the direction `dq` at unit coordinates `q` (clamped to the cube),
+    /// into `out` and `dout`, `k` values each.
     pub fn eval_along(&self, q: [f32; 3], dq: [f32; 3], out: &mut [f32], dout: &mut [f32]) {
         out.fill(0.0);
         dout.fill(0.0);

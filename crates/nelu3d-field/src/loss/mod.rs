@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 /// Opacities are clamped to `[MASK_CLAMP, 1 − MASK_CLAMP]` before the mask loss.
 pub const MASK_CLAMP: f64 = 1e-3;
-/// Least opacity of the unclamped mask loss, whose logarithm must stay finite.
+/// The least opacity of the unclamped mask loss, whose logarithm must stay finite.
 pub const MIN_OPACITY: f64 = 1e-6;
 
 /// Weights of the two norms of an image loss.

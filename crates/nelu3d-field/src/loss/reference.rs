@@ -13,7 +13,7 @@ fn sign<T: Real>(x: T) -> T {
     })
 }
 
-/// Mean over the elements of `x`: `f(i)` returns (value, derivative).
+/// Returns the mean over the elements of `x`: `f(i)` returns (value, derivative).
 fn mean<T: Real>(n: usize, d: &mut [T], mut f: impl FnMut(usize) -> (T, T)) -> T {
     assert_eq!(d.len(), n);
     let scale = T::of(1.0 / n.max(1) as f64);
@@ -26,7 +26,7 @@ fn mean<T: Real>(n: usize, d: &mut [T], mut f: impl FnMut(usize) -> (T, T)) -> T
     sum * scale
 }
 
-/// Eq. 3: l1 |r| + l2 r².
+/// Computes Eq. 3: l1 |r| + l2 r².
 pub fn lookup<T: Real>(norms: Norms, residuals: &[T], d: &mut [T]) -> T {
     let (l1, l2) = (T::of(norms.l1), T::of(norms.l2));
     mean(residuals.len(), d, |i| {
@@ -35,7 +35,7 @@ pub fn lookup<T: Real>(norms: Norms, residuals: &[T], d: &mut [T]) -> T {
     })
 }
 
-/// Eq. 2: l1 |I_white r| + l2 (I_white r)².
+/// Computes Eq. 2: l1 |I_white r| + l2 (I_white r)².
 pub fn pattern<T: Real>(norms: Norms, residuals: &[T], white: &[T], d: &mut [T]) -> T {
     assert_eq!(residuals.len(), white.len());
     let (l1, l2) = (T::of(norms.l1), T::of(norms.l2));
@@ -45,7 +45,7 @@ pub fn pattern<T: Real>(norms: Norms, residuals: &[T], white: &[T], d: &mut [T])
     })
 }
 
-/// Eq. 5: binary cross-entropy of the opacity, clamped to [1e-3, 1 − 1e-3]; no gradient where the clamp acts.
+/// Computes Eq. 5: binary cross-entropy of the opacity, clamped to [1e-3, 1 − 1e-3]; no gradient where the clamp acts.
 pub fn mask<T: Real>(opacity: &[T], mask: &[T], d: &mut [T]) -> T {
     assert_eq!(opacity.len(), mask.len());
     let one = T::of(1.0);
@@ -59,8 +59,8 @@ pub fn mask<T: Real>(opacity: &[T], mask: &[T], d: &mut [T]) -> T {
     })
 }
 
-/// Eq. 5 for opacities given as O = 1 − T by log T, unclamped towards 1: it never saturates where a ray is blocked. O is kept
-/// above [`MIN_OPACITY`]; no gradient below.
+/// Computes Eq. 5 for opacities given as O = 1 − T by log T, unclamped towards 1: it never saturates where a ray is
+/// blocked. O is kept above [`MIN_OPACITY`]; no gradient below.
 pub fn mask_log<T: Real>(log_transmittance: &[T], mask: &[T], d: &mut [T]) -> T {
     assert_eq!(log_transmittance.len(), mask.len());
     let one = T::of(1.0);
@@ -73,7 +73,7 @@ pub fn mask_log<T: Real>(log_transmittance: &[T], mask: &[T], d: &mut [T]) -> T 
     })
 }
 
-/// Eq. 6: (|∇f| − 1)². At ∇f = 0 the gradient is 0.
+/// Computes Eq. 6: (|∇f| − 1)². At ∇f = 0 the gradient is 0.
 pub fn eikonal<T: Real>(gradients: &[[T; 3]], d: &mut [[T; 3]]) -> T {
     assert_eq!(gradients.len(), d.len());
     let scale = T::of(1.0 / gradients.len().max(1) as f64);
@@ -88,7 +88,7 @@ pub fn eikonal<T: Real>(gradients: &[[T; 3]], d: &mut [[T; 3]]) -> T {
     sum * scale
 }
 
-/// Eq. 6: exp(−|f|).
+/// Computes Eq. 6: exp(−|f|).
 pub fn sparsity<T: Real>(sdf: &[T], d: &mut [T]) -> T {
     mean(sdf.len(), d, |i| {
         let e = (-sdf[i].abs()).exp();

@@ -7,7 +7,7 @@ use pulp::{Arch, Simd, WithSimd};
 /// Points of a block: two activations and one weight matrix of width 64 then stay in the first two cache levels.
 pub const BLOCK: usize = 96;
 
-/// `n` rounded up to whole vectors: the row length of every matrix here.
+/// Returns `n` rounded up to whole vectors: the row length of every matrix here.
 pub(crate) fn padded(n: usize) -> usize {
     n.next_multiple_of(LANES)
 }
@@ -88,7 +88,7 @@ pub struct MlpGradient {
 }
 
 impl MlpGradient {
-    /// Zero.
+    /// Makes a gradient of zeros.
     pub fn new(packed: &PackedMlp) -> Self {
         Self {
             weights: packed.layers.iter().map(|l| vec![0.0; l.weights.len()]).collect(),
@@ -96,7 +96,7 @@ impl MlpGradient {
         }
     }
 
-    /// Back to zero.
+    /// Sets the gradient to zero.
     pub fn clear(&mut self) {
         for values in self.weights.iter_mut().chain(&mut self.biases) {
             values.fill(0.0);
@@ -130,18 +130,19 @@ pub struct MlpScratch {
 }
 
 impl MlpScratch {
-    /// For one block of this network.
+    /// Makes the memory for one block of this network.
     pub fn new(packed: &PackedMlp) -> Self {
         let outputs: Vec<_> = packed.layers.iter().map(|l| vec![0.0; BLOCK * padded(l.n_out)]).collect();
         Self { d_outputs: outputs.clone(), outputs }
     }
 
-    /// Network outputs of the last forward pass, `[BLOCK][padded n_outputs]`.
+    /// Returns the network outputs of the last forward pass, `[BLOCK][padded n_outputs]`.
     pub(crate) fn output(&self) -> &[f32] {
         &self.outputs[self.outputs.len() - 1]
     }
 
-    /// Outputs, and where to put their gradient; `[BLOCK][padded n_outputs]` both. Padding of the gradient must be zero.
+    /// Returns the outputs, and where to put their gradient; `[BLOCK][padded n_outputs]` both. Padding of the gradient
+    /// must be zero.
     pub(crate) fn output_and_gradient(&mut self) -> (&[f32], &mut [f32]) {
         let last = self.outputs.len() - 1;
         (&self.outputs[last], &mut self.d_outputs[last])
@@ -154,7 +155,7 @@ pub(crate) fn rows(n: usize) -> usize {
     n.next_multiple_of(ROWS)
 }
 
-/// Forward pass of `rows(n)` points; `x` is `[rows][padded n_inputs]`, finite in every row.
+/// Computes the forward pass of `rows(n)` points; `x` is `[rows][padded n_inputs]`, finite in every row.
 #[inline(always)]
 pub(crate) fn forward_block<S: Simd>(simd: S, mlp: &PackedMlp, x: &[f32], n: usize, scratch: &mut MlpScratch) {
     let rows = rows(n);
@@ -184,9 +185,9 @@ pub(crate) fn forward_block<S: Simd>(simd: S, mlp: &PackedMlp, x: &[f32], n: usi
     }
 }
 
-/// Backward pass after [`forward_block`] of the same `x`. The gradient of the outputs is in the scratch (zero in padding
-/// rows and columns); that of the parameters is added to `gradient` if given; that of the inputs is written to `d_x`,
-/// `[rows][padded n_inputs]`.
+/// Computes the backward pass after [`forward_block`] of the same `x`. The gradient of the outputs is in the scratch
+/// (zero in padding rows and columns); that of the parameters is added to `gradient` if given; that of the inputs is
+/// written to `d_x`, `[rows][padded n_inputs]`.
 #[inline(always)]
 pub(crate) fn backward_block<S: Simd>(
     simd: S,
@@ -237,7 +238,7 @@ fn pad_rows(from: &[f32], n: usize, to: &mut [f32], stride: usize) {
     }
 }
 
-/// Outputs of many points, `x[point][n_inputs]` to `out[point][n_outputs]`. Runs on the calling thread.
+/// Writes the outputs of many points, `x[point][n_inputs]` to `out[point][n_outputs]`. Runs on the calling thread.
 pub fn forward(mlp: &PackedMlp, x: &[f32], out: &mut [f32]) {
     struct Forward<'a>(&'a PackedMlp, &'a [f32], &'a mut [f32]);
     impl WithSimd for Forward<'_> {

@@ -1,8 +1,8 @@
 //! The two matrix products a network needs, on blocks that fit the first-level cache.
 //!
-//! Both keep a tile of up to 12 vector accumulators in registers (AVX2 has 16), which covers the latency of two
-//! fused multiply-adds per cycle. Rows of points are contiguous in their features, so every operand is read in order and
-//! the weight gradient needs no horizontal sums.
+//! Both keep a tile of up to 12 vector accumulators in registers (AVX2 has 16), which covers the latency of two fused
+//! multiply-adds per cycle. Rows of points are contiguous in their features, so every operand is read in order and the
+//! weight gradient needs no horizontal sums.
 
 use pulp::Simd;
 
@@ -11,7 +11,7 @@ pub(super) const LANES: usize = 8;
 /// Rows (points) of a block are padded to a multiple of this: the tallest tile.
 pub(super) const ROWS: usize = 12;
 
-/// c\[r\]\[j\] = init\[j\] + Σ_k a\[r\]\[k\] b\[k\]\[j\], then max(·, 0) if `relu`.
+/// Computes c\[r\]\[j\] = init\[j\] + Σ_k a\[r\]\[k\] b\[k\]\[j\], then max(·, 0) if `relu`.
 ///
 /// `a`: rows × `lda`, of which the first `depth` columns count. `b`: depth × n. `c`: rows × n. `n` is a multiple of
 /// [`LANES`], the number of rows one of [`ROWS`].
@@ -90,8 +90,8 @@ fn multiply_tile<S: Simd, const M: usize, const N: usize>(
     }
 }
 
-/// c\[i\]\[j\] += Σ_r a\[r\]\[i\] b\[r\]\[j\] for the first `m` columns of `a`: the gradient of a weight matrix from the
-/// gradients of a layer's sums (`a`, rows × `lda`) and its inputs (`b`, rows × n).
+/// Computes c\[i\]\[j\] += Σ_r a\[r\]\[i\] b\[r\]\[j\] for the first `m` columns of `a`: the gradient of a weight
+/// matrix from the gradients of a layer's sums (`a`, rows × `lda`) and its inputs (`b`, rows × n).
 #[inline(always)]
 pub(super) fn accumulate_outer<S: Simd>(simd: S, a: &[f32], lda: usize, m: usize, b: &[f32], n: usize, c: &mut [f32]) {
     assert!(m <= lda && n.is_multiple_of(LANES) && a.len() / lda == b.len() / n);

@@ -1,14 +1,14 @@
 //! Fast form of a network with one linear output whose input gradient is part of the loss.
 //!
-//! With one output y and ReLU, everything the two backward passes need is there after one: let h_l be the inputs of layer
-//! l (h_0 the network's) and d_l = ∂y/∂(sums of layer l). A loss with s = ∂L/∂y and v = ∂L/∂(∂y/∂h_0) has
+//! With one output y and ReLU, everything the two backward passes need is there after one: let h_l be the inputs of
+//! layer l (h_0 the network's) and d_l = ∂y/∂(sums of layer l). A loss with s = ∂L/∂y and v = ∂L/∂(∂y/∂h_0) has
 //!
 //! ```text
 //! ∂L/∂W_l = d_l (s h_l + t_l)ᵀ,   ∂L/∂b_l = s d_l,   t_0 = v,   t_l = 1(h_l > 0) ∘ W_{l−1} t_{l−1}
 //! ```
 //!
-//! The d_l are those that the gradient itself took, before s and v were known. So the second derivative costs the pass that
-//! carries t forward, and nothing else: no second backward pass, no products of its own for the weights.
+//! The d_l are those that the gradient itself took, before s and v were known. So the second derivative costs the pass
+//! that carries t forward, and nothing else: no second backward pass, no products of its own for the weights.
 
 use super::cpu::{Layer, MlpGradient, PackedMlp, padded, rows};
 use super::gemm;
@@ -46,8 +46,8 @@ impl GradientScratch {
     }
 }
 
-/// Outputs `y` of `n` points and their gradients by the inputs, `d_x[row][padded n_inputs]`; `x` likewise, with
-/// `rows(n)` rows of finite values.
+/// Computes the outputs `y` of `n` points and their gradients by the inputs, `d_x[row][padded n_inputs]`; `x` likewise,
+/// with `rows(n)` rows of finite values.
 #[inline(always)]
 pub(crate) fn forward<S: Simd>(
     simd: S,
@@ -100,7 +100,7 @@ pub(crate) fn forward<S: Simd>(
     }
 }
 
-/// d = 0 where a unit is not active.
+/// Sets d = 0 where a unit is not active.
 #[inline(always)]
 fn gate(d: &mut [f32], hidden: &[f32]) {
     for (d, &h) in d.iter_mut().zip(hidden) {
@@ -169,7 +169,7 @@ pub(crate) fn accumulate<S: Simd>(
     gradient.biases[last][0] += s.iter().sum::<f32>();
 }
 
-/// h ← s h + t, row by row; rows after the last point become zero.
+/// Computes h ← s h + t, row by row; rows after the last point become zero.
 #[inline(always)]
 fn combine(h: &mut [f32], stride: usize, s: &[f32], every: usize, tangents: &[f32]) {
     for (p, row) in h.chunks_exact_mut(stride).enumerate() {

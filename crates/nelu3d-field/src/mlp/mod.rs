@@ -12,7 +12,7 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 
-/// What the output layer's sums pass through.
+/// The activation of the output layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Activation {
@@ -66,7 +66,7 @@ impl MlpConfig {
         }
     }
 
-    /// (n_in, n_out) of every layer, from input to output.
+    /// Returns (n_in, n_out) of every layer, from input to output.
     pub fn layers(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         (0..=self.n_hidden_layers).map(|l| {
             let n_in = if l == 0 { self.n_inputs } else { self.width };
@@ -75,7 +75,7 @@ impl MlpConfig {
         })
     }
 
-    /// Length of the parameter buffer.
+    /// Returns the length of the parameter buffer.
     pub fn n_params(&self) -> usize {
         self.layers().map(|(n_in, n_out)| (n_in + 1) * n_out).sum()
     }

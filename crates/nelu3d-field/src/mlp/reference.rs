@@ -31,7 +31,7 @@ fn activations<T: Real>(config: &MlpConfig, params: &[T], x: &[T]) -> Vec<Vec<T>
     layers
 }
 
-/// Output of one point.
+/// Writes the output of one point.
 pub fn forward<T: Real>(config: &MlpConfig, params: &[T], x: &[T], out: &mut [T]) {
     out.copy_from_slice(&activations(config, params, x)[config.n_hidden_layers + 1]);
 }

@@ -1,24 +1,25 @@
-//! Weight normalization (Salimans & Kingma 2016, Eq. 2, 3): a unit's weights are w = g v / |v|, and g and v are learned.
+//! Weight normalization (Salimans & Kingma 2016, Eq. 2, 3): a unit's weights are w = g v / |v|, and g and v are
+//! learned.
 //!
-//! It is a change of variables between optimizer and network, so the network's kernels do not know of it. The raw parameters
-//! are those of the network with v in the place of w, then g of every unit, layer by layer.
+//! It is a change of variables between optimizer and network, so the network's kernels do not know of it. The raw
+//! parameters are those of the network with v in the place of w, then g of every unit, layer by layer.
 
 use super::MlpConfig;
 use crate::Real;
 
-/// Number of raw parameters.
+/// Returns the number of raw parameters.
 pub fn n_raw(config: &MlpConfig) -> usize {
     config.n_params() + config.layers().map(|(_, n_out)| n_out).sum::<usize>()
 }
 
-/// Raw parameters of given weights: v = w, g = |w|.
+/// Returns the raw parameters of given weights: v = w, g = |w|.
 pub fn from_weights<T: Real>(config: &MlpConfig, params: &[T]) -> Vec<T> {
     let mut raw = params.to_vec();
     for_each_unit(config, |weights, _| raw.push(norm(&params[weights])));
     raw
 }
 
-/// Weights of raw parameters.
+/// Writes the weights of raw parameters.
 pub fn to_weights<T: Real>(config: &MlpConfig, raw: &[T], params: &mut [T]) {
     let (v, g) = raw.split_at(config.n_params());
     params.copy_from_slice(v);
@@ -28,7 +29,7 @@ pub fn to_weights<T: Real>(config: &MlpConfig, raw: &[T], params: &mut [T]) {
     });
 }
 
-/// Gradient by the raw parameters, given that by the weights (Eq. 3).
+/// Writes the gradient by the raw parameters, given that by the weights (Eq. 3).
 pub fn backward<T: Real>(config: &MlpConfig, raw: &[T], d_params: &[T], d_raw: &mut [T]) {
     let (v, g) = raw.split_at(config.n_params());
     let (d_v, d_g) = d_raw.split_at_mut(config.n_params());
@@ -45,7 +46,7 @@ pub fn backward<T: Real>(config: &MlpConfig, raw: &[T], d_params: &[T], d_raw: &
     });
 }
 
-/// A unit whose weights are all zero has no direction; it keeps none.
+/// Returns the norm of v. A unit whose weights are all zero has no direction; it keeps none.
 fn norm<T: Real>(v: &[T]) -> T {
     let square = v.iter().map(|&x| x * x).sum::<T>();
     let tiny = T::of(1e-30);

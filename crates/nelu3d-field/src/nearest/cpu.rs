@@ -1,5 +1,5 @@
-//! Fast form: a vector of positions at a time, each lane keeping its own best until the end of the row. Every candidate's sum
-//! is taken in the reference's order, so both choose the same one.
+//! Fast form: a vector of positions at a time, each lane keeping its own best until the end of the row. Every
+//! candidate's sum is taken in the reference's order, so both choose the same one.
 
 use super::{Codes, Hit, Shape};
 use crate::prefetch::prefetch;
@@ -10,7 +10,7 @@ const AHEAD: usize = 8;
 /// Values of a cache line.
 const LINE: usize = 16;
 
-/// As [`super::reference::nearest`].
+/// Finds what [`super::reference::nearest`] finds.
 ///
 /// # Panics
 /// If a length does not fit.
@@ -98,21 +98,21 @@ impl WithSimd for Nearest<'_> {
     }
 }
 
-/// The `v`th vector of some positions; the last one may end in zeros.
+/// Returns the `v`th vector of some positions; the last one may end in zeros.
 #[inline(always)]
 fn vector<S: Simd>(simd: S, positions: &[f32], v: usize) -> S::f32s {
     let (whole, rest) = S::as_simd_f32s(positions);
     if v < whole.len() { whole[v] } else { simd.partial_load_f32s(rest) }
 }
 
-/// A sum and a channel's squared differences. Not fused, as the reference's are not.
+/// Returns a sum and a channel's squared differences. Not fused, as the reference's are not.
 #[inline(always)]
 fn add<S: Simd>(simd: S, sum: S::f32s, codes: S::f32s, query: S::f32s) -> S::f32s {
     let d = simd.sub_f32s(codes, query);
     simd.add_f32s(sum, simd.mul_f32s(d, d))
 }
 
-/// The closest of the positions of a row of `K` channels that were all measured.
+/// Returns the closest of the positions of a row of `K` channels that were all measured.
 #[inline(always)]
 fn few<S: Simd, const K: usize>(simd: S, row: &[f32], query: &[f32], range: [u32; 2]) -> Hit {
     let stride = row.len() / K;
@@ -127,7 +127,7 @@ fn few<S: Simd, const K: usize>(simd: S, row: &[f32], query: &[f32], range: [u32
     })
 }
 
-/// Most lanes that a machine has.
+/// The most lanes that a machine has.
 const MAX_LANES: usize = 64;
 /// Numbers of the lanes.
 const LANE: [f32; MAX_LANES] = {
@@ -140,7 +140,8 @@ const LANE: [f32; MAX_LANES] = {
     lane
 };
 
-/// The closest of the positions `from..to`, whose distances `distances(v)` gives for the `v`th vector of positions.
+/// Returns the closest of the positions `from..to`, whose distances `distances(v)` gives for the `v`th vector of
+/// positions.
 #[inline(always)]
 fn scan<S: Simd>(simd: S, [from, to]: [u32; 2], distances: impl Fn(usize) -> S::f32s) -> Hit {
     let lanes = S::F32_LANES;

@@ -1,11 +1,11 @@
 //! Nearest codewords: for each query, the position of the closest of its own row of candidates.
 //!
-//! A table holds one row per query: `[channel][position]`, each channel `stride` values long, positions contiguous so that
-//! neighbors share a vector. It is stored whole ([`Codes::Full`]) or as per-channel products of two factors
+//! A table holds one row per query: `[channel][position]`, each channel `stride` values long, positions contiguous so
+//! that neighbors share a vector. It is stored whole ([`Codes::Full`]) or as per-channel products of two factors
 //! ([`Codes::LowRank`]) whose entries are made while they are compared and never written anywhere.
 //!
-//! The distance of position p is Σ_j (c_jp − q_j)² over the channels j whose query is a number. A candidate that is NaN is
-//! never chosen; of equal ones the first is. Runs on the calling thread: the caller cuts the table.
+//! The distance of position p is Σ_j (c_jp − q_j)² over the channels j whose query is a number. A candidate that is NaN
+//! is never chosen; of equal ones the first is. Runs on the calling thread: the caller cuts the table.
 
 pub mod cpu;
 pub mod reference;

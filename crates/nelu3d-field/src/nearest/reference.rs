@@ -2,7 +2,8 @@
 
 use super::{Codes, Hit, Shape};
 
-/// The closest candidate of every query, `queries[query][channel]`, among the positions `ranges[query]` (from, to), or all.
+/// Returns the closest candidate of every query, `queries[query][channel]`, among the positions `ranges[query]` (from,
+/// to), or all.
 ///
 /// # Panics
 /// If a length does not fit.

@@ -1,10 +1,12 @@
 //! The image formation of NeLU3D: codewords of a frozen color field, and an ambient share.
 
-use super::{RayGradient, RayLoss, RayScratch, SurfaceBatch, SurfaceLoss};
+use super::batch::SurfaceBatch;
+use super::config::SurfaceLoss;
+use super::ray_loss::{RayGradient, RayLoss, RayScratch};
 use crate::loss::cpu as loss;
 use crate::volrend::cpu as volrend;
 
-/// Rays of codewords. Sends the gradient of the ambient shares back.
+/// The codewords of a batch. Sends the gradient of the ambient fractions back.
 pub(super) struct Codewords<'a> {
     pub(super) batch: &'a SurfaceBatch<'a>,
     pub(super) settings: &'a SurfaceLoss,

@@ -1,6 +1,8 @@
-//! Plain form of a step's loss and gradients.
+//! The plain form of a step's loss and gradients.
 
-use super::{SurfaceBatch, SurfaceConfig, SurfaceLosses, eikonal_samples};
+use super::batch::{SurfaceBatch, eikonal_samples};
+use super::config::SurfaceConfig;
+use super::losses::SurfaceLosses;
 use crate::Real;
 use crate::encoding::hash_grid::{HashGrid, reference as hash_grid};
 use crate::mlp::{MlpConfig, reference as mlp};
@@ -9,14 +11,15 @@ use crate::{loss, volrend};
 /// Gradients of one step.
 #[derive(Clone, Debug)]
 pub struct SurfaceGradient<T> {
-    /// Of the table, then the network.
+    /// By the parameters: the table, then the network.
     pub params: Vec<T>,
-    /// Of v.
+    /// By v.
     pub sharpness: T,
-    /// Of the ambient shares, `[ray][k]`.
+    /// By the ambient fractions, `[ray][k]`.
     pub ambient: Vec<T>,
 }
 
+/// Returns values in another precision; `n` times `default` if there are none.
 fn widen<T: Real>(values: &[f32], n: usize, default: f64) -> Vec<T> {
     if values.is_empty() {
         return vec![T::of(default); n];
@@ -24,7 +27,7 @@ fn widen<T: Real>(values: &[f32], n: usize, default: f64) -> Vec<T> {
     values.iter().map(|&x| T::of(x as f64)).collect()
 }
 
-/// Loss of a batch and its gradients, for parameters `params` (table, then network) and `sharpness` (v).
+/// Returns the loss of a batch and its gradients, for parameters `params` (table, then network) and `sharpness` (v).
 pub fn loss_and_gradient<T: Real>(
     config: &SurfaceConfig,
     grid: &HashGrid<3>,
@@ -34,138 +37,256 @@ pub fn loss_and_gradient<T: Real>(
     ambient: &[T],
     batch: &SurfaceBatch,
 ) -> (SurfaceLosses, SurfaceGradient<T>) {
-    let (n_rays, n, k) = (batch.n_rays(), batch.points.len(), batch.k());
-    let (table, weights_of_network) = params.split_at(grid.n_params());
+    let (table, weights) = params.split_at(grid.n_params());
     let settings = &config.loss;
     let zero = T::of(0.0);
-    let extent = config.extent.map(|x| T::of(x as f64));
-    let points: Vec<[T; 3]> = batch.points.iter().map(|x| x.map(|x| T::of(x as f64))).collect();
+    let step = ReferenceStep { config, grid, network, table, weights, inv_s: (T::of(10.0) * sharpness).exp(), batch };
+    let samples = step.samples();
+    let rays = step.composite(&samples.sdf, ambient);
 
-    // The signed distance and its gradient by the network's inputs, everywhere.
-    let inputs: Vec<Vec<T>> = points
-        .iter()
-        .map(|&x| {
-            let mut input = vec![zero; grid.n_features()];
-            hash_grid::forward(grid, table, x, &mut input);
-            if config.field.append_position {
+    // Losses and their own gradients.
+    let image_loss = step.image_loss(&rays);
+    let mask_loss = step.mask_loss(&samples.sdf, &rays);
+    let mut d_sparsity = vec![zero; samples.sdf.len()];
+    let sparsity = loss::reference::sparsity(&samples.sdf, &mut d_sparsity);
+    let slopes = step.eikonal_slopes(&samples);
+    let mut d_gradients = vec![[zero; 3]; slopes.gradients.len()];
+    let eikonal = loss::reference::eikonal(&slopes.gradients, &mut d_gradients);
+
+    // Backward: first what volume rendering sends to the distances, then both roads through the field.
+    let ambient = vec![zero; rays.residual.len()];
+    let mut out = SurfaceGradient { params: vec![zero; params.len()], sharpness: zero, ambient };
+    let mut d_sdf: Vec<T> = d_sparsity.iter().map(|&d| T::of(settings.sparsity_weight) * d).collect();
+    step.render_backward(&samples.sdf, &rays, &image_loss, &mask_loss, &mut d_sdf, &mut out);
+    step.field_backward(&samples, &d_sdf, &slopes, &d_gradients, &mut out.params);
+
+    let (image, mask) = (image_loss.value.to_f64(), mask_loss.value.to_f64());
+    let mut losses =
+        SurfaceLosses { image, mask, eikonal: eikonal.to_f64(), sparsity: sparsity.to_f64(), ..Default::default() };
+    losses.sum(settings);
+    (losses, out)
+}
+
+/// What the parts of a step read.
+struct ReferenceStep<'a, T> {
+    config: &'a SurfaceConfig,
+    grid: &'a HashGrid<3>,
+    network: &'a MlpConfig,
+    table: &'a [T],
+    /// Parameters of the network.
+    weights: &'a [T],
+    inv_s: T,
+    batch: &'a SurfaceBatch<'a>,
+}
+
+/// The signed distance at the samples.
+struct Samples<T> {
+    points: Vec<[T; 3]>,
+    /// Network inputs of every sample.
+    inputs: Vec<Vec<T>>,
+    sdf: Vec<T>,
+    /// Gradients of the distance by the network's inputs.
+    d_inputs: Vec<Vec<T>>,
+}
+
+/// Composited rays.
+struct Composited<T> {
+    /// Codewords of the samples, `[sample][k]`.
+    colors: Vec<T>,
+    /// I_white, `[ray][k]`.
+    white: Vec<T>,
+    /// The mask of every ray.
+    mask: Vec<T>,
+    /// Ambient fractions, `[ray][k]`.
+    ambient: Vec<T>,
+    /// Compositing weights of the samples.
+    weights: Vec<T>,
+    /// Composited codewords, `[ray][k]`.
+    image: Vec<T>,
+    /// Opacity of every ray.
+    opacity: Vec<T>,
+    /// Residuals of Eq. 1, `[ray][k]`; 0 for a background ray, which has no codeword.
+    residual: Vec<T>,
+}
+
+/// The image loss, and its gradients by the residuals.
+struct ImageLoss<T> {
+    value: T,
+    d_residual: Vec<T>,
+}
+
+/// The mask loss, and its gradients by opacity and log transmittance.
+struct MaskLoss<T> {
+    value: T,
+    d_opacity: Vec<T>,
+    d_log_transmittance: Vec<T>,
+}
+
+/// The distance's gradients at the samples of the eikonal loss.
+struct EikonalSlopes<T> {
+    samples: Vec<usize>,
+    /// Jacobians of the network's inputs by the point.
+    jacobians: Vec<Vec<[T; 3]>>,
+    /// Gradients in space.
+    gradients: Vec<[T; 3]>,
+}
+
+impl<T: Real> ReferenceStep<'_, T> {
+    fn extent(&self) -> [T; 3] {
+        self.config.extent.map(|x| T::of(x as f64))
+    }
+
+    /// Computes the signed distance and its gradient by the network's inputs, at all samples.
+    fn samples(&self) -> Samples<T> {
+        let zero = T::of(0.0);
+        let points: Vec<[T; 3]> = self.batch.points.iter().map(|x| x.map(|x| T::of(x as f64))).collect();
+        let input = |&x: &[T; 3]| {
+            let mut input = vec![zero; self.grid.n_features()];
+            hash_grid::forward(self.grid, self.table, x, &mut input);
+            if self.config.field.append_position {
                 input.extend(x);
             }
             input
-        })
-        .collect();
-    let mut unused = vec![zero; weights_of_network.len()];
-    let (mut sdf, mut d_inputs) = (vec![zero; n], vec![vec![zero; network.n_inputs]; n]);
-    for i in 0..n {
-        mlp::forward(network, weights_of_network, &inputs[i], &mut sdf[i..=i]);
-        mlp::backward(network, weights_of_network, &inputs[i], &[T::of(1.0)], &mut unused, &mut d_inputs[i]);
+        };
+        let inputs: Vec<Vec<T>> = points.iter().map(input).collect();
+        let mut unused = vec![zero; self.weights.len()];
+        let (mut sdf, mut d_inputs) = (vec![zero; points.len()], vec![vec![zero; self.network.n_inputs]; points.len()]);
+        let one = [T::of(1.0)];
+        for (i, input) in inputs.iter().enumerate() {
+            mlp::forward(self.network, self.weights, input, &mut sdf[i..=i]);
+            mlp::backward(self.network, self.weights, input, &one, &mut unused, &mut d_inputs[i]);
+        }
+        Samples { points, inputs, sdf, d_inputs }
     }
 
-    // Compositing.
-    let inv_s = (T::of(10.0) * sharpness).exp();
-    let colors: Vec<T> = widen(batch.colors, n * k, 0.0);
-    let (measured, white): (Vec<T>, Vec<T>) =
-        (widen(batch.measured, n_rays * k, 0.0), widen(batch.white, n_rays * k, 1.0));
-    let mask: Vec<T> = widen(batch.mask, n_rays, 0.0);
-    let ambient = if ambient.is_empty() { vec![zero; n_rays * k] } else { ambient.to_vec() };
-    let mut weights = vec![zero; n];
-    let (mut image, mut opacity) = (vec![zero; n_rays * k], vec![zero; n_rays]);
-    for r in 0..n_rays {
-        let samples = batch.offsets[r]..batch.offsets[r + 1];
-        volrend::reference::render_weights(&sdf[samples.clone()], inv_s, &mut weights[samples.clone()]);
-        let ray = &weights[samples.clone()];
-        volrend::reference::accumulate(ray, &colors[samples.start * k..samples.end * k], &mut image[r * k..][..k]);
-        opacity[r] = ray.iter().copied().sum();
+    /// Composites the rays, Eq. 1.
+    fn composite(&self, sdf: &[T], ambient: &[T]) -> Composited<T> {
+        let (batch, zero, one) = (self.batch, T::of(0.0), T::of(1.0));
+        let (n_rays, k) = (batch.n_rays(), batch.k());
+        let colors: Vec<T> = widen(batch.colors, sdf.len() * k, 0.0);
+        let measured: Vec<T> = widen(batch.measured, n_rays * k, 0.0);
+        let mask: Vec<T> = widen(batch.mask, n_rays, 0.0);
+        let ambient = if ambient.is_empty() { vec![zero; n_rays * k] } else { ambient.to_vec() };
+        let mut weights = vec![zero; sdf.len()];
+        let (mut image, mut opacity) = (vec![zero; n_rays * k], vec![zero; n_rays]);
+        for r in 0..n_rays {
+            let samples = batch.offsets[r]..batch.offsets[r + 1];
+            volrend::reference::render_weights(&sdf[samples.clone()], self.inv_s, &mut weights[samples.clone()]);
+            let ray = &weights[samples.clone()];
+            volrend::reference::accumulate(ray, &colors[samples.start * k..samples.end * k], &mut image[r * k..][..k]);
+            opacity[r] = ray.iter().copied().sum();
+        }
+        let residual =
+            (0..n_rays * k).map(|i| mask[i / k] * (image[i] * (one - ambient[i]) + ambient[i] - measured[i])).collect();
+        let white = widen(batch.white, n_rays * k, 1.0);
+        Composited { colors, white, mask, ambient, weights, image, opacity, residual }
     }
-    let one = T::of(1.0);
-    // A background ray has no codeword.
-    let lit = mask.clone();
-    let residual: Vec<T> =
-        (0..n_rays * k).map(|i| lit[i / k] * (image[i] * (one - ambient[i]) + ambient[i] - measured[i])).collect();
 
-    // Losses.
-    let alpha = T::of(settings.lookup_loss_weight);
-    let (mut d_lookup, mut d_pattern) = (vec![zero; n_rays * k], vec![zero; n_rays * k]);
-    let lookup = loss::reference::lookup(settings.norms, &residual, &mut d_lookup);
-    let pattern = loss::reference::pattern(settings.norms, &residual, &white, &mut d_pattern);
-    let (mut d_opacity, mut d_log_transmittance) = (vec![zero; n_rays], vec![zero; n_rays]);
-    let mask = if settings.clamped_mask {
-        loss::reference::mask(&opacity, &mask, &mut d_opacity)
-    } else {
-        let rays = batch.offsets.windows(2);
-        let log_transmittance: Vec<T> =
-            rays.map(|r| volrend::reference::log_transmittance(&sdf[r[0]..r[1]], inv_s)).collect();
-        loss::reference::mask_log(&log_transmittance, &mask, &mut d_log_transmittance)
-    };
-    let mut d_sparsity = vec![zero; n];
-    let sparsity = loss::reference::sparsity(&sdf, &mut d_sparsity);
-    let eikonal_samples: Vec<usize> = eikonal_samples(batch.offsets, settings.eikonal_every).collect();
-    let jacobians: Vec<Vec<[T; 3]>> = eikonal_samples
-        .iter()
-        .map(|&i| {
-            let mut rows = vec![[zero; 3]; grid.n_features()];
-            hash_grid::jacobian(grid, table, points[i], &mut rows);
-            if config.field.append_position {
+    /// Computes the image loss, Eq. 4.
+    fn image_loss(&self, rays: &Composited<T>) -> ImageLoss<T> {
+        let settings = &self.config.loss;
+        let (alpha, one, n) = (T::of(settings.lookup_loss_weight), T::of(1.0), rays.residual.len());
+        let (mut d_lookup, mut d_pattern) = (vec![T::of(0.0); n], vec![T::of(0.0); n]);
+        let lookup = loss::reference::lookup(settings.norms, &rays.residual, &mut d_lookup);
+        let pattern = loss::reference::pattern(settings.norms, &rays.residual, &rays.white, &mut d_pattern);
+        let d = |(p, l): (&T, &T)| (one - alpha) * *p + alpha * *l;
+        let d_residual = d_pattern.iter().zip(&d_lookup).map(d).collect();
+        ImageLoss { value: (one - alpha) * pattern + alpha * lookup, d_residual }
+    }
+
+    /// Computes the mask loss, Eq. 5.
+    fn mask_loss(&self, sdf: &[T], rays: &Composited<T>) -> MaskLoss<T> {
+        let n_rays = self.batch.n_rays();
+        let (mut d_opacity, mut d_log_transmittance) = (vec![T::of(0.0); n_rays], vec![T::of(0.0); n_rays]);
+        let value = if self.config.loss.clamped_mask {
+            loss::reference::mask(&rays.opacity, &rays.mask, &mut d_opacity)
+        } else {
+            let log = |r: &[usize]| volrend::reference::log_transmittance(&sdf[r[0]..r[1]], self.inv_s);
+            let log_transmittance: Vec<T> = self.batch.offsets.windows(2).map(log).collect();
+            loss::reference::mask_log(&log_transmittance, &rays.mask, &mut d_log_transmittance)
+        };
+        MaskLoss { value, d_opacity, d_log_transmittance }
+    }
+
+    /// Computes the distance's gradients in space, at the samples of the eikonal loss.
+    fn eikonal_slopes(&self, all: &Samples<T>) -> EikonalSlopes<T> {
+        let (zero, one, extent) = (T::of(0.0), T::of(1.0), self.extent());
+        let samples: Vec<usize> = eikonal_samples(self.batch.offsets, self.config.loss.eikonal_every).collect();
+        let jacobian = |&i: &usize| {
+            let mut rows = vec![[zero; 3]; self.grid.n_features()];
+            hash_grid::jacobian(self.grid, self.table, all.points[i], &mut rows);
+            if self.config.field.append_position {
                 rows.extend((0..3).map(|a| std::array::from_fn(|b| if a == b { one } else { zero })));
             }
             rows
-        })
-        .collect();
-    let gradients: Vec<[T; 3]> = eikonal_samples
-        .iter()
-        .zip(&jacobians)
-        .map(|(&i, rows)| {
-            std::array::from_fn(|a| rows.iter().zip(&d_inputs[i]).map(|(row, &d)| row[a] * d).sum::<T>() / extent[a])
-        })
-        .collect();
-    let mut d_gradients = vec![[zero; 3]; gradients.len()];
-    let eikonal = loss::reference::eikonal(&gradients, &mut d_gradients);
+        };
+        let jacobians: Vec<Vec<[T; 3]>> = samples.iter().map(jacobian).collect();
+        let gradient = |(&i, rows): (&usize, &Vec<[T; 3]>)| {
+            let along = |a: usize| rows.iter().zip(&all.d_inputs[i]).map(|(row, &d)| row[a] * d).sum::<T>();
+            std::array::from_fn(|a| along(a) / extent[a])
+        };
+        let gradients = samples.iter().zip(&jacobians).map(gradient).collect();
+        EikonalSlopes { samples, jacobians, gradients }
+    }
 
-    // Backward: first what volume rendering sends to the distances, then both roads through the field.
-    let mut out =
-        SurfaceGradient { params: vec![zero; params.len()], sharpness: zero, ambient: vec![zero; n_rays * k] };
-    let mut d_sdf: Vec<T> = d_sparsity.iter().map(|&d| T::of(settings.sparsity_weight) * d).collect();
-    for r in 0..n_rays {
-        let samples = batch.offsets[r]..batch.offsets[r + 1];
-        let mut d_image = vec![zero; k];
-        for (c, d_image) in d_image.iter_mut().enumerate() {
-            let i = r * k + c;
-            let d_residual = lit[r] * ((one - alpha) * d_pattern[i] + alpha * d_lookup[i]);
-            *d_image = d_residual * (one - ambient[i]);
-            out.ambient[i] = d_residual * (one - image[i]);
+    /// Adds what the image and mask losses send through compositing to the distances, the sharpness and the ambient
+    /// fractions.
+    fn render_backward(
+        &self,
+        sdf: &[T],
+        rays: &Composited<T>,
+        image_loss: &ImageLoss<T>,
+        mask_loss: &MaskLoss<T>,
+        d_sdf: &mut [T],
+        out: &mut SurfaceGradient<T>,
+    ) {
+        let (k, zero, one) = (self.batch.k(), T::of(0.0), T::of(1.0));
+        let mask_weight = T::of(self.config.loss.mask_weight);
+        for r in 0..self.batch.n_rays() {
+            let samples = self.batch.offsets[r]..self.batch.offsets[r + 1];
+            let mut d_image = vec![zero; k];
+            for (c, d_image) in d_image.iter_mut().enumerate() {
+                let i = r * k + c;
+                let d_residual = rays.mask[r] * image_loss.d_residual[i];
+                *d_image = d_residual * (one - rays.ambient[i]);
+                out.ambient[i] = d_residual * (one - rays.image[i]);
+            }
+            let mut d_weights = vec![mask_weight * mask_loss.d_opacity[r]; samples.len()];
+            let mut frozen = vec![zero; samples.len() * k];
+            let colors = &rays.colors[samples.start * k..samples.end * k];
+            let weights = &rays.weights[samples.clone()];
+            volrend::reference::accumulate_backward(weights, colors, &d_image, &mut d_weights, &mut frozen);
+            let mut d_ray = vec![zero; samples.len()];
+            let d_log = mask_weight * mask_loss.d_log_transmittance[r];
+            let sdf = &sdf[samples.clone()];
+            let d_inv_s = volrend::reference::render_weights_backward(sdf, self.inv_s, &d_weights, d_log, &mut d_ray);
+            out.sharpness += T::of(10.0) * self.inv_s * d_inv_s;
+            d_sdf[samples].iter_mut().zip(d_ray).for_each(|(d, more)| *d += more);
         }
-        let mut d_weights = vec![T::of(settings.mask_weight) * d_opacity[r]; samples.len()];
-        let mut frozen = vec![zero; samples.len() * k];
-        let colors = &colors[samples.start * k..samples.end * k];
-        volrend::reference::accumulate_backward(
-            &weights[samples.clone()],
-            colors,
-            &d_image,
-            &mut d_weights,
-            &mut frozen,
-        );
-        let mut d_ray = vec![zero; samples.len()];
-        let d_log = T::of(settings.mask_weight) * d_log_transmittance[r];
-        let sdf = &sdf[samples.clone()];
-        let d_inv_s = volrend::reference::render_weights_backward(sdf, inv_s, &d_weights, d_log, &mut d_ray);
-        out.sharpness += T::of(10.0) * inv_s * d_inv_s;
-        d_sdf[samples].iter_mut().zip(d_ray).for_each(|(d, more)| *d += more);
-    }
-    let (d_table, d_network) = out.params.split_at_mut(table.len());
-    let mut d_input = vec![zero; network.n_inputs];
-    for i in 0..n {
-        mlp::backward(network, weights_of_network, &inputs[i], &[d_sdf[i]], d_network, &mut d_input);
-        hash_grid::backward(grid, points[i], &d_input[..grid.n_features()], d_table);
-    }
-    for ((&i, rows), d) in eikonal_samples.iter().zip(&jacobians).zip(&d_gradients) {
-        let u: [T; 3] = std::array::from_fn(|a| T::of(settings.eikonal_weight) * d[a] / extent[a]);
-        let v: Vec<T> = rows.iter().map(|row| row.iter().zip(u).map(|(&j, u)| j * u).sum()).collect();
-        mlp::backward_gradient(network, weights_of_network, &inputs[i], &[one], &v, d_network);
-        hash_grid::backward_jacobian(grid, points[i], &d_inputs[i][..grid.n_features()], u, d_table);
     }
 
-    let image = ((one - alpha) * pattern + alpha * lookup).to_f64();
-    let (mask, eikonal, sparsity) = (mask.to_f64(), eikonal.to_f64(), sparsity.to_f64());
-    let total =
-        image + settings.mask_weight * mask + settings.eikonal_weight * eikonal + settings.sparsity_weight * sparsity;
-    (SurfaceLosses { total, image, mask, eikonal, sparsity }, out)
+    /// Adds what the distances and their gradients send to the parameters.
+    fn field_backward(
+        &self,
+        samples: &Samples<T>,
+        d_sdf: &[T],
+        slopes: &EikonalSlopes<T>,
+        d_gradients: &[[T; 3]],
+        d_params: &mut [T],
+    ) {
+        let (grid, network, weights) = (self.grid, self.network, self.weights);
+        let (extent, n_features) = (self.extent(), grid.n_features());
+        let (d_table, d_network) = d_params.split_at_mut(self.table.len());
+        let mut d_input = vec![T::of(0.0); network.n_inputs];
+        for (i, input) in samples.inputs.iter().enumerate() {
+            mlp::backward(network, weights, input, &[d_sdf[i]], d_network, &mut d_input);
+            hash_grid::backward(grid, samples.points[i], &d_input[..n_features], d_table);
+        }
+        for ((&i, rows), d) in slopes.samples.iter().zip(&slopes.jacobians).zip(d_gradients) {
+            let u: [T; 3] = std::array::from_fn(|a| T::of(self.config.loss.eikonal_weight) * d[a] / extent[a]);
+            let v: Vec<T> = rows.iter().map(|row| row.iter().zip(u).map(|(&j, u)| j * u).sum()).collect();
+            mlp::backward_gradient(network, weights, &samples.inputs[i], &[T::of(1.0)], &v, d_network);
+            hash_grid::backward_jacobian(grid, samples.points[i], &samples.d_inputs[i][..n_features], u, d_table);
+        }
+    }
 }

@@ -1,8 +1,9 @@
+use super::batch::blocks;
 use super::*;
 use crate::adam::{AdamConfig, Schedule};
 use crate::check::{assert_close, assert_gradient, uniform, uniform_f32};
 use crate::encoding::hash_grid::HashGridConfig;
-use crate::field::TrainConfig;
+use crate::field::{HashField, HashFieldConfig, TrainConfig};
 
 pub(crate) fn config(append_position: bool) -> SurfaceConfig {
     // 2^8 entries: the coarse level is dense, the finer ones hashed.

@@ -22,7 +22,7 @@ impl Phi {
         Self { base: x.min(0.0), factor, complement: if x < 0.0 { 1.0 } else { e } / factor }
     }
 
-    /// 1 − alpha = min(1, Φ(next) / Φ(self)).
+    /// Returns 1 − alpha = min(1, Φ(next) / Φ(self)).
     #[inline(always)]
     fn passed(self, next: Self) -> f64 {
         let power = next.base - self.base;
@@ -41,7 +41,7 @@ pub(crate) struct Step {
     transmittance: f64,
 }
 
-/// Weights of one ray's samples; `steps` is what [`backward_ray`] needs of them.
+/// Writes the weights of one ray's samples; `steps` is what [`backward_ray`] needs of them.
 #[inline(always)]
 pub(crate) fn forward_ray(sdf: &[f32], inv_s: f64, weights: &mut [f32], steps: &mut Vec<Step>) {
     weights.fill(0.0);
@@ -59,7 +59,7 @@ pub(crate) fn forward_ray(sdf: &[f32], inv_s: f64, weights: &mut [f32], steps: &
     }
 }
 
-/// log T behind a ray's last sample, no less than that of the smallest normal number.
+/// Returns log T behind a ray's last sample, no less than that of the smallest normal number.
 #[inline(always)]
 pub(crate) fn log_transmittance(steps: &[Step]) -> f64 {
     steps.last().map_or(0.0, |s| s.transmittance.max(f64::MIN_POSITIVE).ln())
@@ -105,14 +105,14 @@ fn check(offsets: &[usize], n_samples: usize) {
     assert!(offsets.is_sorted(), "offsets must not decrease");
 }
 
-/// Where to split the rays in two, or `None` for a part small enough.
+/// Returns where to split the rays in two, or `None` for a part small enough.
 fn middle(offsets: &[usize]) -> Option<usize> {
     let n_rays = offsets.len() - 1;
     (n_rays > 1 && offsets[n_rays] - offsets[0] > GRAIN).then_some(n_rays / 2)
 }
 
-/// Weights of all samples. `offsets`: first sample of every ray and, last, the number of samples; `sdf`, `weights`: per
-/// sample.
+/// Writes the weights of all samples. `offsets`: first sample of every ray and, last, the number of samples; `sdf`,
+/// `weights`: per sample.
 ///
 /// # Panics
 /// If the offsets or the lengths do not fit.
@@ -179,7 +179,7 @@ pub fn render_weights_backward(
     part(offsets, &Samples { sdf, inv_s: inv_s as f64, weights, d_weights }, d_sdf)
 }
 
-/// Opacity of every ray, Σ_j w_j.
+/// Writes the opacity of every ray, Σ_j w_j.
 pub fn opacity(offsets: &[usize], weights: &[f32], out: &mut [f32]) {
     check(offsets, weights.len());
     assert_eq!(out.len() + 1, offsets.len());
@@ -188,7 +188,7 @@ pub fn opacity(offsets: &[usize], weights: &[f32], out: &mut [f32]) {
     }
 }
 
-/// Σ_j w_j values\[j\]\[c\] of every ray: `values[sample][k]`, `out[ray][k]`.
+/// Writes Σ_j w_j values\[j\]\[c\] of every ray: `values[sample][k]`, `out[ray][k]`.
 ///
 /// # Panics
 /// If the offsets or the lengths do not fit.
@@ -202,8 +202,8 @@ pub fn accumulate(offsets: &[usize], weights: &[f32], values: &[f32], k: usize, 
     }
 }
 
-/// Adds to the gradients of weights and values, given that of the sums. Shapes as in [`accumulate`]; an empty `d_values`
-/// is not written (values that are frozen).
+/// Adds to the gradients of weights and values, given that of the sums. Shapes as in [`accumulate`]; an empty
+/// `d_values` is not written (values that are frozen).
 ///
 /// # Panics
 /// If the offsets or the lengths do not fit.

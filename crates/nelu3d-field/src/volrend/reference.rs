@@ -2,13 +2,13 @@
 
 use crate::Real;
 
-/// Δ_j of an interval, and whether the clamp to alpha >= 0 acts.
+/// Returns Δ_j of an interval, and whether the clamp to alpha >= 0 acts.
 fn log_ratio<T: Real>(f: T, next: T, inv_s: T) -> (T, bool) {
     let delta = (inv_s * next).log_sigmoid() - (inv_s * f).log_sigmoid();
     (delta.min(T::of(0.0)), delta >= T::of(0.0))
 }
 
-/// Weights of one ray's samples; the last is 0.
+/// Writes the weights of one ray's samples; the last is 0.
 pub fn render_weights<T: Real>(sdf: &[T], inv_s: T, weights: &mut [T]) {
     assert_eq!(sdf.len(), weights.len());
     weights.fill(T::of(0.0));
@@ -20,7 +20,7 @@ pub fn render_weights<T: Real>(sdf: &[T], inv_s: T, weights: &mut [T]) {
     }
 }
 
-/// log T behind a ray's last sample, Σ_j Δ_j.
+/// Returns log T behind a ray's last sample, Σ_j Δ_j.
 pub fn log_transmittance<T: Real>(sdf: &[T], inv_s: T) -> T {
     sdf.windows(2).map(|f| log_ratio(f[0], f[1], inv_s).0).sum()
 }
@@ -63,7 +63,7 @@ pub fn render_weights_backward<T: Real>(
     d_inv_s
 }
 
-/// Σ_j w_j values\[j\]\[c\] of one ray.
+/// Writes Σ_j w_j values\[j\]\[c\] of one ray.
 pub fn accumulate<T: Real>(weights: &[T], values: &[T], out: &mut [T]) {
     assert_eq!(values.len(), weights.len() * out.len());
     let k = out.len();

@@ -4,7 +4,7 @@
 use super::Frequency;
 use pulp::{Arch, Simd, WithSimd};
 
-/// (sin, cos) of π r to about 2e-7, for any |r| < 2^22.
+/// Returns (sin, cos) of π r to about 2e-7, for any |r| < 2^22.
 #[inline(always)]
 fn sin_cos_pi(r: f32) -> (f32, f32) {
     // r = quarters / 2 + rest, |rest| <= 1/4; adding 1.5 · 2^23 rounds to an integer held in the low bits.
@@ -32,7 +32,7 @@ struct Octaves {
 }
 
 impl Octaves {
-    /// Of the points' coordinates along `axis`; missing points are at the origin.
+    /// Prepares the octaves of the points' coordinates along `axis`; missing points are at the origin.
     #[inline(always)]
     fn new<const D: usize>(points: &[[f32; D]], axis: usize) -> Self {
         let mut r = [0.0; GROUP];
@@ -42,7 +42,7 @@ impl Octaves {
         Self { r }
     }
 
-    /// The next octave's.
+    /// Returns the next octave's.
     #[inline(always)]
     fn advance(&mut self) -> ([f32; GROUP], [f32; GROUP]) {
         let (mut sin, mut cos) = ([0.0; GROUP], [0.0; GROUP]);
@@ -55,7 +55,7 @@ impl Octaves {
     }
 }
 
-/// Features of many points: `out[point][feature]`. Runs on the calling thread.
+/// Writes the features of many points: `out[point][feature]`. Runs on the calling thread.
 pub fn forward<const D: usize>(encoding: Frequency, points: &[[f32; D]], out: &mut [f32]) {
     struct Forward<'a, const D: usize>(Frequency, &'a [[f32; D]], &'a mut [f32]);
     impl<const D: usize> WithSimd for Forward<'_, D> {
@@ -85,7 +85,8 @@ pub fn forward<const D: usize>(encoding: Frequency, points: &[[f32; D]], out: &m
     }
 }
 
-/// Gradient of many points, given that of their features, `d_out[point][feature]`. Runs on the calling thread.
+/// Writes the gradient of many points, given that of their features, `d_out[point][feature]`. Runs on the calling
+/// thread.
 pub fn backward<const D: usize>(encoding: Frequency, points: &[[f32; D]], d_out: &[f32], d_points: &mut [[f32; D]]) {
     struct Backward<'a, const D: usize>(Frequency, &'a [[f32; D]], &'a [f32], &'a mut [[f32; D]]);
     impl<const D: usize> WithSimd for Backward<'_, D> {

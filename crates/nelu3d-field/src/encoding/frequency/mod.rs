@@ -16,7 +16,7 @@ pub struct Frequency {
 }
 
 impl Frequency {
-    /// Length of a feature vector of a point with `n_axes` coordinates.
+    /// Returns the length of a feature vector of a point with `n_axes` coordinates.
     pub fn n_features(self, n_axes: usize) -> usize {
         2 * n_axes * self.n_frequencies
     }

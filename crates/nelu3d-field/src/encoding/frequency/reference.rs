@@ -3,7 +3,7 @@
 use super::Frequency;
 use crate::Real;
 
-/// Features of one point.
+/// Writes the features of one point.
 pub fn forward<T: Real, const D: usize>(encoding: Frequency, x: [T; D], out: &mut [T]) {
     assert_eq!(out.len(), encoding.n_features(D));
     for (a, out) in out.chunks_exact_mut(2 * encoding.n_frequencies).enumerate() {
@@ -14,7 +14,7 @@ pub fn forward<T: Real, const D: usize>(encoding: Frequency, x: [T; D], out: &mu
     }
 }
 
-/// Gradient of one point, given that of its features.
+/// Writes the gradient of one point, given that of its features.
 pub fn backward<T: Real, const D: usize>(encoding: Frequency, x: [T; D], d_out: &[T]) -> [T; D] {
     assert_eq!(d_out.len(), encoding.n_features(D));
     let mut d_x = [T::of(0.0); D];

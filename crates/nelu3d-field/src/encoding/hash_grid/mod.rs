@@ -1,15 +1,15 @@
 //! Multiresolution hash grid (Müller et al. 2022, Sec. 3), with a resolution of its own per axis.
 //!
-//! Level l is a grid of `resolution[a]` cells along axis a, whose vertices carry `n_features_per_level` learned values. A
-//! point's features are the d-linear interpolation of its cell's corners, levels concatenated. A level whose vertices fit
-//! into 2^`log2_hashmap_size` entries is indexed densely, others through the spatial hash of the paper's Eq. 4.
+//! Level l is a grid of `resolution[a]` cells along axis a, whose vertices carry `n_features_per_level` learned values.
+//! A point's features are the d-linear interpolation of its cell's corners, levels concatenated. A level whose vertices
+//! fit into 2^`log2_hashmap_size` entries is indexed densely, others through the spatial hash of the paper's Eq. 4.
 //!
 //! Deviations from the paper: cells per axis differ (a sweep of a few dozen board positions supports far fewer along
-//! depth than across the image), resolutions are rounded instead of floored so the finest is met exactly, and vertex v of
-//! axis a lies at v / resolution\[a\], so that both ends of the unit interval are vertices. And what is hashed is not a
-//! vertex but a *brick* of 2^D neighboring vertices, stored together: in 3-D with two features a brick is one cache line,
-//! and the corners of a cell lie in (3/2)^3 = 3.4 bricks on average, where hashed vertices take four to eight lines and
-//! neighbors along a ray share none of them.
+//! depth than across the image), resolutions are rounded instead of floored so the finest is met exactly, and vertex v
+//! of axis a lies at v / resolution\[a\], so that both ends of the unit interval are vertices. And what is hashed is
+//! not a vertex but a *brick* of 2^D neighboring vertices, stored together: in 3-D with two features a brick is one
+//! cache line, and the corners of a cell lie in (3/2)^3 = 3.4 bricks on average, where hashed vertices take four to
+//! eight lines and neighbors along a ray share none of them.
 //!
 //! Points outside [0, 1]^D are clamped to it (NaN to 0); derivatives along a clamped axis are zero.
 
@@ -89,7 +89,7 @@ fn n_bricks(resolution: u32) -> u32 {
 }
 
 impl<const D: usize> Level<D> {
-    /// Factor of a brick's coordinate along each axis: strides where dense, primes where hashed.
+    /// Returns the factor of a brick's coordinate along each axis: strides where dense, primes where hashed.
     pub(crate) fn factors(&self) -> [u32; 3] {
         if !self.dense {
             return PRIMES;
@@ -101,7 +101,7 @@ impl<const D: usize> Level<D> {
         factors
     }
 
-    /// Entry of a vertex within this level.
+    /// Returns the entry of a vertex within this level.
     pub fn index(&self, vertex: [u32; D]) -> usize {
         let (mut brick, mut corner) = (0u32, 0);
         for (a, factor) in self.factors().into_iter().enumerate().take(D) {
@@ -164,27 +164,27 @@ impl<const D: usize> HashGrid<D> {
         Ok(Self { config: config.clone(), levels })
     }
 
-    /// The configuration.
+    /// Returns the configuration.
     pub fn config(&self) -> &HashGridConfig<D> {
         &self.config
     }
 
-    /// The levels, coarse to fine.
+    /// Returns the levels, coarse to fine.
     pub fn levels(&self) -> &[Level<D>] {
         &self.levels
     }
 
-    /// Length of a feature vector, L · F.
+    /// Returns the length of a feature vector, L · F.
     pub fn n_features(&self) -> usize {
         self.config.n_levels * self.config.n_features_per_level
     }
 
-    /// Number of entries over all levels.
+    /// Returns the number of entries over all levels.
     pub fn n_entries(&self) -> usize {
         self.levels.last().map_or(0, |l| l.offset + l.n_entries)
     }
 
-    /// Length of the table, in values.
+    /// Returns the length of the table, in values.
     pub fn n_params(&self) -> usize {
         self.n_entries() * self.config.n_features_per_level
     }

@@ -3,7 +3,7 @@
 use super::{HashGrid, Level};
 use crate::Real;
 
-/// Cell and position inside it. The last cell is closed above.
+/// Returns the cell and the position inside it. The last cell is closed above.
 fn locate<T: Real, const D: usize>(level: &Level<D>, x: [T; D]) -> ([u32; D], [T; D]) {
     let mut cell = [0; D];
     let mut fraction = [T::of(0.0); D];
@@ -38,7 +38,7 @@ fn corners<T: Real, const D: usize>(level: &Level<D>, x: [T; D], mut visit: impl
     }
 }
 
-/// Features of one point: `out[l·F + f]`.
+/// Writes the features of one point: `out[l·F + f]`.
 pub fn forward<T: Real, const D: usize>(grid: &HashGrid<D>, table: &[T], x: [T; D], out: &mut [T]) {
     assert_eq!(table.len(), grid.n_params());
     assert_eq!(out.len(), grid.n_features());
@@ -67,7 +67,7 @@ pub fn backward<T: Real, const D: usize>(grid: &HashGrid<D>, x: [T; D], d_out: &
     }
 }
 
-/// Derivative of one point's features by the point: `out[l·F + f][axis]`, per unit of x.
+/// Writes the derivative of one point's features by the point: `out[l·F + f][axis]`, per unit of x.
 pub fn jacobian<T: Real, const D: usize>(grid: &HashGrid<D>, table: &[T], x: [T; D], out: &mut [[T; D]]) {
     assert_eq!(table.len(), grid.n_params());
     assert_eq!(out.len(), grid.n_features());

@@ -1,4 +1,5 @@
-// Occupancy: the next batch of the picked cells. RESTART: before they are picked; DONE: the number of samples is again what it was.
+// Occupancy: the next batch of the picked cells. RESTART: before they are picked; DONE: the number of samples is again
+// what it was.
 
 @group(0) @binding(0) var<storage, read_write> control: array<u32>;
 

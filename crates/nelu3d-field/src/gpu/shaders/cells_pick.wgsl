@@ -1,4 +1,5 @@
-// Occupancy: which cells are looked at again. All of them at first; later those that are occupied, and a quarter of the others.
+// Occupancy: which cells are looked at again. All of them at first; later those that are occupied, and a quarter of the
+// others.
 
 @group(0) @binding(0) var<storage, read_write> control: array<atomic<u32>>;
 @group(0) @binding(1) var<storage, read> cells: array<u32>;

@@ -1,4 +1,5 @@
-// Occupancy: a cell's value is a decaying maximum of alpha, that of a surface seen head on over one step (sdf::update_occupancy).
+// Occupancy: a cell's value is a decaying maximum of alpha, that of a surface seen head on over one step
+// (sdf::update_occupancy).
 
 @group(0) @binding(0) var<storage, read> control: array<u32>;
 @group(0) @binding(1) var<storage, read> picked: array<u32>;

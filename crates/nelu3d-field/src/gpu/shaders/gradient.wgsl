@@ -1,5 +1,5 @@
-// Gradient of a layer's weights and biases over one chunk of points: partial[chunk][weight] = sum_s d[j][s] x[i][s], biases
-// sum_s d[j][s] scale[s]; 64 x 64 weights per workgroup, 4 x 4 per thread. SCALED: scale is not 1. ONES: d is 1,
+// Gradient of a layer's weights and biases over one chunk of points: partial[chunk][weight] = sum_s d[j][s] x[i][s],
+// biases sum_s d[j][s] scale[s]; 64 x 64 weights per workgroup, 4 x 4 per thread. SCALED: scale is not 1. ONES: d is 1,
 // and scale is not.
 
 const STEP = 16u;

@@ -1,9 +1,11 @@
-// The frozen codewords of samples: a uniform tricubic B-spline, nodes [b][a][w][k]; one thread per sample. colors[channel][sample].
+// The frozen codewords of samples: a uniform tricubic B-spline, nodes [b][a][w][k]; one thread per sample.
+// colors[channel][sample].
 
 @group(0) @binding(0) var<storage, read> control: array<u32>;
 @group(0) @binding(1) var<storage, read> points: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> nodes: array<f32>;
-// Rows of an affine map from the cube to where the projective one begins; then kappa; then lower corner and scale of the unit box.
+// Rows of an affine map from the cube to where the projective one begins; then kappa; then lower corner and scale of
+// the unit box.
 @group(0) @binding(3) var<storage, read> frame: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> colors: array<f32>;
 

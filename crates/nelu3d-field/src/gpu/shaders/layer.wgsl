@@ -1,5 +1,6 @@
-// A layer for all points: out[j][s] = activation(sum_i w[j][i] a[i][s] + b[j] scale[s]), 64 outputs of 64 points per workgroup, 4 x 4
-// of them per thread. TRANSPOSED takes w[i][j]: the way back. What comes out can be masked by where a hidden layer was positive.
+// A layer for all points: out[j][s] = activation(sum_i w[j][i] a[i][s] + b[j] scale[s]), 64 outputs of 64 points per
+// workgroup, 4 x 4 of them per thread. TRANSPOSED takes w[i][j]: the way back. What comes out can be masked by where a
+// hidden layer was positive.
 
 const STEP = 16u;
 var<workgroup> tile_a: array<vec4<f32>, 256>;

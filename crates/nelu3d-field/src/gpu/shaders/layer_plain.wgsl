@@ -1,5 +1,5 @@
-// As layer.wgsl, without a workgroup's memory: four outputs of four points per thread. For software drivers, to which a barrier costs
-// more than a load.
+// As layer.wgsl, without a workgroup's memory: four outputs of four points per thread. For software drivers, to which a
+// barrier costs more than a load.
 
 @compute @workgroup_size(16)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {

@@ -1,5 +1,5 @@
-// The optimizer of the network: one thread per unit, with its weights and its bias. NORMALIZED: through weight normalization,
-// see mlp/weight_norm.rs; raw parameters are the network's, then the units' lengths.
+// The optimizer of the network: one thread per unit, with its weights and its bias. NORMALIZED: through weight
+// normalization, see mlp/weight_norm.rs; raw parameters are the network's, then the units' lengths.
 
 struct Unit { weights_at: u32, n_in: u32, bias_at: u32, unused: u32 }
 

@@ -1,4 +1,5 @@
-// Volume rendering of rays, forward and backward: one thread per ray. See surface/codeword.rs and volrend/cpu.rs; here in single precision.
+// Volume rendering of rays, forward and backward: one thread per ray. See surface/codeword.rs and volrend/cpu.rs; here
+// in single precision.
 
 struct Pixel {
     dir: vec3<f32>,

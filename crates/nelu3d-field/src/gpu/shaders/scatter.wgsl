@@ -1,5 +1,6 @@
-// Gradient of the table: one thread per point and level. d_x[feature][point] is the gradient by the features, or, of a signed distance, that of the distance by
-// them; then s is that of the loss by the distance and u by the distance's gradient, and the two roads through the table are walked at once.
+// Gradient of the table: one thread per point and level. d_x[feature][point] is the gradient by the features, or, of a
+// signed distance, that of the distance by them; then s is that of the loss by the distance and u by the distance's
+// gradient, and the two roads through the table are walked at once.
 
 #if F32_ATOMICS
 @group(0) @binding(0) var<storage, read_write> d_table: array<atomic<f32>>;

@@ -1,5 +1,5 @@
-// The distance's gradient in space at every so-manyth sample, and u: what the eikonal loss sends to it. One thread per sample; the
-// fourth component of u is the sample's share of the loss.
+// The distance's gradient in space at every so-manyth sample, and u: what the eikonal loss sends to it. One thread per
+// sample; the fourth component of u is the sample's share of the loss.
 
 @group(0) @binding(0) var<storage, read> control: array<u32>;
 @group(0) @binding(1) var<storage, read> levels: array<Level>;

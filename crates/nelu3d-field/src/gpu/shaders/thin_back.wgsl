@@ -1,5 +1,5 @@
-// Back through a layer of few outputs, into the units of the hidden layer before it that were positive: one thread per point.
-// ONES: the gradient by the outputs is 1.
+// Back through a layer of few outputs, into the units of the hidden layer before it that were positive: one thread per
+// point. ONES: the gradient by the outputs is 1.
 
 @group(0) @binding(0) var<storage, read> control: array<u32>;
 @group(0) @binding(1) var<storage, read> weights: array<f32>;

@@ -2,7 +2,8 @@
 
 use nelu3d_field::NeuralSurface;
 use nelu3d_field::device::DeviceError;
-use nelu3d_field::gpu::{AmbientUse, Gpu, Lattice, RayScene, ScenePixel, SurfaceTraining, TrainingReport};
+use nelu3d_field::gpu::{AmbientUse, Gpu, RayScene, ScenePixel, SurfaceTraining, TrainingReport};
+use nelu3d_field::lattice::{Lattice, ProjectiveFrame};
 use nelu3d_field::occupancy::OccupancyGrid;
 use std::sync::Arc;
 
@@ -46,6 +47,8 @@ pub(super) struct DeviceScene<'a> {
     white: Vec<f32>,
     n_channels: usize,
     lattice: Lattice<'a>,
+    affine: [[f32; 4]; 3],
+    frame: ProjectiveFrame,
     ambient: AmbientUse,
     n_samples: usize,
     step: f32,
@@ -77,26 +80,19 @@ impl<'a> DeviceScene<'a> {
             let offset = row[0] * corner.x + row[1] * corner.y + row[2] * corner.z + row[3];
             [row[0] * side, row[1] * side, row[2] * side, offset].map(|v| v as f32)
         });
-        let lattice = Lattice {
-            nodes: &grid.coeffs,
-            cells: grid.cells,
-            k,
-            affine,
-            kappa: frame.kappa as f32,
-            lo: frame.lo.map(|v| v as f32),
-            scale: std::array::from_fn(|a| (1.0 / (frame.hi[a] - frame.lo[a])) as f32),
-        };
         Self {
             pixels: out,
             origin: std::array::from_fn(|a| (0.5 - bounds.center[a] / side) as f32),
             measured,
             white,
             n_channels,
-            lattice,
+            lattice: grid.lattice(),
+            affine,
+            frame: frame.projective(),
             ambient: match settings.ambient {
                 Ambient::None => AmbientUse::None,
-                Ambient::Bounded => AmbientUse::Share,
-                Ambient::Unbounded => AmbientUse::Intensity { least_white: MIN_WHITE },
+                Ambient::Bounded => AmbientUse::Fraction,
+                Ambient::Unbounded => AmbientUse::Intensity { min_white: MIN_WHITE },
             },
             n_samples: settings.samples,
             step: step_mm(bounds) as f32,
@@ -143,10 +139,12 @@ impl<'a> DeviceScene<'a> {
             white: &self.white,
             n_channels: self.n_channels,
             lattice: self.lattice,
+            affine: self.affine,
+            frame: self.frame,
             ambient: self.ambient,
             n_samples: self.n_samples,
             first_rays: config::FIRST_RAYS,
-            most_rays: MAX_RAYS,
+            max_rays: MAX_RAYS,
             half_step: self.half_step,
             seed: self.seed,
         };
@@ -232,16 +230,10 @@ mod tests {
             measured: vec![0.6; 8],
             white: vec![0.9; 4],
             n_channels: 1,
-            lattice: Lattice {
-                nodes: &nodes,
-                cells: [1; 3],
-                k: 2,
-                affine: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-                kappa: 0.0,
-                lo: [0.0; 3],
-                scale: [1.0; 3],
-            },
-            ambient: AmbientUse::Share,
+            lattice: Lattice { nodes: &nodes, cells: [1; 3], k: 2 },
+            affine: RayScene::CUBE,
+            frame: ProjectiveFrame::UNIT,
+            ambient: AmbientUse::Fraction,
             n_samples: 512,
             step: 0.05,
             half_step: 0.01,

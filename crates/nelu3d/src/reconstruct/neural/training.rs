@@ -123,7 +123,7 @@ impl<'a> Training<'a> {
                     inv_s_per_mm: self.surface.inv_s() / self.pixels.bounds.unit_mm,
                     rays: self.n_rays,
                     samples: n_samples,
-                    occupied: self.occupancy.share(),
+                    occupied: self.occupancy.occupied_fraction(),
                     ..TrainingRecord::of_losses(step + 1, &losses)
                 });
                 tracing::info!(?losses, record = ?self.records.last(), "training");

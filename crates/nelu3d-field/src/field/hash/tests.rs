@@ -1,6 +1,7 @@
 use super::*;
 use crate::check::{assert_close, uniform_f32};
 use crate::encoding::hash_grid::{self, HashGridConfig};
+use crate::field::{FieldError, RegressionLoss};
 use crate::mlp;
 
 fn tiny() -> HashFieldConfig<3> {

@@ -1,0 +1,13 @@
+//! The form `hash`: a multiresolution hash grid and a network (Müller et al. 2022).
+
+mod config;
+mod encoder;
+mod field;
+mod query;
+mod train;
+
+pub use config::HashFieldConfig;
+pub use field::HashField;
+
+#[cfg(test)]
+mod tests;

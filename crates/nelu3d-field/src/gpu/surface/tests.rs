@@ -1,0 +1,206 @@
+use super::super::{Gpu, test_gpu, test_gpu_alone};
+use super::*;
+use crate::check::assert_close;
+use crate::field::HashField;
+use crate::field::HashFieldConfig;
+use crate::lattice::{Lattice, ProjectiveFrame};
+use crate::mlp::Activation;
+use crate::occupancy::OccupancyConfig;
+use crate::occupancy::OccupancyGrid;
+use crate::surface::tests::{Rays, config, gradients, surface};
+use crate::surface::{NeuralSurface, SurfaceLosses};
+use std::sync::Arc;
+
+fn ambient_field() -> HashField<2> {
+    let config = HashFieldConfig { output_activation: Activation::Sigmoid, ..HashFieldConfig::small(2) };
+    HashField::new(config, 2).unwrap()
+}
+
+/// One step on given rays: losses, gradients of all parameters, of the sharpness, and of the ambient shares.
+fn step(gpu: &Arc<Gpu>, start: &NeuralSurface, rays: &Rays) -> (SurfaceLosses, NeuralSurface, Vec<f32>) {
+    let n_rays = rays.mask.len();
+    let pixels: Vec<ScenePixel> = rays.mask.iter().map(|&mask| ScenePixel { mask, ..Default::default() }).collect();
+    let scene = RayScene {
+        pixels: &pixels,
+        origin: [0.0; 3],
+        step: 1.0,
+        measured: &rays.measured,
+        white: &rays.white,
+        n_channels: 2,
+        lattice: Lattice { nodes: &[0.0; 4 * 4 * 4 * 2], cells: [1; 3], k: 2 },
+        affine: [[0.0; 4]; 3],
+        frame: ProjectiveFrame::UNIT,
+        ambient: AmbientUse::Fraction,
+        n_samples: rays.points.len(),
+        first_rays: n_rays,
+        max_rays: n_rays,
+        half_step: 0.01,
+        seed: 1,
+    };
+    let mut ambient = ambient_field();
+    let mut occupancy = OccupancyGrid::new(OccupancyConfig { resolution: 8, ..Default::default() }, |_| true);
+    let training = SurfaceTraining::new(gpu, start, &ambient, &occupancy, &scene, 1).unwrap();
+    // The batch in the place of a drawn one.
+    let spans: Vec<[u32; 4]> = (0..n_rays)
+        .map(|r| [rays.offsets[r] as u32, (rays.offsets[r + 1] - rays.offsets[r]) as u32, r as u32, 0])
+        .collect();
+    let points: Vec<[f32; 4]> = rays.points.iter().map(|p| [p[0], p[1], p[2], 0.0]).collect();
+    let by_row = |values: &[f32], capacity: usize| {
+        let mut out = vec![0.0; 2 * capacity];
+        for (i, v) in values.iter().enumerate() {
+            out[i % 2 * capacity + i / 2] = *v;
+        }
+        out
+    };
+    gpu.submit(&[&training.calls.draw[..1]]).unwrap();
+    gpu.write(&training.buffers.control, &[rays.points.len() as u32, 1, n_rays as u32]);
+    gpu.write(&training.buffers.rays, &spans);
+    gpu.write(&training.net.points, &points);
+    gpu.write(&training.buffers.colors, &by_row(&rays.colors, training.net.capacity));
+    gpu.write(&training.ambient.out, &by_row(&rays.ambient, training.ambient.capacity));
+    gpu.submit(&[&training.calls.step, &training.calls.record]).unwrap();
+    let d_out = gpu.read(training.ambient.d_out(), 2 * training.ambient.capacity).unwrap();
+    let d_ambient = (0..2 * n_rays)
+        .map(|i| {
+            let a = rays.ambient[i];
+            d_out[i % 2 * training.ambient.capacity + i / 2] / (a * (1.0 - a))
+        })
+        .collect();
+    let losses = training.report().unwrap().losses;
+    let mut end = start.clone();
+    training.fetch(&mut end, &mut ambient, &mut occupancy).unwrap();
+    (losses, end, d_ambient)
+}
+
+#[test]
+fn a_step_agrees_with_the_cpu() {
+    let cases = [(true, 1, true), (false, 0, false), (true, 1, false)];
+    let gpus = [test_gpu(), test_gpu_alone(), test_gpu()];
+    for (gpu, (append, every, clamped)) in gpus.into_iter().flatten().zip(cases) {
+        let mut config = config(append);
+        config.loss.eikonal_every = every;
+        config.loss.clamped_mask = clamped;
+        config.field.training.weight_normalization = append;
+        let lengths: Vec<usize> = (0..150).map(|r| [16, 1, 0, 7, 32][r % 5]).chain([300, 5, 97]).collect();
+        let rays = Rays::new(&lengths);
+        let start = surface(config);
+        let mut slow = start.clone();
+        let mut d_expected = vec![0.0; rays.ambient.len()];
+        let expected = slow.train_step(&rays.batch(), &mut d_expected);
+        let (losses, fast, d_ambient) = step(&gpu, &start, &rays);
+        for (a, b) in [
+            (losses.total, expected.total),
+            (losses.image, expected.image),
+            (losses.mask, expected.mask),
+            (losses.eikonal, expected.eikonal),
+            (losses.sparsity, expected.sparsity),
+        ] {
+            assert!((a - b).abs() <= 2e-5 * b.abs(), "{losses:?} {expected:?}");
+        }
+        let relative = |a: &[f32], b: &[f32]| {
+            let norm = |v: &mut dyn Iterator<Item = f32>| v.map(|v| f64::from(v * v)).sum::<f64>().sqrt();
+            norm(&mut a.iter().zip(b).map(|(a, b)| a - b)) / norm(&mut b.iter().copied())
+        };
+        // The CPU composites in double precision: long rays end on differences of small numbers here.
+        let error = relative(&gradients(&fast), &gradients(&slow));
+        assert!(error < 1e-4, "gradients differ by {error} ({append} {every} {clamped})");
+        let error = relative(&d_ambient, &d_expected);
+        assert!(error < 1e-4, "gradients of the ambient shares differ by {error}");
+        let v = |s: &NeuralSurface| s.sharpness_moments.first[0];
+        assert!((v(&fast) - v(&slow)).abs() < 1e-4 * v(&slow).abs(), "{} {}", v(&fast), v(&slow));
+        assert!((fast.inv_s() - slow.inv_s()).abs() < 1e-4 * slow.inv_s());
+    }
+}
+
+/// A surface f = 3 (0.5 − z), to be trained for 120 steps.
+fn plane() -> NeuralSurface {
+    let mut settings = config(true);
+    settings.extent = [3.0; 3];
+    settings.sharpness = 0.3;
+    settings.field.width = 16;
+    settings.field.training.schedule.n_steps = 120;
+    let mut surface = NeuralSurface::new(settings, 4).unwrap();
+    for i in 0..400 {
+        let p: Vec<[f32; 3]> = (0..512)
+            .map(|j| {
+                let at = |m: f32| ((i * 512 + j) as f32 * m).fract();
+                [at(0.754_87), at(0.569_84), at(0.618_03)]
+            })
+            .collect();
+        let targets: Vec<f32> = p.iter().map(|p| 3.0 * (0.5 - p[2])).collect();
+        surface.field_mut().train_step(&p, &targets, &[]);
+    }
+    surface.field_mut().finish_training();
+    surface
+}
+
+/// Rays along z through a lattice whose codewords tell z: a plane at 0.54 is seen where it is.
+#[test]
+fn a_training_finds_a_plane_and_goes_on_from_where_it_was() {
+    let Some(gpu) = test_gpu() else { return };
+    let mut surface = plane();
+    let cells = [4usize, 4, 24];
+    let [na, nb, nw] = cells.map(|c| c + 3);
+    let node = |i: usize| {
+        let w = (i % nw) as f32 / 24.0 - 1.0 / 24.0;
+        [0.5 + 0.4 * (9.0 * w).sin(), 0.5 + 0.4 * (9.0 * w).cos()]
+    };
+    let nodes: Vec<f32> = (0..na * nb * nw).flat_map(node).collect();
+    let (mut pixels, mut measured) = (Vec::new(), Vec::new());
+    for i in 0..24 * 24 {
+        let at = |v: usize| (v as f32 + 0.5) / 24.0;
+        let slope = [at(i % 24) - 0.5, at(i / 24) - 0.5];
+        pixels.push(ScenePixel {
+            // From below the cube's middle, fanning out.
+            dir: [0.2 * slope[0], 0.2 * slope[1], 0.5],
+            near: 2.0,
+            far: 4.0,
+            place: [at(i % 24), at(i / 24)],
+            mask: 1.0,
+        });
+        measured.extend([0.5 + 0.4 * (9.0f32 * 0.54).sin(), 0.5 + 0.4 * (9.0f32 * 0.54).cos()]);
+    }
+    let scene = RayScene {
+        pixels: &pixels,
+        origin: [0.5, 0.5, -1.0],
+        step: 0.02,
+        measured: &measured,
+        white: &vec![0.8; pixels.len()],
+        n_channels: 1,
+        lattice: Lattice { nodes: &nodes, cells, k: 2 },
+        affine: RayScene::CUBE,
+        frame: ProjectiveFrame::UNIT,
+        ambient: AmbientUse::Fraction,
+        n_samples: 2000,
+        first_rays: 16,
+        max_rays: 128,
+        half_step: 0.01,
+        seed: 3,
+    };
+    let config = HashFieldConfig { output_activation: Activation::Sigmoid, ..HashFieldConfig::small(1) };
+    let mut ambient = HashField::<2>::new(config, 2).unwrap();
+    let occupancy_config = OccupancyConfig { resolution: 12, n_warmup_steps: 32, ..Default::default() };
+    let mut occupancy = OccupancyGrid::new(occupancy_config, |_| true);
+    let depth = |surface: &NeuralSurface| {
+        let mut out = [0.0; 2];
+        surface.field().query(&[[0.4, 0.5, 0.52], [0.6, 0.5, 0.56]], &mut out);
+        out
+    };
+    let mut training = SurfaceTraining::new(&gpu, &surface, &ambient, &occupancy, &scene, 120).unwrap();
+    let early = training.run(40).unwrap();
+    assert!(early.n_rays > 16 && early.n_samples > 700, "{early:?}");
+    let late = training.run(120).unwrap();
+    assert!(late.losses.image < 0.7 * early.losses.image, "{early:?} {late:?}");
+    assert!(late.inv_s > early.inv_s && late.occupied < 1.0, "{early:?} {late:?}");
+    training.fetch(&mut surface, &mut ambient, &mut occupancy).unwrap();
+    let [before, behind] = depth(&surface);
+    assert!(before > 0.0 && behind < 0.0, "{before} {behind}");
+    assert_eq!((surface.field().n_steps(), ambient.n_steps()), (120, 120));
+    assert!((occupancy.occupied_fraction() - late.occupied).abs() < 1e-9);
+    assert!(occupancy.is_occupied([0.5, 0.5, 0.54]) && !occupancy.is_occupied([0.5, 0.5, 0.1]));
+    // As if nothing had happened.
+    let mut again = SurfaceTraining::new(&gpu, &surface, &ambient, &occupancy, &scene, 10).unwrap();
+    let after = again.run(10).unwrap();
+    assert!(after.losses.image < 2.0 * late.losses.image && again.done() == 10, "{late:?} {after:?}");
+    assert_close(&[after.inv_s as f32], &[late.inv_s as f32], 0.2);
+}
