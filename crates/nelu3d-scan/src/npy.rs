@@ -1,9 +1,11 @@
 //! NumPy arrays on disk.
 
+mod header;
+
+pub use header::{Header, Number, NumberKind};
+
 use std::io;
 use std::path::{Path, PathBuf};
-
-use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
 
 use crate::output::write_atomic;
 
@@ -62,32 +64,19 @@ pub fn read(path: &Path) -> Result<Array, NpyError> {
 /// The content is truncated, or holds another type.
 pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Array, NpyError> {
     let damaged = |reason: String| NpyError::Damaged { path: path.to_path_buf(), reason };
-    // The decoder allocates the header before it reads it; from version 2 on its length has 32 bits (NumPy's NEP 1).
-    if let [_, _, _, _, _, _, version, _, a, b, c, d, rest @ ..] = bytes
-        && *version >= 2
-        && u32::from_le_bytes([*a, *b, *c, *d]) as usize > rest.len()
-    {
-        return Err(damaged("it ends in its header".into()));
-    }
-    let file = NpyFile::new(bytes).map_err(|e| damaged(e.to_string()))?;
-    let shape: Vec<usize> = file.shape().iter().map(|&n| usize::try_from(n).unwrap_or(usize::MAX)).collect();
-    let order = file.order();
-    let width = match file.dtype() {
-        DType::Plain(t) if t.type_char() == TypeChar::Float && matches!(t.size_field(), 4 | 8) => t.size_field(),
-        other => return Err(NpyError::Type { path: path.to_path_buf(), dtype: other.descr() }),
+    let mut rest = bytes;
+    let header = Header::read(&mut rest).map_err(|e| damaged(e.to_string()))?;
+    let number = match header.number() {
+        Some(number) if number.kind == NumberKind::Float => number,
+        _ => return Err(NpyError::Type { path: path.to_path_buf(), dtype: header.dtype }),
     };
-    // A damaged header must not make the decoder ask for all memory there is.
-    let n = shape.iter().try_fold(1usize, |n, &m| n.checked_mul(m)).filter(|&n| n <= bytes.len());
+    let shape: Vec<usize> = header.shape.iter().map(|&n| usize::try_from(n).unwrap_or(usize::MAX)).collect();
+    // A damaged header must not make us ask for all memory there is.
+    let n = header.len().filter(|n| n.checked_mul(number.size).is_some_and(|size| size <= rest.len()));
     let n = n.ok_or_else(|| damaged(format!("it has fewer values than its shape {shape:?} says")))?;
-    let data: Vec<f32> = if width == 4 {
-        file.into_vec().map_err(|e| damaged(e.to_string()))?
-    } else {
-        file.into_vec::<f64>().map_err(|e| damaged(e.to_string()))?.into_iter().map(|v| v as f32).collect()
-    };
-    if data.len() != n {
-        return Err(damaged(format!("it has {} values, its shape is {shape:?}", data.len())));
-    }
-    let data = if order == Order::Fortran { from_fortran(&data, &shape) } else { data };
+    let data: Result<Vec<f32>, io::Error> = (0..n).map(|_| number.read_f32(&mut rest)).collect();
+    let data = data.map_err(|e| damaged(e.to_string()))?;
+    let data = if header.fortran_order { from_fortran(&data, &shape) } else { data };
     Ok(Array { shape, data })
 }
 
@@ -102,12 +91,10 @@ pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Array, NpyError> {
 /// If `data` has another length than `shape` says.
 pub fn write(path: &Path, shape: &[usize], data: &[f32]) -> io::Result<()> {
     assert_eq!(data.len(), shape.iter().product::<usize>(), "array data of another shape");
-    let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
-    let dtype = DType::Plain("<f4".parse().expect("a valid type string"));
+    let bytes: Vec<u8> = data.iter().flat_map(|v| v.to_le_bytes()).collect();
     write_atomic(path, |w| {
-        let mut writer = npyz::WriteOptions::new().dtype(dtype).shape(&shape).writer(w).begin_nd()?;
-        writer.extend(data.iter().copied())?;
-        writer.finish()
+        Header::new("<f4", shape).write(w)?;
+        w.write_all(&bytes)
     })
 }
 

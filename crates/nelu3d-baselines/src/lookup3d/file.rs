@@ -14,8 +14,8 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
+use nelu3d_scan::npy::{Header, Number, NumberKind};
 use nelu3d_scan::output::write_atomic;
-use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
 use serde::Serialize;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
@@ -104,7 +104,9 @@ pub fn write_npy(table: &FullTable, path: &Path) -> Result<(), FileError> {
         table.channel(pixel, rest % (s.k + 1))[rest / (s.k + 1)]
     };
     let shape = [s.height, s.width, s.n_positions, s.k + 1];
-    Ok(write_atomic(path, |w| write_array(w, "<f4", &shape, (0..s.n_pixels() * per_pixel).map(value)))?)
+    Ok(write_atomic(path, |w| {
+        write_array(w, "<f4", &shape, (0..s.n_pixels() * per_pixel).map(value).map(f32::to_le_bytes))
+    })?)
 }
 
 /// Writes a low-rank table as `.npz`.
@@ -121,18 +123,20 @@ pub fn write_npz(table: &LowRank, path: &Path) -> Result<(), FileError> {
             let (rank, name) = if j < s.k { (table.rank, (j + 1).to_string()) } else { (table.depth_rank, "d".into()) };
             let left = table.left.chunks_exact(row_len).flat_map(|row| &row[at..at + rank]).copied();
             start(&mut zip, &format!("L_{name}"))?;
-            write_array(&mut zip, "<f4", &[n, rank], left)?;
+            write_array(&mut zip, "<f4", &[n, rank], left.map(f32::to_le_bytes))?;
             let right = (0..rank * p).map(|i| match j < s.k {
                 true => table.right[(at + i / p) * stride + i % p],
                 false => table.right_depth[i],
             });
             start(&mut zip, &format!("R_{name}"))?;
-            write_array(&mut zip, "<f4", &[rank, p], right)?;
+            write_array(&mut zip, "<f4", &[rank, p], right.map(f32::to_le_bytes))?;
         }
         start(&mut zip, "shape")?;
-        write_array(&mut zip, "<i8", &[4], [s.height, s.width, p, s.k + 1].map(|n| n as i64).into_iter())?;
+        let sizes = [s.height, s.width, p, s.k + 1].map(|n| (n as i64).to_le_bytes());
+        write_array(&mut zip, "<i8", &[4], sizes.into_iter())?;
         start(&mut zip, "range")?;
-        write_array(&mut zip, "<u2", &[n, 2], table.ranges.as_flattened().iter().map(|v| *v as u16))?;
+        let ranges = table.ranges.as_flattened().iter().map(|v| (*v as u16).to_le_bytes());
+        write_array(&mut zip, "<u2", &[n, 2], ranges)?;
         zip.finish()?;
         Ok(())
     })?)
@@ -141,20 +145,38 @@ pub fn write_npz(table: &LowRank, path: &Path) -> Result<(), FileError> {
 fn start(zip: &mut ZipWriter<impl Write + io::Seek>, name: &str) -> io::Result<()> {
     // Factors are noise to a compressor.
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(true);
-    Ok(zip.start_file(npyz::npz::file_name_from_array_name(name), options)?)
+    Ok(zip.start_file(format!("{name}.npy"), options)?)
 }
 
-fn write_array<T: npyz::Serialize>(
-    w: impl Write,
-    descr: &str,
+/// Writes an array in C order, its numbers as little-endian bytes.
+fn write_array<const N: usize>(
+    mut w: impl Write,
+    dtype: &str,
     shape: &[usize],
-    values: impl Iterator<Item = T>,
+    mut numbers: impl Iterator<Item = [u8; N]>,
 ) -> io::Result<()> {
-    let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
-    let dtype = DType::Plain(descr.parse().expect("a valid type string"));
-    let mut writer = npyz::WriteOptions::new().dtype(dtype).shape(&shape).writer(w).begin_nd()?;
-    writer.extend(values)?;
-    writer.finish()
+    Header::new(dtype, shape).write(&mut w)?;
+    let mut block = Vec::with_capacity(1 << 16);
+    loop {
+        block.clear();
+        block.extend(numbers.by_ref().take((1 << 16) / N).flatten());
+        if block.is_empty() {
+            return Ok(());
+        }
+        w.write_all(&block)?;
+    }
+}
+
+/// An array that is read as it passes.
+struct Stream<R> {
+    header: Header,
+    numbers: R,
+}
+
+impl<R: Read> Stream<R> {
+    fn new(mut numbers: R) -> io::Result<Self> {
+        Ok(Self { header: Header::read(&mut numbers)?, numbers })
+    }
 }
 
 /// What a file says about itself.
@@ -279,10 +301,11 @@ impl Reader<'_> {
     }
 
     /// Calls `f(index, value)` for every float of an array, indices in C order.
-    fn floats<R: Read>(&self, file: NpyFile<R>, mut f: impl FnMut(usize, f32)) -> Result<(), FileError> {
-        let shape: Vec<usize> = file.shape().iter().map(|n| *n as usize).collect();
+    fn floats<R: Read>(&self, file: Stream<R>, mut f: impl FnMut(usize, f32)) -> Result<(), FileError> {
+        let Stream { header, mut numbers } = file;
+        let shape: Vec<usize> = header.shape.iter().map(|n| *n as usize).collect();
         let n: usize = shape.iter().product();
-        let fortran = file.order() == Order::Fortran;
+        let fortran = header.fortran_order;
         let mut index = vec![0usize; shape.len()];
         // Stored first axis first: the place of each value is counted along.
         let mut place = |i: usize| {
@@ -299,35 +322,28 @@ impl Reader<'_> {
             }
             at
         };
-        let size = match file.dtype() {
-            DType::Plain(t) if t.type_char() == TypeChar::Float && matches!(t.size_field(), 4 | 8) => t.size_field(),
-            other => {
-                return Err(self.malformed(format!("it holds {} values, not floats of 32 or 64 bits", other.descr())));
+        let number = match header.number() {
+            Some(number) if number.kind == NumberKind::Float => number,
+            _ => {
+                let reason = format!("it holds {} values, not floats of 32 or 64 bits", header.dtype);
+                return Err(self.malformed(reason));
             }
         };
-        let mut count = 0;
-        let mut see = |v: io::Result<f32>| -> Result<(), FileError> {
+        for count in 0..n {
+            let v = number.read_f32(&mut numbers);
             let v = v.map_err(|e| self.malformed(format!("it ends after {count} of {n} values: {e}")))?;
             f(place(count), v);
-            count += 1;
-            Ok(())
-        };
-        let unreadable = |e: &dyn std::fmt::Display| self.malformed(e.to_string());
-        if size == 4 {
-            file.data::<f32>().map_err(|e| unreadable(&e))?.try_for_each(&mut see)?;
-        } else {
-            file.data::<f64>().map_err(|e| unreadable(&e))?.map(|v| v.map(|v| v as f32)).try_for_each(&mut see)?;
         }
-        if count == n { Ok(()) } else { Err(self.malformed(format!("it ends after {count} of {n} values"))) }
+        Ok(())
     }
 
     fn npy(&self, file: impl Read, size: u64) -> Result<Table, FileError> {
-        let file = NpyFile::new(file).map_err(|e| self.malformed(e.to_string()))?;
-        let shape = self.shape(file.shape(), TableShape::bytes)?;
+        let file = Stream::new(file).map_err(|e| self.malformed(e.to_string()))?;
+        let shape = self.shape(&file.header.shape, TableShape::bytes)?;
         let TableShape { n_positions, k, .. } = shape;
         // A damaged header must not make us ask for all memory there is.
         if (shape.n_pixels() * n_positions * (k + 1)) as u64 * 4 > size {
-            return Err(self.malformed(format!("it has fewer values than its shape {:?} says", file.shape())));
+            return Err(self.malformed(format!("it has fewer values than its shape {:?} says", file.header.shape)));
         }
         let mut table = FullTable::empty(shape);
         let per_pixel = n_positions * (k + 1);
@@ -343,7 +359,7 @@ impl Reader<'_> {
         let mut zip = ZipArchive::new(file).map_err(|e| self.malformed(e.to_string()))?;
         let sizes = {
             let file = self.entry(&mut zip, "shape")?;
-            if file.len() != 4 {
+            if file.header.len() != Some(4) {
                 return Err(self.malformed("its array `shape` does not hold four numbers"));
             }
             self.integers(file)?
@@ -355,7 +371,7 @@ impl Reader<'_> {
         let mut ranks = Vec::new();
         for name in &names {
             let file = self.entry(&mut zip, &format!("R_{name}"))?;
-            ranks.push(match *file.shape() {
+            ranks.push(match *file.header.shape {
                 [r, p] if p == sizes[2] && (1..=p).contains(&r) => r as usize,
                 ref found => {
                     return Err(self.malformed(format!("R_{name} is {found:?}, not rank × {} positions", sizes[2])));
@@ -371,8 +387,8 @@ impl Reader<'_> {
         ranks.push(depth_rank);
         for (name, r) in names.iter().zip(&ranks) {
             let file = self.entry(&mut zip, &format!("L_{name}"))?;
-            if *file.shape() != [n as u64, *r as u64] {
-                let reason = format!("L_{name} is {:?}, not {n} pixels × rank {r}", file.shape());
+            if *file.header.shape != [n as u64, *r as u64] {
+                let reason = format!("L_{name} is {:?}, not {n} pixels × rank {r}", file.header.shape);
                 return Err(self.malformed(reason));
             }
         }
@@ -401,7 +417,7 @@ impl Reader<'_> {
         let has_ranges = zip.index_for_name("range.npy").is_some();
         if has_ranges {
             let file = self.entry(&mut zip, "range")?;
-            let ranges = if *file.shape() == [n as u64, 2] { self.integers(file)? } else { Vec::new() };
+            let ranges = if *file.header.shape == [n as u64, 2] { self.integers(file)? } else { Vec::new() };
             let good =
                 ranges.len() == 2 * n && ranges.as_chunks::<2>().0.iter().all(|r| r[0] <= r[1] && r[1] <= p as u64);
             if !good {
@@ -416,35 +432,26 @@ impl Reader<'_> {
         &self,
         zip: &'z mut ZipArchive<BufReader<File>>,
         name: &str,
-    ) -> Result<NpyFile<impl Read + use<'z>>, FileError> {
+    ) -> Result<Stream<impl Read + use<'z>>, FileError> {
         let file = zip
-            .by_name(&npyz::npz::file_name_from_array_name(name))
+            .by_name(&format!("{name}.npy"))
             .map_err(|_| self.malformed(format!("it has no array `{name}`, or one that cannot be unpacked")))?;
-        NpyFile::new(BufReader::with_capacity(1 << 16, file)).map_err(|e| self.malformed(format!("{name}: {e}")))
+        Stream::new(BufReader::with_capacity(1 << 16, file)).map_err(|e| self.malformed(format!("{name}: {e}")))
     }
 
     /// Whole numbers that are not negative, of any integer type, in C order.
-    fn integers<R: Read>(&self, file: NpyFile<R>) -> Result<Vec<u64>, FileError> {
-        let bad = |what: String| self.malformed(what);
-        let ordered = file.order() == Order::C || file.shape().len() < 2;
-        let (kind, size) = match file.dtype() {
-            DType::Plain(t) => (t.type_char(), t.size_field()),
-            other => return Err(bad(format!("it holds {} where whole numbers should be", other.descr()))),
+    fn integers<R: Read>(&self, file: Stream<R>) -> Result<Vec<u64>, FileError> {
+        let Stream { header, mut numbers } = file;
+        let number: Number = match header.number() {
+            Some(number) if number.kind != NumberKind::Float => number,
+            _ => return Err(self.malformed(format!("it holds {} where whole numbers should be", header.dtype))),
         };
-        let values: io::Result<Vec<i64>> = match (kind, size) {
-            (TypeChar::Int, 8) => file.into_vec::<i64>(),
-            (TypeChar::Int, 4) => file.into_vec::<i32>().map(|v| v.into_iter().map(i64::from).collect()),
-            (TypeChar::Int, 2) => file.into_vec::<i16>().map(|v| v.into_iter().map(i64::from).collect()),
-            (TypeChar::Uint, 8) => {
-                file.into_vec::<u64>().map(|v| v.into_iter().map(|v| i64::try_from(v).unwrap_or(-1)).collect())
-            }
-            (TypeChar::Uint, 4) => file.into_vec::<u32>().map(|v| v.into_iter().map(i64::from).collect()),
-            (TypeChar::Uint, 2) => file.into_vec::<u16>().map(|v| v.into_iter().map(i64::from).collect()),
-            _ => return Err(bad("its `shape` or `range` holds no whole numbers".into())),
-        };
-        let values = values.map_err(|e| bad(e.to_string()))?;
+        let n: usize = header.shape.iter().map(|n| *n as usize).product();
+        let values: io::Result<Vec<i64>> = (0..n).map(|_| number.read_i64(&mut numbers)).collect();
+        let values = values.map_err(|e| self.malformed(e.to_string()))?;
+        let ordered = !header.fortran_order || header.shape.len() < 2;
         if !ordered || values.iter().any(|v| *v < 0) {
-            return Err(bad("its `shape` or `range` makes no sense".into()));
+            return Err(self.malformed("its `shape` or `range` makes no sense"));
         }
         Ok(values.into_iter().map(|v| v as u64).collect())
     }

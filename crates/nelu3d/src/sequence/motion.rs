@@ -448,11 +448,12 @@ mod tests {
         let motion = Motion::around(Some(&before), &white, Some(&after)).unwrap();
         let alone = Motion { light: None, ..Motion::around(Some(&before), &white, Some(&after)).unwrap() };
         for t in [-0.5, 0.0, 0.3] {
+            let expected = truth(t).data;
             let rms = |drawn: &Image, of: &dyn Fn(usize) -> bool| {
                 let inner = |i: &usize| (15..145).contains(&(i % 160)) && (15..105).contains(&(i / 160));
                 let all: Vec<f32> = (0..drawn.data.len())
                     .filter(|i| inner(i) && of(*i))
-                    .map(|i| (drawn.data[i] - truth(t).data[i]).powi(2))
+                    .map(|i| (drawn.data[i] - expected[i]).powi(2))
                     .collect();
                 (all.iter().sum::<f32>() / all.len() as f32).sqrt()
             };
