@@ -4,7 +4,7 @@ use nelu3d_scan::rig::{Need, PatternSet, RigError, Shot};
 use nelu3d_scan::{Image, Rig};
 use rayon::prelude::*;
 
-use nelu3d::sensor::{NoiseEstimator, NoiseModel};
+use nelu3d::sensor::{NoiseModel, estimate_scene_noise, quantization_step};
 use nelu3d::surface::PixelStatus;
 
 /// The images of a scene, linear.
@@ -62,9 +62,6 @@ pub(crate) struct Captured {
     pub(super) has_black: bool,
 }
 
-/// The largest standard deviation of the normalized intensity with which an image still tells something.
-const MAX_SIGMA: f32 = 0.12;
-
 /// Pixels that are worked on together: their values in all images fit the cache.
 const CHUNK: usize = 4096;
 
@@ -73,9 +70,8 @@ impl Captured {
     pub(crate) fn new(images: &Images, rig: &Rig, min_contrast: f32) -> Self {
         let white = &images.white;
         let (n, c) = (white.width * white.height, white.channels);
-        let mut estimator = NoiseEstimator::default();
-        [white].into_iter().chain(images.patterns.iter().take(3)).for_each(|image| estimator.add(image));
-        let noise = estimator.finish((1.0 / (rig.saturation - rig.black_level).max(1e-9)) as f32);
+        let step = quantization_step(rig.black_level, rig.saturation);
+        let noise = estimate_scene_noise(white, &images.patterns, step);
         let none = if images.black.is_none() { vec![0.0; n * c] } else { Vec::new() };
         let dark: &[f32] = images.black.as_ref().map_or(&none, |b| &b.data);
         let mut scale = vec![0.0; n * c];
@@ -127,9 +123,7 @@ impl Captured {
             .map(|i| {
                 if brightest[i] >= 1.0 {
                     PixelStatus::Saturated
-                } else if contrast[i] < min_contrast
-                    || noise.normalized_variance(0.5, contrast[i], black[i]) > MAX_SIGMA * MAX_SIGMA
-                {
+                } else if contrast[i] < min_contrast || noise.is_underexposed(contrast[i], black[i]) {
                     PixelStatus::Underexposed
                 } else {
                     PixelStatus::Valid

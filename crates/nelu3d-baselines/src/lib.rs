@@ -24,6 +24,7 @@ pub mod lookup3d;
 mod method;
 mod mps;
 mod options;
+mod per_pixel;
 mod phase;
 pub mod projector;
 mod response;

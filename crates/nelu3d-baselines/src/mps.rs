@@ -9,16 +9,15 @@
 
 use nelu3d_scan::pattern::{MpsDecoder, PhaseSolver};
 use nelu3d_scan::rig::PatternSet;
-use rayon::prelude::*;
 
 use super::captured::Captured;
 use super::code::Code;
-use super::coordinates::{Coordinate, DecodedCoordinates};
+use super::coordinates::DecodedCoordinates;
 use super::error::DecodeError;
 use super::options::Columns;
+use super::per_pixel::decode_pixels;
 use super::triangulate::Geometry;
 use super::wave::{learn, planes};
-use nelu3d::surface::PixelStatus;
 
 /// Decodes all axes of a code.
 pub(crate) fn decode(
@@ -57,23 +56,9 @@ pub(crate) fn decode(
         let decoder = MpsDecoder::from_groups(&groups, axis.len()).map_err(|e| unsuited(e.to_string()))?;
         let planes = planes(captured, &groups);
         let whole = [-0.5, axis.len() as f32 - 0.5];
-        let found: Vec<(f32, f32, PixelStatus)> = (0..status.len())
-            .into_par_iter()
-            .map(|i| {
-                if status[i] != PixelStatus::Valid {
-                    return (f32::NAN, f32::NAN, status[i]);
-                }
-                let within = if search == Columns::All { Some(whole) } else { geometry.interval(i, axis) };
-                let Some(within) = within else { return (f32::NAN, f32::NAN, PixelStatus::OutsideVolume) };
-                match decoder.decode_within(|image| planes[image][i], captured.variance(i, 0.5).sqrt(), within) {
-                    Some(d) if d.is_reliable() => (d.column, d.sigma, PixelStatus::Valid),
-                    _ => (f32::NAN, f32::NAN, PixelStatus::Ambiguous),
-                }
-            })
-            .collect();
-        status = found.iter().map(|f| f.2).collect();
-        let (at, sigma) = found.iter().map(|f| (f.0, f.1)).unzip();
-        coordinates.push(Coordinate { axis: axis.axis, at, sigma });
+        let decode = |i: usize, sigma: f32, within| decoder.decode_within(|image| planes[image][i], sigma, within);
+        let interval = |i: usize| if search == Columns::All { Some(whole) } else { geometry.interval(i, axis) };
+        coordinates.push(decode_pixels(captured, axis.axis, &mut status, interval, decode));
     }
     Ok(DecodedCoordinates { coordinates, status })
 }

@@ -6,15 +6,14 @@
 
 use nelu3d_scan::pattern::{PhaseDecoder, PhaseSolver, repeats_after};
 use nelu3d_scan::rig::PatternSet;
-use rayon::prelude::*;
 
 use super::captured::Captured;
 use super::code::Code;
-use super::coordinates::{Coordinate, DecodedCoordinates};
+use super::coordinates::DecodedCoordinates;
 use super::error::DecodeError;
+use super::per_pixel::decode_pixels;
 use super::triangulate::Geometry;
 use super::wave::{learn, planes};
-use nelu3d::surface::PixelStatus;
 
 /// Decodes all axes of a code.
 pub(crate) fn decode(
@@ -60,22 +59,8 @@ pub(crate) fn decode(
             ));
         }
         let interval = |i: usize| if repeats.is_none() { Some(whole) } else { geometry.interval(i, axis) };
-        let found: Vec<(f32, f32, PixelStatus)> = (0..status.len())
-            .into_par_iter()
-            .map(|i| {
-                if status[i] != PixelStatus::Valid {
-                    return (f32::NAN, f32::NAN, status[i]);
-                }
-                let Some(within) = interval(i) else { return (f32::NAN, f32::NAN, PixelStatus::OutsideVolume) };
-                match decoder.decode_within(|image| planes[image][i], captured.variance(i, 0.5).sqrt(), within) {
-                    Some(d) if d.is_reliable() => (d.column, d.sigma, PixelStatus::Valid),
-                    _ => (f32::NAN, f32::NAN, PixelStatus::Ambiguous),
-                }
-            })
-            .collect();
-        status = found.iter().map(|f| f.2).collect();
-        let (at, sigma) = found.iter().map(|f| (f.0, f.1)).unzip();
-        coordinates.push(Coordinate { axis: axis.axis, at, sigma });
+        let decode = |i: usize, sigma: f32, within| decoder.decode_within(|image| planes[image][i], sigma, within);
+        coordinates.push(decode_pixels(captured, axis.axis, &mut status, interval, decode));
     }
     Ok(DecodedCoordinates { coordinates, status })
 }

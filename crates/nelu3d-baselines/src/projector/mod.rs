@@ -13,6 +13,7 @@
 mod calibrate;
 mod coded_set;
 mod corners;
+mod direct;
 mod error;
 mod file;
 mod fit;

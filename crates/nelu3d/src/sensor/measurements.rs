@@ -34,10 +34,6 @@ pub struct Measurements {
     pub has_black: bool,
 }
 
-/// The largest standard deviation of the normalized intensity with which a channel still tells something. Above it the
-/// pixel is dark: a shadow, the background, or too little light.
-const MAX_SIGMA: f32 = 0.12;
-
 impl Measurements {
     /// Normalizes a capture. Without a black image, the sweep's dark level stands in. `model_sigma` is the error of the color field itself, added to the sensor's noise.
     pub fn new(capture: &Capture, noise: &NoiseModel, dark: &[DarkLevel], model_sigma: f32) -> Self {
@@ -78,9 +74,7 @@ impl Measurements {
                         continue;
                     }
                     let l = (raw - b) / contrast;
-                    // The variance of a codeword in mid range decides what is dark, so that a dark codeword is not
-                    // mistaken for good light.
-                    if noise.normalized_variance(0.5, contrast, b) > MAX_SIGMA * MAX_SIGMA {
+                    if noise.is_underexposed(contrast, b) {
                         continue;
                     }
                     let mut var = noise.normalized_variance(l.clamp(0.0, 1.0), contrast, b) + model_sigma * model_sigma;
