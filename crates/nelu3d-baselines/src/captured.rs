@@ -1,4 +1,7 @@
-//! A scene's captures as decoders want them: normalized by white and black, one plane per image and channel.
+//! The captures of a scene, normalized by white and black, one plane per image and channel.
+//!
+//! The method itself normalizes pixel by pixel ([`nelu3d::sensor::Measurements`]); decoders go image by image, so their layout
+//! is planar. What is underexposed, the noise and the quantization step are those of [`nelu3d::sensor`].
 
 use nelu3d_scan::rig::{Need, PatternSet, RigError, Shot};
 use nelu3d_scan::{Image, Rig};
@@ -38,9 +41,9 @@ pub(crate) struct Plane {
     pub(super) image: usize,
     /// Camera channel.
     pub(super) channel: usize,
-    /// (pattern − black) / (white − black), one a pixel; meaningless where a pixel is left out.
+    /// (pattern − black) / (white − black), one a pixel; meaningless where a pixel is rejected.
     pub(super) p: Vec<f32>,
-    /// The same of the inverse image; empty when there is none.
+    /// The normalized inverse image; empty when there is none.
     pub(super) inverse: Vec<f32>,
 }
 
@@ -57,7 +60,7 @@ pub(crate) struct Captured {
     /// Black, mean over channels.
     pub(super) black: Vec<f32>,
     pub(super) noise: NoiseModel,
-    /// Dark and clipped pixels.
+    /// Which pixels are underexposed or saturated.
     pub(super) status: Vec<PixelStatus>,
     pub(super) has_black: bool,
 }
@@ -66,7 +69,7 @@ pub(crate) struct Captured {
 const CHUNK: usize = 4096;
 
 impl Captured {
-    /// Normalizes. Without a black image, there is taken to be no ambient light.
+    /// Normalizes the images of a scene. Without a black image, there is taken to be no ambient light.
     pub(crate) fn new(images: &Images, rig: &Rig, min_contrast: f32) -> Self {
         let white = &images.white;
         let (n, c) = (white.width * white.height, white.channels);
@@ -143,13 +146,13 @@ impl Captured {
         }
     }
 
-    /// Variance of normalized intensity `p` at a pixel.
+    /// Returns the variance of normalized intensity `p` at a pixel.
     pub(crate) fn variance(&self, i: usize, p: f32) -> f32 {
         let c = self.contrast[i].max(1e-4);
         self.noise.normalized_variance(p.clamp(0.0, 1.0), c, self.black[i]) / self.channels as f32
     }
 
-    /// The mean over channels of an image's plane, for codes without color.
+    /// Returns the mean over channels of an image's planes, for codes without color.
     pub(crate) fn gray(&self, image: usize, inverse: bool) -> std::borrow::Cow<'_, [f32]> {
         let mine: Vec<&[f32]> = self
             .planes

@@ -38,7 +38,7 @@ pub(crate) fn decode(
                 method: "mps",
                 problem: format!("{} of its {} frequencies have several shifts", shifted.len(), groups.len()),
                 remedy:
-                    "micro phase shifting has three shifts of one frequency and one image of each other; use --method \
+                    "micro phase shifting has three shifts of one frequency and one image of each other; use setting `method` \
                          phase or zncc for other codes"
                         .into(),
             });

@@ -52,11 +52,11 @@ pub struct DecodeOptions {
     /// Smallest connected piece of surface that is kept, px
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 40))]
     pub min_component: usize,
-    /// Of LookUp3D.
+    /// Settings of LookUp3D.
     #[cfg_attr(feature = "clap", command(flatten))]
     #[serde(default)]
     pub lookup3d: lookup3d::LookupOptions,
-    /// Of TurboSL.
+    /// Settings of TurboSL.
     #[cfg_attr(feature = "clap", command(flatten))]
     #[serde(default)]
     pub turbosl: turbosl::TurboSlOptions,
@@ -87,28 +87,29 @@ impl DecodeOptions {
         let opts = self;
         if let Some(gamma) = opts.gamma.filter(|g| !(*g > 0.0 && g.is_finite())) {
             return Err(DecodeError::Setting {
-                setting: "--gamma",
+                setting: "gamma",
                 problem: format!("is {gamma}: give a positive number"),
             });
         }
         if !(0.0..1.0).contains(&opts.min_contrast) {
             let problem = format!("is {}: give a number from 0 to below 1", opts.min_contrast);
-            return Err(DecodeError::Setting { setting: "--min-contrast", problem });
+            return Err(DecodeError::Setting { setting: "min_contrast", problem });
         }
         let longest = if opts.columns == Columns::All { 1 } else { 63 };
         if let Some(patch) = opts.patch.filter(|w| w.is_multiple_of(2) || *w > longest) {
-            let problem = format!("is {patch}: give an odd number of pixels up to 63, and 1 with --columns all");
-            return Err(DecodeError::Setting { setting: "--patch", problem });
+            let problem =
+                format!("is {patch}: give an odd number of pixels up to 63, and 1 with setting `columns` all");
+            return Err(DecodeError::Setting { setting: "patch", problem });
         }
         if !(-1.0..=1.0).contains(&opts.min_score) {
             return Err(DecodeError::Setting {
-                setting: "--min-score",
+                setting: "min_score",
                 problem: format!("is {}: give -1 to 1", opts.min_score),
             });
         }
         if opts.blur.is_some_and(|b| !(0.0..=100.0).contains(&b)) {
             return Err(DecodeError::Setting {
-                setting: "--blur",
+                setting: "blur",
                 problem: "is no number of pixels from 0 to 100".into(),
             });
         }

@@ -32,16 +32,16 @@ pub(crate) fn decode(
             problem,
             remedy,
         };
-        for g in groups.iter().filter(|g| PhaseSolver::new(g).is_none()) {
+        if let Some(g) = groups.iter().find(|g| PhaseSolver::new(g).is_none()) {
             let problem =
                 format!("it has {} image(s) of period {:.2} px, and 3 shifts are needed", g.waves.len(), g.period_px());
             return Err(unsuited(
                 problem,
-                "use --method mps (three shifts of one frequency, one image of each other) or zncc".into(),
+                "use setting `method` mps (three shifts of one frequency, one image of each other) or zncc".into(),
             ));
         }
         let decoder = PhaseDecoder::from_groups(&groups, axis.len())
-            .map_err(|e| unsuited(e.to_string(), "use --method zncc".into()))?;
+            .map_err(|e| unsuited(e.to_string(), "use setting `method` zncc".into()))?;
         let planes = planes(captured, &groups);
         // Where columns may be looked for: everywhere if the code is unique there, else where the depth range allows.
         let whole = [-0.5, axis.len() as f32 - 0.5];
@@ -53,7 +53,7 @@ pub(crate) fn decode(
             return Err(unsuited(
                 format!("its code repeats every {period:.1} px, and the depth range spans {span:.1} px"),
                 format!(
-                    "add a frequency, or give a --depth NEAR FAR that spans less (now {:.0} to {:.0} mm)",
+                    "add a frequency, or give a setting `depth` that spans less (now {:.0} to {:.0} mm)",
                     geometry.range.mm[0], geometry.range.mm[1]
                 ),
             ));

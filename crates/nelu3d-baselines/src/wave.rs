@@ -31,7 +31,7 @@ pub(crate) fn learn(code: &AxisCode, set: &PatternSet, method: &'static str) -> 
                 method,
                 problem: format!("{} is not a sinusoid", line.path.display()),
                 remedy:
-                    "use --method zncc or gray, or give the projector's --gamma if the images are not linear in light"
+                    "use setting `method` zncc or gray, or the projector's setting `gamma` if the images are not linear in light"
                         .into(),
             })?;
         // The phase in the middle of the image: there it hardly depends on the frequency.

@@ -31,7 +31,7 @@ pub(crate) struct Interpolator<'a> {
     there: [bool; N],
     /// dc/dv at what was found, in units of the span that goes with it.
     slopes: Vec<f32>,
-    /// The same while searching.
+    /// Slopes while searching.
     trial: Vec<f32>,
 }
 

@@ -7,11 +7,11 @@
 //! ```text
 //! sweep ─► build ─► FullTable ─► compress ─► LowRank          file: .npy and .npz of the LookUp3D tools
 //!                        └──────────┬──────────┘
-//!     scene ─► Measurements ─► decode (search ─► interpolate ─► judge) ─► SurfaceMaps
+//!     scene ─► Measurements ─► decode (search ─► interpolate ─► accept or reject) ─► LookupMaps
 //! ```
 //!
 //! Searches ([`Search`]): over all positions; coarse to fine; around an earlier result. They share the kernel
-//! [`nelu3d_field::nearest`], the interpolation between positions and the judgement of what is left out.
+//! [`nelu3d_field::nearest`], the interpolation between positions and the criterion of what is rejected.
 //!
 //! A sample is missing (NaN) where the board's outline or its light did not reach, or where an image is clipped; a codeword
 //! that lacks one channel is missing as a whole. A missing sample is never chosen. The depth of a board's plane is kept for

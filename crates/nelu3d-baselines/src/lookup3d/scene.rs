@@ -99,7 +99,7 @@ pub(crate) fn decode_scene(
     Ok(Decoding { surface, diagnostics, stages: clock.finish() })
 }
 
-/// What stands in for a black image that the scene lacks: the sweep's dark level, if there is a sweep.
+/// Estimates what stands in for a black image that the scene lacks: the sweep's dark level, if there is a sweep.
 fn dark_of(
     capture: &Capture,
     rig: &Rig,
@@ -122,7 +122,7 @@ fn dark_of(
     Ok(all.finish())
 }
 
-/// The depth of an earlier result of the same camera.
+/// Reads the depth of an earlier result of the same camera.
 fn depth_of(path: &Path, rig: &Rig) -> Result<Vec<f32>, LookupTableError> {
     let saved = SavedResult::read(path)?;
     let size = |w: usize, h: usize| format!("{w} × {h}");

@@ -87,7 +87,7 @@ fn projector(p: &Parameters, [width, height]: [usize; 2], lens: Lens) -> Project
     Projector { optics, proj_from_cam: isometry(p) }
 }
 
-/// Computed minus seen projector pixel; `None` behind the projector.
+/// Returns the computed minus the seen projector pixel; `None` behind the projector.
 fn residual(p: &Parameters, s: &Sample) -> Option<[f64; 2]> {
     let q = isometry(p) * s.point;
     if q.z <= 1e-9 {
@@ -101,7 +101,7 @@ fn residual(p: &Parameters, s: &Sample) -> Option<[f64; 2]> {
     Some([p[0] * xd + p[2] - s.px[0], p[1] * yd + p[3] - s.px[1]])
 }
 
-/// Step of the difference quotient by a parameter.
+/// Returns the step of the difference quotient by a parameter.
 fn step(parameter: usize) -> f64 {
     match parameter {
         0..=3 => 1e-3,
@@ -110,7 +110,7 @@ fn step(parameter: usize) -> f64 {
     }
 }
 
-/// Matrix and right-hand side of the Gauss–Newton step over the free parameters.
+/// Builds matrix and right-hand side of the Gauss–Newton step over the free parameters.
 fn normal_equations(
     samples: &[Sample],
     used: &[bool],

@@ -36,7 +36,7 @@ pub(super) struct CodewordTable {
     pub(super) n: usize,
     /// Light, k lines of n columns.
     lines: Vec<Vec<f32>>,
-    /// The same less the mean over the lines and divided by the norm: zero where a column has no contrast.
+    /// The lines less their mean and divided by the norm: zero where a column has no contrast.
     normalized: Vec<Vec<f32>>,
 }
 

@@ -13,7 +13,7 @@ pub(super) struct WindowSums<'a> {
     radius: usize,
     /// `width × hypotheses`: over the window's rows and columns.
     sum: Vec<f32>,
-    /// Norms, summed the same.
+    /// Norms, summed over the window.
     norm: Vec<f32>,
     /// One row before and after the sum over its columns.
     row: Vec<f32>,

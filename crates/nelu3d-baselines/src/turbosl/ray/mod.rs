@@ -29,7 +29,7 @@ const REFLECTANCE: [f64; 2] = [0.1, 1.0];
 /// The opacity's clamp in the mask loss.
 const MASK_CLAMP: f64 = 1e-3;
 
-/// What both kinds of ray know of their samples.
+/// The samples of a ray, of either kind.
 pub(crate) struct Along<'a, T> {
     /// Signed distances, units.
     pub(in crate::turbosl) sdf: &'a [T],
@@ -53,9 +53,9 @@ pub(crate) enum Kind<'a, T> {
     Camera {
         /// The blurred patterns at the samples, `[sample][k]`.
         colors: &'a [T],
-        /// Of the pixel, per camera channel.
+        /// A value of the pixel, per camera channel.
         albedo: &'a [T],
-        /// Of the pixel, per camera channel.
+        /// A value of the pixel, per camera channel.
         ambient: &'a [T],
         /// What was captured, k values.
         measured: &'a [T],
@@ -64,9 +64,9 @@ pub(crate) enum Kind<'a, T> {
     Projector {
         /// What the camera captured of the samples, `[sample][k]`.
         captured: &'a [T],
-        /// Of the camera's pixels, `[sample][channel]`.
+        /// A value of the camera's pixels, `[sample][channel]`.
         albedo: &'a [T],
-        /// Of the camera's pixels, `[sample][channel]`.
+        /// A value of the camera's pixels, `[sample][channel]`.
         ambient: &'a [T],
         /// The blurred patterns, k values.
         pattern: &'a [T],
@@ -78,9 +78,9 @@ pub(crate) enum Kind<'a, T> {
 pub(crate) struct Weights<T> {
     pub(in crate::turbosl) l1: T,
     pub(in crate::turbosl) l2: T,
-    /// Of one residual: 1 / (rays · k).
+    /// Weight of one residual: 1 / (rays · k).
     pub(in crate::turbosl) image: T,
-    /// Of the ray's mask loss; 0 for none.
+    /// Weight of the ray's mask loss; 0 for none.
     pub(in crate::turbosl) mask: T,
 }
 
@@ -94,7 +94,7 @@ pub(crate) struct Gradient<'a, T> {
     pub(in crate::turbosl) samples: &'a mut [T],
 }
 
-/// What one sample passes on.
+/// One sample of a ray, composited.
 #[derive(Clone, Copy)]
 struct Sample<T> {
     normal: [T; 3],
@@ -105,7 +105,7 @@ struct Sample<T> {
     /// Φ(f + h), Φ(f − h)
     phi: [T; 2],
     alpha: T,
-    /// Before the sample.
+    /// Transmittance before the sample.
     transmittance: T,
     weight: T,
     shade: T,
@@ -174,12 +174,12 @@ fn composite<T: Real>(along: &Along<T>) -> Vec<Sample<T>> {
     (0..sdf.len()).map(one_sample).collect()
 }
 
-/// The loss of a residual and its derivative.
+/// Returns the loss of a residual and its derivative.
 fn robust<T: Real>(weights: &Weights<T>, r: T) -> (T, T) {
     (weights.l1 * r.abs() + weights.l2 * r * r, weights.l1 * sign(r) + T::of(2.0) * weights.l2 * r)
 }
 
-/// The image loss of a camera ray.
+/// Returns the image loss of a camera ray and adds its gradients.
 fn camera_loss<T: Real>(
     kind: &Kind<T>,
     samples: &[Sample<T>],
@@ -211,7 +211,7 @@ fn camera_loss<T: Real>(
     loss
 }
 
-/// The image loss of a projector ray.
+/// Returns the image loss of a projector ray and adds its gradients.
 fn projector_loss<T: Real>(
     kind: &Kind<T>,
     samples: &[Sample<T>],
@@ -256,7 +256,7 @@ fn projector_loss<T: Real>(
     loss
 }
 
-/// The mask loss, not weighted: a lit pixel should be opaque (Eq. 5 with M = 1). 0 without a weight.
+/// Returns the mask loss, not weighted, and adds its gradient: a lit pixel should be opaque (Eq. 5 with M = 1). 0 without a weight.
 fn mask_loss<T: Real>(samples: &[Sample<T>], weight: T, d_weight: &mut [T]) -> T {
     if weight <= T::of(0.0) {
         return T::of(0.0);
