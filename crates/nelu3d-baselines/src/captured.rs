@@ -1,7 +1,7 @@
 //! The captures of a scene, normalized by white and black, one plane per image and channel.
 //!
-//! The method itself normalizes pixel by pixel ([`nelu3d::sensor::Measurements`]); decoders go image by image, so their layout
-//! is planar. What is underexposed, the noise and the quantization step are those of [`nelu3d::sensor`].
+//! The method itself normalizes pixel by pixel ([`nelu3d::sensor::Measurements`]); decoders go image by image, so their
+//! layout is planar. What is underexposed, the noise and the quantization step are those of [`nelu3d::sensor`].
 
 use nelu3d_scan::rig::{Need, PatternSet, RigError, Shot};
 use nelu3d_scan::{Image, Rig};

@@ -141,8 +141,8 @@ impl Code {
     }
 }
 
-/// Returns the axis along which an image changes (none if it does not change at all) and its values along it, one line per color
-/// channel, or one if the channels are the same.
+/// Returns the axis along which an image changes (none if it does not change at all) and its values along it, one line
+/// per color channel, or one if the channels are the same.
 fn lines(
     image: Image,
     path: &Path,

@@ -1,11 +1,11 @@
 //! Micro phase shifting (Gupta & Nayar, "Micro Phase Shifting", CVPR 2012): F frequencies from a narrow band in F + 2
 //! images, three shifts of the first and one image of each other.
 //!
-//! All frequencies being close, offset and amplitude are the same for all (that is the method's point: indirect light hardly
-//! changes within a band of high frequencies). Offset o, amplitude B and phase of the first frequency come from its shifts,
-//! the others give `cos(2π f_j u − φ_j) = (p_j − o) / B`: the paper's linear system of F + 2 unknowns, solved in two steps. The
-//! column is the one, among those with the first frequency's phase, whose cosines are nearest to these (its section 4), so
-//! that the fraction of a column is that of the first phase.
+//! All frequencies being close, offset and amplitude are the same for all (that is the method's point: indirect light
+//! hardly changes within a band of high frequencies). Offset o, amplitude B and phase of the first frequency come from
+//! its shifts, the others give `cos(2π f_j u − φ_j) = (p_j − o) / B`: the paper's linear system of F + 2 unknowns,
+//! solved in two steps. The column is the one, among those with the first frequency's phase, whose cosines are nearest
+//! to these (its section 4), so that the fraction of a column is that of the first phase.
 
 use nelu3d_scan::pattern::{MpsDecoder, PhaseSolver};
 use nelu3d_scan::rig::PatternSet;

@@ -25,14 +25,15 @@ pub struct DecodeOptions {
     /// How the patterns are decoded
     #[cfg_attr(feature = "clap", arg(long, value_enum))]
     pub method: Method,
-    /// Depth range in mm (default: that of RIG/fields/SET.safetensors if there is one, so that all methods have the same
-    /// volume, else any depth for codes that need no range, and around where light and view cross for the others)
+    /// Depth range in mm (default: that of RIG/fields/SET.safetensors if there is one, so that all methods have the
+    /// same volume, else any depth for codes that need no range, and around where light and view cross for the others)
     #[cfg_attr(feature = "clap", arg(long, num_args = 2, value_names = ["NEAR", "FAR"]))]
     pub depth: Option<Vec<f64>>,
     /// Which columns a codeword is compared with (mps, zncc)
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Columns::Epipolar))]
     pub columns: Columns,
-    /// Side of the window over which correlations are summed, px, odd (zncc; default: 1 with six images or more and with
+    /// Side of the window over which correlations are summed, px, odd (zncc; default: 1 with six images or more and
+    /// with
     /// --columns all, else 9)
     #[cfg_attr(feature = "clap", arg(long, value_name = "PX"))]
     pub patch: Option<usize>,
@@ -49,7 +50,7 @@ pub struct DecodeOptions {
     /// Least white − black of a pixel, as a share of full scale
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 0.02))]
     pub min_contrast: f32,
-    /// Smallest connected piece of surface that is kept, px
+    /// Smallest connected piece of surface that is not rejected, px
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 40))]
     pub min_component: usize,
     /// Settings of LookUp3D.

@@ -9,8 +9,8 @@ use super::coordinates::Coordinate;
 
 /// Decodes every valid pixel along one axis and notes why the others have no coordinate.
 ///
-/// `interval(i)` is where pixel i may be lit from, projector px, and `decode(i, sigma, interval)` decodes it, `sigma` being
-/// the standard deviation of its normalized intensities.
+/// `interval(i)` is where pixel i may be lit from, projector px, and `decode(i, sigma, interval)` decodes it, `sigma`
+/// being the standard deviation of its normalized intensities.
 pub(crate) fn decode_pixels(
     captured: &Captured,
     axis: Axis,

@@ -1,8 +1,8 @@
 //! Phase shifting: three or more shifts of each of one or several frequencies.
 //!
-//! The phase of each frequency is a linear least-squares fit per pixel, for any shifts. The finest phase says where in its
-//! period a column is; the others say which period: among all columns with the finest phase, the one whose other phases
-//! agree best with what was seen (χ²). Then all unwrapped phases are averaged by their variances.
+//! The phase of each frequency is a linear least-squares fit per pixel, for any shifts. The finest phase says where in
+//! its period a column is; the others say which period: among all columns with the finest phase, the one whose other
+//! phases agree best with what was seen (χ²). Then all unwrapped phases are averaged by their variances.
 
 use nelu3d_scan::pattern::{PhaseDecoder, PhaseSolver, repeats_after};
 use nelu3d_scan::rig::PatternSet;

@@ -84,8 +84,8 @@ pub(crate) struct Geometry<'a> {
     pub(super) range: DepthRange,
 }
 
-/// The path of a camera pixel's ray along one axis of the projected image, from the far end (s = 0) to the near end (s = 1)
-/// of the depth range; s is linear in inverse depth.
+/// The path of a camera pixel's ray along one axis of the projected image, from the far end (s = 0) to the near end (s
+/// = 1) of the depth range; s is linear in inverse depth.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Along {
     /// At s = 0.
@@ -128,7 +128,8 @@ impl<'a> Geometry<'a> {
         }
     }
 
-    /// Returns the projector pixel that lights the point of camera pixel `i` at inverse depth `w` (1/mm); `None` behind the projector.
+    /// Returns the projector pixel that lights the point of camera pixel `i` at inverse depth `w` (1/mm); `None` behind
+    /// the projector.
     pub(crate) fn project(&self, i: usize, w: f64) -> Option<[f64; 2]> {
         let [x, y] = self.plane[i].map(f64::from);
         // The point divided by its depth: R d + w T, with d = (x, y, 1).
@@ -140,21 +141,22 @@ impl<'a> Geometry<'a> {
         })
     }
 
-    /// Returns where along an axis pixel `i` is lit from, between the far and the near end of the depth range; `None` where the light
-    /// does not reach any of it.
+    /// Returns where along an axis pixel `i` is lit from, between the far and the near end of the depth range; `None`
+    /// where the light does not reach any of it.
     pub(crate) fn along(&self, i: usize, axis: Axis) -> Option<Along> {
         let [near, far] = self.range.mm;
         let [w0, w1] = [1.0 / far, 1.0 / near];
         let at = |w: f64| self.project(i, w).map(|p| p[axis as usize]);
         let (a, m, b) = (at(w0)?, at(0.5 * (w0 + w1))?, at(w1)?);
-        // u(s) = (a + p s) / (1 + d s) through three points: exact without distortion, and with it off by far less than a
-        // hundredth of a pixel.
+        // u(s) = (a + p s) / (1 + d s) through three points: exact without distortion, and with it off by far less than
+        // a hundredth of a pixel.
         let d = if (m - b).abs() > 1e-9 { (a + b - 2.0 * m) / (m - b) } else { 0.0 };
         let p = b * (1.0 + d) - a;
         Some(Along { a: a as f32, p: p as f32, d: d as f32, b: b as f32 })
     }
 
-    /// Returns the first and the last coordinate along a code's axis that may light pixel `i`, within the projected image.
+    /// Returns the first and the last coordinate along a code's axis that may light pixel `i`, within the projected
+    /// image.
     pub(crate) fn interval(&self, i: usize, code: &AxisCode) -> Option<[f32; 2]> {
         let along = self.along(i, code.axis)?;
         let (low, high) = (along.a.min(along.b), along.a.max(along.b));
@@ -190,9 +192,10 @@ impl<'a> Geometry<'a> {
         }
     }
 
-    /// Computes the depth from what is known of the projector pixel: with one coordinate, where the pixel's ray meets the plane of light
-    /// of that column (exactly, with both lenses' distortions); with both, the point of the ray whose projection is nearest
-    /// in the least-squares sense, each weighted by its variance. Gauss–Newton on the inverse depth.
+    /// Computes the depth from what is known of the projector pixel: with one coordinate, where the pixel's ray meets
+    /// the plane of light of that column (exactly, with both lenses' distortions); with both, the point of the ray
+    /// whose projection is nearest in the least-squares sense, each weighted by its variance. Gauss–Newton on the
+    /// inverse depth.
     pub(crate) fn triangulate(&self, decoded: &DecodedCoordinates) -> SurfaceMaps {
         let [near, far] = self.range.mm;
         let one = |i: usize| -> (f32, f32, PixelStatus) {
@@ -211,7 +214,8 @@ impl<'a> Geometry<'a> {
                 return none(PixelStatus::Ambiguous);
             }
             let step = 1e-3 / far.max(1.0);
-            // How far the projection moves along each axis per inverse depth: start from the coordinate that tells most.
+            // How far the projection moves along each axis per inverse depth: start from the coordinate that tells
+            // most.
             let slopes = |w: f64| -> Option<([f64; 2], [f64; 2])> {
                 let (a, b) = (self.project(i, w)?, self.project(i, w + step)?);
                 Some((a, [(b[0] - a[0]) / step, (b[1] - a[1]) / step]))

@@ -36,9 +36,9 @@ pub(super) fn columns(captured: &Captured, table: &GrayTable, bits: &[Bit<'_>]) 
         || (vec![0.0f32; CHUNK], vec![0u32; CHUNK], vec![0u32; CHUNK]),
         |(limits, words, uncertain), (chunk, out)| {
             let (first, n) = (chunk * CHUNK, out.len());
-            let kept = |k: usize| captured.status[first + k] == PixelStatus::Valid;
+            let valid = |k: usize| captured.status[first + k] == PixelStatus::Valid;
             for k in 0..n {
-                let noise = if kept(k) { captured.variance(first + k, 0.5).sqrt() } else { 0.0 };
+                let noise = if valid(k) { captured.variance(first + k, 0.5).sqrt() } else { 0.0 };
                 limits[k] = (bits[0].sigma(noise) * CERTAIN).max(MIN_DIFFERENCE);
             }
             words.fill(0);
@@ -57,7 +57,7 @@ pub(super) fn columns(captured: &Captured, table: &GrayTable, bits: &[Bit<'_>]) 
                     None => (0..n).for_each(|k| add(k, p[k] - 0.5)),
                 }
             }
-            for k in (0..n).filter(|k| kept(*k)) {
+            for k in (0..n).filter(|k| valid(*k)) {
                 out[k] = resolve(words[k], uncertain[k]);
             }
         },

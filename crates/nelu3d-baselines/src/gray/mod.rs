@@ -1,14 +1,15 @@
 //! Binary codes: Gray, binary, XOR or any other, whatever table the projected images spell.
 //!
-//! A bit is the sign of pattern − inverse, or of pattern − ½ (halfway between white and black) where there are no inverses.
-//! A bit that the noise could have turned is uncertain. One uncertain bit is fine where both of its values name neighboring
-//! columns, which in a Gray code is the edge between them; with anything else the pixel is rejected.
+//! A bit is the sign of pattern − inverse, or of pattern − ½ (halfway between white and black) where there are no
+//! inverses. A bit that the noise could have turned is uncertain. One uncertain bit is fine where both of its values
+//! name neighboring columns, which in a Gray code is the edge between them; with anything else the pixel is rejected.
 //!
-//! Columns are refined to sub-pixel: where neighboring pixels along the camera's row (or column, for a projector turned by a
-//! right angle) decode to different columns, the bit that tells them apart changes sign between them, and the zero crossing
-//! of the difference, found by linear interpolation, lies where the light comes from the border of two projector columns.
-//! Between two such crossings the column is interpolated. Pixels before the first and behind the last crossing of a run keep
-//! the center of their column, with the standard deviation of a uniform error over its width.
+//! Columns are refined to sub-pixel: where neighboring pixels along the camera's row (or column, for a projector turned
+//! by a right angle) decode to different columns, the bit that tells them apart changes sign between them, and the zero
+//! crossing of the difference, found by linear interpolation, lies where the light comes from the border of two
+//! projector columns. Between two such crossings the column is interpolated. Pixels before the first and behind the
+//! last crossing of a run keep the center of their column, with the standard deviation of a uniform error over its
+//! width.
 
 mod bit;
 mod columns;

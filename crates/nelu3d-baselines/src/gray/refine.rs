@@ -9,11 +9,12 @@ use crate::captured::Captured;
 /// Two columns further apart than this belong to different surfaces.
 const MAX_STEP: i32 = 6;
 
-/// Standard deviation of a zero crossing that noise does not explain, projector px: blur that is not symmetric, curvature
-/// between two pixels.
+/// Standard deviation of a zero crossing that noise does not explain, projector px: blur that is not symmetric,
+/// curvature between two pixels.
 const CROSSING_PX: f32 = 0.05;
 
-/// Where light comes from the border of two columns: position along the scan line (camera px) and that border (projector px).
+/// Where light comes from the border of two columns: position along the scan line (camera px) and that border
+/// (projector px).
 #[derive(Clone, Copy)]
 struct Crossing {
     position: f32,
@@ -84,7 +85,8 @@ fn middle(c: [u16; 2]) -> f32 {
     0.5 * (f32::from(c[0]) + f32::from(c[1]))
 }
 
-/// Finds the crossing between two neighboring pixels of different columns, from the bits that change once between these columns.
+/// Finds the crossing between two neighboring pixels of different columns, from the bits that change once between these
+/// columns.
 fn crossing(
     captured: &Captured,
     table: &GrayTable,

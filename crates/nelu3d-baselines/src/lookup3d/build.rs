@@ -1,4 +1,5 @@
-//! From a sweep to a table, position by position: besides the table, no more than a few positions' images are in memory.
+//! From a sweep to a table, position by position: besides the table, no more than a few positions' images are in
+//! memory.
 
 use nelu3d_scan::Rig;
 use nelu3d_scan::rig::PatternSet;
@@ -30,8 +31,8 @@ pub struct BuiltTable {
 /// Share of the free memory that a table may take.
 const MAX_SHARE_OF_FREE: f64 = 0.8;
 
-/// Builds the table of a rig's sweep for one pattern set, of every `step`th pixel. Positions are put in order of their depth
-/// in the middle of the volume, so that neighbors in the table are neighbors in space.
+/// Builds the table of a rig's sweep for one pattern set, of every `step`th pixel. Positions are put in order of their
+/// depth in the middle of the volume, so that neighbors in the table are neighbors in space.
 ///
 /// # Errors
 ///
@@ -133,8 +134,8 @@ fn column_of(placed: &PlacedSweep<'_>, shape: &TableShape, p: usize, position: &
     (column, lit)
 }
 
-/// Sums over the well-lit entries of a table. The variance of a normalized intensity is linear in the noise model; the sums
-/// are those of its factors.
+/// Sums over the well-lit entries of a table. The variance of a normalized intensity is linear in the noise model; the
+/// sums are those of its factors.
 #[derive(Clone, Copy, Default)]
 struct LitEntries {
     n: f64,

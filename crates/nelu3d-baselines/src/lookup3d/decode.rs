@@ -33,7 +33,8 @@ pub struct LookupMaps {
 pub struct MapBuffers([Vec<f32>; 3]);
 
 impl MapBuffers {
-    /// Takes the buffers of what decoding does not look at: [`Measurements::surround`], `contrast` and `light` are empty after this.
+    /// Takes the buffers of what decoding does not look at: [`Measurements::surround`], `contrast` and `light` are
+    /// empty after this.
     pub fn of(m: &mut Measurements) -> Self {
         Self([&mut m.surround, &mut m.contrast, &mut m.light].map(std::mem::take))
     }
@@ -68,8 +69,8 @@ pub fn decode(
     run(table, m, camera, settings, windows.as_ref(), buffers)
 }
 
-/// Decodes a frame of a sequence: around the depth of the frame before it, `previous` (mm, of every pixel of the camera, NaN
-/// = none), and over all positions where that explains nothing.
+/// Decodes a frame of a sequence: around the depth of the frame before it, `previous` (mm, of every pixel of the
+/// camera, NaN = none), and over all positions where that explains nothing.
 ///
 /// # Panics
 /// If the scene or `previous` has another size than the table was made for.
@@ -99,9 +100,9 @@ fn pixel_of_camera(table: &Table, m: &Measurements, pixel: usize) -> usize {
 /// Writes the codeword that was measured at a pixel of the table; NaN where a channel is unusable.
 fn query(table: &Table, m: &Measurements, pixel: usize, out: &mut [f32]) {
     let i = pixel_of_camera(table, m, pixel);
-    let kept = m.status[i] == PixelStatus::Valid;
+    let valid = m.status[i] == PixelStatus::Valid;
     for (j, q) in out.iter_mut().enumerate() {
-        *q = if kept && m.inv_var[i * m.k + j] > 0.0 { m.p[i * m.k + j] } else { f32::NAN };
+        *q = if valid && m.inv_var[i * m.k + j] > 0.0 { m.p[i * m.k + j] } else { f32::NAN };
     }
 }
 
@@ -196,11 +197,11 @@ impl<'a> Decoder<'a> {
     /// Decodes the pixels of the table from `first` on, as many as there are in `out`, and counts those that fell back.
     /// Only valid ones are looked at.
     fn decode(&mut self, first: usize, out: Part<'_>) -> usize {
-        let kept = |l: &PixelStatus| *l == PixelStatus::Valid;
+        let valid = |l: &PixelStatus| *l == PixelStatus::Valid;
         let (mut x, mut n_fallbacks) = (0, 0);
-        while let Some(skipped) = out.status[x..].iter().position(kept) {
+        while let Some(skipped) = out.status[x..].iter().position(valid) {
             x += skipped;
-            let n = out.status[x..].iter().take(BLOCK).take_while(|l| kept(l)).count();
+            let n = out.status[x..].iter().take(BLOCK).take_while(|l| valid(l)).count();
             self.search(first + x, n);
             for i in 0..n {
                 let (hit, placed, fell_back) = self.place(first + x, i);
@@ -284,8 +285,8 @@ impl<'a> Decoder<'a> {
 /// Largest slope (depth per lateral mm) across which depth is interpolated between the table's pixels.
 const MAX_SLOPE: f32 = 4.0;
 
-/// Every pixel of the camera from every `step`th: bilinear in inverse depth inside of four that belong to one surface; a
-/// pixel next to a rejected one is rejected for its reason, one between two surfaces as a depth discontinuity.
+/// Every pixel of the camera from every `step`th: bilinear in inverse depth inside of four that belong to one surface;
+/// a pixel next to a rejected one is rejected for its reason, one between two surfaces as a depth discontinuity.
 fn between(coarse: LookupMaps, table: &Table, m: &Measurements, camera: &Camera) -> LookupMaps {
     let s = *table.shape();
     let one = |i: usize| -> Result<Placed, PixelStatus> {

@@ -20,7 +20,10 @@ pub enum LookupTableError {
     #[error(transparent)]
     Previous(#[from] ReadError),
     /// The result of the previous frame is of another camera.
-    #[error("{}: a result of {found} pixels, but the camera has {wanted}; give a result of the same rig as setting `previous`", path.display())]
+    #[error(
+        "{}: a result of {found} pixels, but the camera has {wanted}; give a result of the same rig as setting `previous`",
+        path.display()
+    )]
     PreviousSize {
         /// The result's folder.
         path: PathBuf,

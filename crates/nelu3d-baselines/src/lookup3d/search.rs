@@ -13,8 +13,9 @@ pub(crate) struct Windows {
 }
 
 impl Windows {
-    /// Makes windows from the positions of every `coarse`th pixel, decoded by brute force: for the pixels between them everything between
-    /// what their surroundings found, and `window` positions more on either side. Where these are far apart, everything.
+    /// Makes windows from the positions of every `coarse`th pixel, decoded by brute force: for the pixels between them
+    /// everything between what their surroundings found, and `window` positions more on either side. Where these are
+    /// far apart, everything.
     pub(crate) fn coarse_to_fine(
         table: &Table,
         queries: &(dyn Fn(usize, &mut [f32]) + Sync),
@@ -55,7 +56,8 @@ impl Windows {
         Self { ranges: (0..shape.n_pixels()).into_par_iter().map(range).collect() }
     }
 
-    /// Makes windows around the depth of an earlier result, `depth(pixel)` in mm (NaN: none), `window` positions on either side.
+    /// Makes windows around the depth of an earlier result, `depth(pixel)` in mm (NaN: none), `window` positions on
+    /// either side.
     pub(crate) fn near(table: &Table, depth: &(dyn Fn(usize) -> f32 + Sync), window: usize) -> Self {
         let p = table.shape().n_positions;
         let range = |pixel: usize| {

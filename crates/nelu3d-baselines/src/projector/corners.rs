@@ -17,8 +17,8 @@ const MIN_PIXELS: usize = 30;
 /// Most pixels that a homography is fitted to: more are skipped evenly.
 const MAX_PIXELS: usize = 500;
 
-/// Finds the projector pixel of every corner, from a local homography over the decoded pixels within `radius` (camera px) of it;
-/// `None` where too few were decoded, or only on one side of the corner.
+/// Finds the projector pixel of every corner, from a local homography over the decoded pixels within `radius` (camera
+/// px) of it; `None` where too few were decoded, or only on one side of the corner.
 pub(crate) fn decode(
     captured: &Captured,
     code: &Code,

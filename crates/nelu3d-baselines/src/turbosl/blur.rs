@@ -1,7 +1,7 @@
 //! The projector's blur: a separable kernel of 11 × 11 projector pixels, learned.
 //!
-//! Each axis has five free taps, the same on both sides, and a middle that makes the sum 1: the kernel neither moves the
-//! pattern (which the published kernel sees to by balancing its two halves) nor changes its brightness.
+//! Each axis has five free taps, the same on both sides, and a middle that makes the sum 1: the kernel neither moves
+//! the pattern (which the published kernel sees to by balancing its two halves) nor changes its brightness.
 
 use nelu3d_field::adam::{self, AdamConfig, MomentBuffers, Schedule};
 

@@ -13,8 +13,8 @@ use crate::code::AxisCode;
 use crate::options::Columns;
 use crate::triangulate::Geometry;
 
-/// Estimates the blur of the projected images on the scene, projector px: that with which a sample of pixels is explained best. More
-/// than three images are needed: three are explained by any column, up to offset and scale.
+/// Estimates the blur of the projected images on the scene, projector px: that with which a sample of pixels is
+/// explained best. More than three images are needed: three are explained by any column, up to offset and scale.
 pub(super) fn blur_from_misfit(
     seen: &SeenCodewords,
     captured: &Captured,
@@ -22,8 +22,8 @@ pub(super) fn blur_from_misfit(
     planes: &[(usize, usize)],
     geometry: &Geometry<'_>,
 ) -> f32 {
-    let kept: Vec<usize> = (0..captured.status.len()).filter(|i| captured.status[*i] == PixelStatus::Valid).collect();
-    let sample: Vec<usize> = kept.iter().copied().step_by((kept.len() / 3000).max(1)).collect();
+    let valid: Vec<usize> = (0..captured.status.len()).filter(|i| captured.status[*i] == PixelStatus::Valid).collect();
+    let sample: Vec<usize> = valid.iter().copied().step_by((valid.len() / 3000).max(1)).collect();
     let k = seen.k;
     let score = |blur: f32| -> f64 {
         let table = CodewordTable::new(axis, planes, blur);
@@ -42,11 +42,11 @@ pub(super) fn blur_from_misfit(
     candidates.map(|b| (score(b), b)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |b| b.1)
 }
 
-/// Estimates the blur of the projected images on the scene, projector px, from how much contrast each image lost: blur takes more of a
-/// finer image, everything else (ambient light, a projector's black) takes the same of all.
+/// Estimates the blur of the projected images on the scene, projector px, from how much contrast each image lost: blur
+/// takes more of a finer image, everything else (ambient light, a projector's black) takes the same of all.
 pub(super) fn blur_from_contrast(captured: &Captured, axis: &AxisCode, planes: &[(usize, usize)]) -> f32 {
-    /// Standard deviations of the logarithm of an image's contrast, whose columns the scene does not show evenly, and of the
-    /// contrast that all lose.
+    /// Standard deviations of the logarithm of an image's contrast, whose columns the scene does not show evenly, and
+    /// of the contrast that all lose.
     const PRIOR: [f32; 2] = [0.1, 0.15];
     let log_deviation = |values: &mut dyn Iterator<Item = f32>, noise: f64| -> f32 {
         let (mut n, mut sum, mut square) = (0.0f64, 0.0f64, 0.0f64);
@@ -57,8 +57,8 @@ pub(super) fn blur_from_contrast(captured: &Captured, axis: &AxisCode, planes: &
         let variance = (square - sum * sum / n.max(1.0)) / n.max(1.0) - noise;
         0.5 * variance.max(1e-6).ln() as f32
     };
-    let kept: Vec<usize> = (0..captured.status.len()).filter(|i| captured.status[*i] == PixelStatus::Valid).collect();
-    let sample: Vec<usize> = kept.iter().copied().step_by((kept.len() / 20_000).max(1)).collect();
+    let valid: Vec<usize> = (0..captured.status.len()).filter(|i| captured.status[*i] == PixelStatus::Valid).collect();
+    let sample: Vec<usize> = valid.iter().copied().step_by((valid.len() / 20_000).max(1)).collect();
     let noise = sample.iter().map(|i| f64::from(captured.variance(*i, 0.5))).sum::<f64>() / sample.len().max(1) as f64;
     let seen: Vec<f32> = planes
         .iter()

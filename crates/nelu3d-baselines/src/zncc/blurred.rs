@@ -1,6 +1,7 @@
 //! The blur of a projected line.
 
-/// Returns a line blurred by a Gaussian of standard deviation `sigma` px; beyond its ends it goes on with the last value.
+/// Returns a line blurred by a Gaussian of standard deviation `sigma` px; beyond its ends it goes on with the last
+/// value.
 pub(super) fn blurred(line: &[f32], sigma: f32) -> Vec<f32> {
     if sigma < 0.05 {
         return line.to_vec();

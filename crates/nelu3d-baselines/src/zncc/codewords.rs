@@ -55,7 +55,8 @@ impl CodewordTable {
         Self { n, lines, normalized }
     }
 
-    /// Correlation of a centered codeword with columns `low..=high`, into `out`. Not divided by the codeword's own norm.
+    /// Correlation of a centered codeword with columns `low..=high`, into `out`. Not divided by the codeword's own
+    /// norm.
     #[inline]
     pub(super) fn correlate(&self, centered: &[f32], low: usize, high: usize, out: &mut Vec<f32>) {
         out.clear();

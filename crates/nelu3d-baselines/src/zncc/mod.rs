@@ -1,13 +1,13 @@
-//! Zero-mean normalized cross-correlation (Mirdehghan, Chen & Kutulakos, "Optimal Structured Light à la Carte", CVPR 2018):
-//! the column whose codeword, less its mean and divided by its norm, looks most like what a pixel saw. It needs no white
-//! and no black: ambient light goes with the mean, albedo with the norm.
+//! Zero-mean normalized cross-correlation (Mirdehghan, Chen & Kutulakos, "Optimal Structured Light à la Carte", CVPR
+//! 2018): the column whose codeword, less its mean and divided by its norm, looks most like what a pixel saw. It needs
+//! no white and no black: ambient light goes with the mean, albedo with the norm.
 //!
-//! With one pixel, all columns of the epipolar interval (or of the image) are compared. With a window, the correlations of
-//! the pixels around, each weighted by its contrast, are summed at equal inverse depth before the best is chosen.
+//! With one pixel, all columns of the epipolar interval (or of the image) are compared. With a window, the correlations
+//! of the pixels around, each weighted by its contrast, are summed at equal inverse depth before the best is chosen.
 //!
-//! The column is refined by Gauss–Newton on |p − a c(u) − b|² with the codeword interpolated (Catmull–Rom); scale and offset
-//! are eliminated, and the same step gives the standard deviation. With a window, a plane in inverse depth is then fitted to
-//! the refined pixels in it that belong together.
+//! The column is refined by Gauss–Newton on |p − a c(u) − b|² with the codeword interpolated (Catmull–Rom); scale and
+//! offset are eliminated, and the same step gives the standard deviation. With a window, a plane in inverse depth is
+//! then fitted to the refined pixels in it that belong together.
 
 mod blur;
 mod blurred;

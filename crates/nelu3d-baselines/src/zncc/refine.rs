@@ -2,8 +2,8 @@
 
 use super::codewords::{CodewordTable, centered};
 
-/// Returns the variance of a normalized intensity that noise does not explain: the projected images' eight bits, and, where three images
-/// leave no misfit that would tell, what light does besides.
+/// Returns the variance of a normalized intensity that noise does not explain: the projected images' eight bits, and,
+/// where three images leave no misfit that would tell, what light does besides.
 pub(super) fn model_variance(k: usize) -> f32 {
     let sigma: f32 = if k > 3 { 0.0015 } else { 0.005 };
     sigma * sigma
@@ -23,9 +23,9 @@ impl Refiner {
         Self { p: vec![0.0; k], c: vec![0.0; k], d: vec![0.0; k], misfit: 0.0 }
     }
 
-    /// The column near `start` that explains the codeword `p` best up to scale and offset, and its standard deviation for
-    /// intensities of variance `noise`. `None` where the codeword does not change along the columns, or the scale is not
-    /// positive.
+    /// The column near `start` that explains the codeword `p` best up to scale and offset, and its standard deviation
+    /// for intensities of variance `noise`. `None` where the codeword does not change along the columns, or the scale
+    /// is not positive.
     #[inline]
     pub(super) fn refine(&mut self, table: &CodewordTable, p: &[f32], start: f32, noise: f32) -> Option<(f32, f32)> {
         let k = p.len();

@@ -120,7 +120,8 @@ struct PlaneFit<'a> {
 }
 
 impl PlaneFit<'_> {
-    /// Fits the plane around pixel `i`; returns the column in its middle and its standard deviation, or why there is none.
+    /// Fits the plane around pixel `i`; returns the column in its middle and its standard deviation, or why there is
+    /// none.
     fn fit(&self, i: usize) -> Result<(f32, f32), PixelStatus> {
         let WindowSearch { captured, axis, min_score, .. } = *self.search;
         let Some(a) = &self.along[i] else {
@@ -143,7 +144,8 @@ impl PlaneFit<'_> {
         Ok((u, sigma * a.slope(s).abs()))
     }
 
-    /// Weighted least squares over the window; returns the plane's height over `s` at pixel `i` and its standard deviation.
+    /// Weighted least squares over the window; returns the plane's height over `s` at pixel `i` and its standard
+    /// deviation.
     fn solve(&self, i: usize, s: f32) -> Option<(f32, f32)> {
         let (gate, radius) = (self.gate, self.search.radius);
         let (w, h) = (self.search.captured.width, self.search.captured.height);

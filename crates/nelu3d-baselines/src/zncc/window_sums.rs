@@ -3,7 +3,8 @@
 use super::codewords::{CodewordTable, SeenCodewords, centered, largest};
 use crate::triangulate::Along;
 
-/// The correlations of all depth hypotheses, summed over windows, of one row; rows go in at the bottom and out at the top.
+/// The correlations of all depth hypotheses, summed over windows, of one row; rows go in at the bottom and out at the
+/// top.
 pub(super) struct WindowSums<'a> {
     seen: &'a SeenCodewords,
     table: &'a CodewordTable,

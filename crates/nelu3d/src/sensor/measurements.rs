@@ -16,7 +16,8 @@ pub struct Measurements {
     pub height: usize,
     /// Pattern channels.
     pub k: usize,
-    /// How many of them are measured independently of each other: mono images of a color camera stand in three, and are one.
+    /// How many of them are measured independently of each other: mono images of a color camera stand in three, and are
+    /// one.
     pub independent: f32,
     /// Normalized intensity, `n × k`: (pattern − black) / (white − black).
     pub p: Vec<f32>,
@@ -35,7 +36,8 @@ pub struct Measurements {
 }
 
 impl Measurements {
-    /// Normalizes a capture. Without a black image, the sweep's dark level stands in. `model_sigma` is the error of the color field itself, added to the sensor's noise.
+    /// Normalizes a capture. Without a black image, the sweep's dark level stands in. `model_sigma` is the error of the
+    /// color field itself, added to the sensor's noise.
     pub fn new(capture: &Capture, noise: &NoiseModel, dark: &[DarkLevel], model_sigma: f32) -> Self {
         let white = &capture.white;
         let (n, c) = (white.width * white.height, white.channels);
@@ -141,7 +143,8 @@ impl Measurements {
         self.width * self.height
     }
 
-    /// Means over blocks of `f × f` pixels, weighted by contrast and inverse variance: a smaller picture to decode first.
+    /// Means over blocks of `f × f` pixels, weighted by contrast and inverse variance: a smaller picture to decode
+    /// first.
     pub fn reduced(&self, f: usize) -> Self {
         if f == 1 {
             return self.clone();

@@ -28,7 +28,8 @@ use crate::lookup3d::shape::{TableShape, free_memory};
 use crate::lookup3d::table::Table;
 pub use error::FileError;
 
-/// Larger strides are taken for another camera's table: nearly any small picture would be every nth pixel of a large one.
+/// Larger strides are taken for another camera's table: nearly any small picture would be every nth pixel of a large
+/// one.
 pub(crate) const MAX_STRIDE: usize = 16;
 const AGAIN: &str = "export it again with `nelu3d table export`, or from numpy as float32";
 
@@ -167,7 +168,8 @@ pub fn info(path: &Path) -> Result<Info, FileError> {
     })
 }
 
-/// Reads a table of either kind. With `expected`, it must be of that camera (or of every nth of its pixels) and pattern set.
+/// Reads a table of either kind. With `expected`, it must be of that camera (or of every nth of its pixels) and pattern
+/// set.
 ///
 /// # Errors
 /// The file cannot be read, is no table, does not fit what is expected, or does not fit in memory.

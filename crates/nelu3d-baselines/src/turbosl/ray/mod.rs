@@ -1,14 +1,15 @@
 //! TurboSL's image formation along one ray, and its gradient.
 //!
-//! Alphas are taken at the middle of every interval δ, from the signed distance f and the cosine c = d·n of ray and normal
-//! (NeuS, Eq. 13, as its code has it), with r growing from 0 to 1:
+//! Alphas are taken at the middle of every interval δ, from the signed distance f and the cosine c = d·n of ray and
+//! normal (NeuS, Eq. 13, as its code has it), with r growing from 0 to 1:
 //!
 //! ```text
 //! h = δ/2 [ (1 − r) relu(½ − ½ c) + r relu(−c) ]
 //! alpha = (Φ(f + h) − Φ(f − h) + ε) / (Φ(f + h) + ε),   ε = 1e-5,   w_j = alpha_j Π_{l<j} (1 − alpha_l)
 //! ```
 //!
-//! With s = n·l (light direction l), albedo a and ambient b of a camera pixel, C the blurred pattern and I the captures:
+//! With s = n·l (light direction l), albedo a and ambient b of a camera pixel, C the blurred pattern and I the
+//! captures:
 //!
 //! ```text
 //! camera ray:     Σ_j w_j (a s_j C_j + b)  should be  I
@@ -256,7 +257,8 @@ fn projector_loss<T: Real>(
     loss
 }
 
-/// Returns the mask loss, not weighted, and adds its gradient: a lit pixel should be opaque (Eq. 5 with M = 1). 0 without a weight.
+/// Returns the mask loss, not weighted, and adds its gradient: a lit pixel should be opaque (Eq. 5 with M = 1). 0
+/// without a weight.
 fn mask_loss<T: Real>(samples: &[Sample<T>], weight: T, d_weight: &mut [T]) -> T {
     if weight <= T::of(0.0) {
         return T::of(0.0);
