@@ -1,10 +1,13 @@
-//! A scene's captures as decoders want them: normalized by white and black, one plane per image and channel.
+//! The captures of a scene, normalized by white and black, one plane per image and channel.
+//!
+//! The method itself normalizes pixel by pixel ([`nelu3d::sensor::Measurements`]); decoders go image by image, so their
+//! layout is planar. What is underexposed, the noise and the quantization step are those of [`nelu3d::sensor`].
 
 use nelu3d_scan::rig::{Need, PatternSet, RigError, Shot};
 use nelu3d_scan::{Image, Rig};
 use rayon::prelude::*;
 
-use nelu3d::sensor::{NoiseEstimator, NoiseModel};
+use nelu3d::sensor::{NoiseModel, estimate_scene_noise, quantization_step};
 use nelu3d::surface::PixelStatus;
 
 /// The images of a scene, linear.
@@ -38,9 +41,9 @@ pub(crate) struct Plane {
     pub(super) image: usize,
     /// Camera channel.
     pub(super) channel: usize,
-    /// (pattern − black) / (white − black), one a pixel; meaningless where a pixel is left out.
+    /// (pattern − black) / (white − black), one a pixel; meaningless where a pixel is rejected.
     pub(super) p: Vec<f32>,
-    /// The same of the inverse image; empty when there is none.
+    /// The normalized inverse image; empty when there is none.
     pub(super) inverse: Vec<f32>,
 }
 
@@ -57,25 +60,21 @@ pub(crate) struct Captured {
     /// Black, mean over channels.
     pub(super) black: Vec<f32>,
     pub(super) noise: NoiseModel,
-    /// Dark and clipped pixels.
+    /// Which pixels are underexposed or saturated.
     pub(super) status: Vec<PixelStatus>,
     pub(super) has_black: bool,
 }
-
-/// The largest standard deviation of the normalized intensity with which an image still tells something.
-const MAX_SIGMA: f32 = 0.12;
 
 /// Pixels that are worked on together: their values in all images fit the cache.
 const CHUNK: usize = 4096;
 
 impl Captured {
-    /// Normalizes. Without a black image, there is taken to be no ambient light.
+    /// Normalizes the images of a scene. Without a black image, there is taken to be no ambient light.
     pub(crate) fn new(images: &Images, rig: &Rig, min_contrast: f32) -> Self {
         let white = &images.white;
         let (n, c) = (white.width * white.height, white.channels);
-        let mut estimator = NoiseEstimator::default();
-        [white].into_iter().chain(images.patterns.iter().take(3)).for_each(|image| estimator.add(image));
-        let noise = estimator.finish((1.0 / (rig.saturation - rig.black_level).max(1e-9)) as f32);
+        let step = quantization_step(rig.black_level, rig.saturation);
+        let noise = estimate_scene_noise(white, &images.patterns, step);
         let none = if images.black.is_none() { vec![0.0; n * c] } else { Vec::new() };
         let dark: &[f32] = images.black.as_ref().map_or(&none, |b| &b.data);
         let mut scale = vec![0.0; n * c];
@@ -127,9 +126,7 @@ impl Captured {
             .map(|i| {
                 if brightest[i] >= 1.0 {
                     PixelStatus::Saturated
-                } else if contrast[i] < min_contrast
-                    || noise.normalized_variance(0.5, contrast[i], black[i]) > MAX_SIGMA * MAX_SIGMA
-                {
+                } else if contrast[i] < min_contrast || noise.is_underexposed(contrast[i], black[i]) {
                     PixelStatus::Underexposed
                 } else {
                     PixelStatus::Valid
@@ -149,13 +146,13 @@ impl Captured {
         }
     }
 
-    /// Variance of normalized intensity `p` at a pixel.
+    /// Returns the variance of normalized intensity `p` at a pixel.
     pub(crate) fn variance(&self, i: usize, p: f32) -> f32 {
         let c = self.contrast[i].max(1e-4);
         self.noise.normalized_variance(p.clamp(0.0, 1.0), c, self.black[i]) / self.channels as f32
     }
 
-    /// The mean over channels of an image's plane, for codes without color.
+    /// Returns the mean over channels of an image's planes, for codes without color.
     pub(crate) fn gray(&self, image: usize, inverse: bool) -> std::borrow::Cow<'_, [f32]> {
         let mine: Vec<&[f32]> = self
             .planes

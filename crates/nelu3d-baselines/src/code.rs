@@ -85,7 +85,7 @@ impl Code {
         Self::read_sized(rig, set, Some(size), light)
     }
 
-    /// The same where the projector's size is not known yet: all images must have one.
+    /// Reads the projected images where the projector's size is not known yet: all images must have one.
     pub(crate) fn read_sized(
         rig: &Rig,
         set: &PatternSet,
@@ -141,8 +141,8 @@ impl Code {
     }
 }
 
-/// The axis along which an image changes (none if it does not change at all) and its values along it, one line per color
-/// channel, or one if the channels are the same.
+/// Returns the axis along which an image changes (none if it does not change at all) and its values along it, one line
+/// per color channel, or one if the channels are the same.
 fn lines(
     image: Image,
     path: &Path,
@@ -175,7 +175,7 @@ fn lines(
     Ok((axis, (0..channels).map(line).collect()))
 }
 
-/// A line's value between its columns: linear, and constant beyond the ends.
+/// Returns a line's value between its columns: linear, and constant beyond the ends.
 pub(crate) fn value_at(values: &[f32], u: f32) -> f32 {
     let last = values.len() - 1;
     let u = u.clamp(0.0, last as f32);

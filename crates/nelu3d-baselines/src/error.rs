@@ -7,6 +7,8 @@ use nelu3d_scan::rig::RigError;
 use super::lookup3d;
 
 /// Why a scene was not decoded.
+///
+/// Messages name a setting by its field, always as: setting `name`. A program can put its own option in its place.
 #[derive(Debug, thiserror::Error)]
 pub enum DecodeError {
     /// The rig folder or one of its images.
@@ -26,15 +28,15 @@ pub enum DecodeError {
         remedy: String,
     },
     /// A setting that makes no sense.
-    #[error("{setting} {problem}")]
+    #[error("setting `{setting}` {problem}")]
     Setting {
-        /// As it is typed.
+        /// The field of [`DecodeOptions`](crate::DecodeOptions), or of the method's own options.
         setting: &'static str,
         /// What is wrong, and what to do about it.
         problem: String,
     },
     /// The images of a set are no code of the method's kind.
-    #[error("pattern set `{set}` cannot be decoded with --method {method}: {problem}; {remedy}")]
+    #[error("pattern set `{set}` cannot be decoded with setting `method` {method}: {problem}; {remedy}")]
     Unsuited {
         /// The set.
         set: String,

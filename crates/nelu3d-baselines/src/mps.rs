@@ -1,24 +1,23 @@
 //! Micro phase shifting (Gupta & Nayar, "Micro Phase Shifting", CVPR 2012): F frequencies from a narrow band in F + 2
 //! images, three shifts of the first and one image of each other.
 //!
-//! All frequencies being close, offset and amplitude are the same for all (that is the method's point: indirect light hardly
-//! changes within a band of high frequencies). Offset o, amplitude B and phase of the first frequency come from its shifts,
-//! the others give `cos(2π f_j u − φ_j) = (p_j − o) / B`: the paper's linear system of F + 2 unknowns, solved in two steps. The
-//! column is the one, among those with the first frequency's phase, whose cosines are nearest to these (its section 4), so
-//! that the fraction of a column is that of the first phase.
+//! All frequencies being close, offset and amplitude are the same for all (that is the method's point: indirect light
+//! hardly changes within a band of high frequencies). Offset o, amplitude B and phase of the first frequency come from
+//! its shifts, the others give `cos(2π f_j u − φ_j) = (p_j − o) / B`: the paper's linear system of F + 2 unknowns,
+//! solved in two steps. The column is the one, among those with the first frequency's phase, whose cosines are nearest
+//! to these (its section 4), so that the fraction of a column is that of the first phase.
 
 use nelu3d_scan::pattern::{MpsDecoder, PhaseSolver};
 use nelu3d_scan::rig::PatternSet;
-use rayon::prelude::*;
 
 use super::captured::Captured;
 use super::code::Code;
-use super::coordinates::{Coordinate, DecodedCoordinates};
+use super::coordinates::DecodedCoordinates;
 use super::error::DecodeError;
 use super::options::Columns;
+use super::per_pixel::decode_pixels;
 use super::triangulate::Geometry;
 use super::wave::{learn, planes};
-use nelu3d::surface::PixelStatus;
 
 /// Decodes all axes of a code.
 pub(crate) fn decode(
@@ -39,7 +38,7 @@ pub(crate) fn decode(
                 method: "mps",
                 problem: format!("{} of its {} frequencies have several shifts", shifted.len(), groups.len()),
                 remedy:
-                    "micro phase shifting has three shifts of one frequency and one image of each other; use --method \
+                    "micro phase shifting has three shifts of one frequency and one image of each other; use setting `method` \
                          phase or zncc for other codes"
                         .into(),
             });
@@ -57,23 +56,9 @@ pub(crate) fn decode(
         let decoder = MpsDecoder::from_groups(&groups, axis.len()).map_err(|e| unsuited(e.to_string()))?;
         let planes = planes(captured, &groups);
         let whole = [-0.5, axis.len() as f32 - 0.5];
-        let found: Vec<(f32, f32, PixelStatus)> = (0..status.len())
-            .into_par_iter()
-            .map(|i| {
-                if status[i] != PixelStatus::Valid {
-                    return (f32::NAN, f32::NAN, status[i]);
-                }
-                let within = if search == Columns::All { Some(whole) } else { geometry.interval(i, axis) };
-                let Some(within) = within else { return (f32::NAN, f32::NAN, PixelStatus::OutsideVolume) };
-                match decoder.decode_within(|image| planes[image][i], captured.variance(i, 0.5).sqrt(), within) {
-                    Some(d) if d.is_reliable() => (d.column, d.sigma, PixelStatus::Valid),
-                    _ => (f32::NAN, f32::NAN, PixelStatus::Ambiguous),
-                }
-            })
-            .collect();
-        status = found.iter().map(|f| f.2).collect();
-        let (at, sigma) = found.iter().map(|f| (f.0, f.1)).unzip();
-        coordinates.push(Coordinate { axis: axis.axis, at, sigma });
+        let decode = |i: usize, sigma: f32, within| decoder.decode_within(|image| planes[image][i], sigma, within);
+        let interval = |i: usize| if search == Columns::All { Some(whole) } else { geometry.interval(i, axis) };
+        coordinates.push(decode_pixels(captured, axis.axis, &mut status, interval, decode));
     }
     Ok(DecodedCoordinates { coordinates, status })
 }

@@ -25,14 +25,15 @@ pub struct DecodeOptions {
     /// How the patterns are decoded
     #[cfg_attr(feature = "clap", arg(long, value_enum))]
     pub method: Method,
-    /// Depth range in mm (default: that of RIG/fields/SET.safetensors if there is one, so that all methods have the same
-    /// volume, else any depth for codes that need no range, and around where light and view cross for the others)
+    /// Depth range in mm (default: that of RIG/fields/SET.safetensors if there is one, so that all methods have the
+    /// same volume, else any depth for codes that need no range, and around where light and view cross for the others)
     #[cfg_attr(feature = "clap", arg(long, num_args = 2, value_names = ["NEAR", "FAR"]))]
     pub depth: Option<Vec<f64>>,
     /// Which columns a codeword is compared with (mps, zncc)
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Columns::Epipolar))]
     pub columns: Columns,
-    /// Side of the window over which correlations are summed, px, odd (zncc; default: 1 with six images or more and with
+    /// Side of the window over which correlations are summed, px, odd (zncc; default: 1 with six images or more and
+    /// with
     /// --columns all, else 9)
     #[cfg_attr(feature = "clap", arg(long, value_name = "PX"))]
     pub patch: Option<usize>,
@@ -49,14 +50,14 @@ pub struct DecodeOptions {
     /// Least white − black of a pixel, as a share of full scale
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 0.02))]
     pub min_contrast: f32,
-    /// Smallest connected piece of surface that is kept, px
+    /// Smallest connected piece of surface that is not rejected, px
     #[cfg_attr(feature = "clap", arg(long, default_value_t = 40))]
     pub min_component: usize,
-    /// Of LookUp3D.
+    /// Settings of LookUp3D.
     #[cfg_attr(feature = "clap", command(flatten))]
     #[serde(default)]
     pub lookup3d: lookup3d::LookupOptions,
-    /// Of TurboSL.
+    /// Settings of TurboSL.
     #[cfg_attr(feature = "clap", command(flatten))]
     #[serde(default)]
     pub turbosl: turbosl::TurboSlOptions,
@@ -87,28 +88,29 @@ impl DecodeOptions {
         let opts = self;
         if let Some(gamma) = opts.gamma.filter(|g| !(*g > 0.0 && g.is_finite())) {
             return Err(DecodeError::Setting {
-                setting: "--gamma",
+                setting: "gamma",
                 problem: format!("is {gamma}: give a positive number"),
             });
         }
         if !(0.0..1.0).contains(&opts.min_contrast) {
             let problem = format!("is {}: give a number from 0 to below 1", opts.min_contrast);
-            return Err(DecodeError::Setting { setting: "--min-contrast", problem });
+            return Err(DecodeError::Setting { setting: "min_contrast", problem });
         }
         let longest = if opts.columns == Columns::All { 1 } else { 63 };
         if let Some(patch) = opts.patch.filter(|w| w.is_multiple_of(2) || *w > longest) {
-            let problem = format!("is {patch}: give an odd number of pixels up to 63, and 1 with --columns all");
-            return Err(DecodeError::Setting { setting: "--patch", problem });
+            let problem =
+                format!("is {patch}: give an odd number of pixels up to 63, and 1 with setting `columns` all");
+            return Err(DecodeError::Setting { setting: "patch", problem });
         }
         if !(-1.0..=1.0).contains(&opts.min_score) {
             return Err(DecodeError::Setting {
-                setting: "--min-score",
+                setting: "min_score",
                 problem: format!("is {}: give -1 to 1", opts.min_score),
             });
         }
         if opts.blur.is_some_and(|b| !(0.0..=100.0).contains(&b)) {
             return Err(DecodeError::Setting {
-                setting: "--blur",
+                setting: "blur",
                 problem: "is no number of pixels from 0 to 100".into(),
             });
         }

@@ -1,20 +1,19 @@
 //! Phase shifting: three or more shifts of each of one or several frequencies.
 //!
-//! The phase of each frequency is a linear least-squares fit per pixel, for any shifts. The finest phase says where in its
-//! period a column is; the others say which period: among all columns with the finest phase, the one whose other phases
-//! agree best with what was seen (χ²). Then all unwrapped phases are averaged by their variances.
+//! The phase of each frequency is a linear least-squares fit per pixel, for any shifts. The finest phase says where in
+//! its period a column is; the others say which period: among all columns with the finest phase, the one whose other
+//! phases agree best with what was seen (χ²). Then all unwrapped phases are averaged by their variances.
 
 use nelu3d_scan::pattern::{PhaseDecoder, PhaseSolver, repeats_after};
 use nelu3d_scan::rig::PatternSet;
-use rayon::prelude::*;
 
 use super::captured::Captured;
 use super::code::Code;
-use super::coordinates::{Coordinate, DecodedCoordinates};
+use super::coordinates::DecodedCoordinates;
 use super::error::DecodeError;
+use super::per_pixel::decode_pixels;
 use super::triangulate::Geometry;
 use super::wave::{learn, planes};
-use nelu3d::surface::PixelStatus;
 
 /// Decodes all axes of a code.
 pub(crate) fn decode(
@@ -33,16 +32,16 @@ pub(crate) fn decode(
             problem,
             remedy,
         };
-        for g in groups.iter().filter(|g| PhaseSolver::new(g).is_none()) {
+        if let Some(g) = groups.iter().find(|g| PhaseSolver::new(g).is_none()) {
             let problem =
                 format!("it has {} image(s) of period {:.2} px, and 3 shifts are needed", g.waves.len(), g.period_px());
             return Err(unsuited(
                 problem,
-                "use --method mps (three shifts of one frequency, one image of each other) or zncc".into(),
+                "use setting `method` mps (three shifts of one frequency, one image of each other) or zncc".into(),
             ));
         }
         let decoder = PhaseDecoder::from_groups(&groups, axis.len())
-            .map_err(|e| unsuited(e.to_string(), "use --method zncc".into()))?;
+            .map_err(|e| unsuited(e.to_string(), "use setting `method` zncc".into()))?;
         let planes = planes(captured, &groups);
         // Where columns may be looked for: everywhere if the code is unique there, else where the depth range allows.
         let whole = [-0.5, axis.len() as f32 - 0.5];
@@ -54,28 +53,14 @@ pub(crate) fn decode(
             return Err(unsuited(
                 format!("its code repeats every {period:.1} px, and the depth range spans {span:.1} px"),
                 format!(
-                    "add a frequency, or give a --depth NEAR FAR that spans less (now {:.0} to {:.0} mm)",
+                    "add a frequency, or give a setting `depth` that spans less (now {:.0} to {:.0} mm)",
                     geometry.range.mm[0], geometry.range.mm[1]
                 ),
             ));
         }
         let interval = |i: usize| if repeats.is_none() { Some(whole) } else { geometry.interval(i, axis) };
-        let found: Vec<(f32, f32, PixelStatus)> = (0..status.len())
-            .into_par_iter()
-            .map(|i| {
-                if status[i] != PixelStatus::Valid {
-                    return (f32::NAN, f32::NAN, status[i]);
-                }
-                let Some(within) = interval(i) else { return (f32::NAN, f32::NAN, PixelStatus::OutsideVolume) };
-                match decoder.decode_within(|image| planes[image][i], captured.variance(i, 0.5).sqrt(), within) {
-                    Some(d) if d.is_reliable() => (d.column, d.sigma, PixelStatus::Valid),
-                    _ => (f32::NAN, f32::NAN, PixelStatus::Ambiguous),
-                }
-            })
-            .collect();
-        status = found.iter().map(|f| f.2).collect();
-        let (at, sigma) = found.iter().map(|f| (f.0, f.1)).unzip();
-        coordinates.push(Coordinate { axis: axis.axis, at, sigma });
+        let decode = |i: usize, sigma: f32, within| decoder.decode_within(|image| planes[image][i], sigma, within);
+        coordinates.push(decode_pixels(captured, axis.axis, &mut status, interval, decode));
     }
     Ok(DecodedCoordinates { coordinates, status })
 }

@@ -17,7 +17,7 @@ pub struct Response {
 }
 
 impl Response {
-    /// What is wrong with a response from a file.
+    /// Checks a response from a file and says what is wrong with it.
     pub(crate) fn check(&self) -> Result<(), &'static str> {
         let rising = |v: &[f32], strictly: bool| v.windows(2).all(|w| w[0] < w[1] || (!strictly && w[0] == w[1]));
         if self.value.len() != self.light.len() || self.value.len() < 2 {

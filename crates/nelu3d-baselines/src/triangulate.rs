@@ -23,7 +23,7 @@ pub(crate) struct DepthRange {
     source: RangeSource,
 }
 
-/// Who said so.
+/// Where a depth range comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 enum RangeSource {
@@ -31,12 +31,12 @@ enum RangeSource {
     Given,
     /// The volume of the set's color field.
     Field,
-    /// Nobody: around where light and view cross. A surface outside of it is no mistake.
+    /// A guess around the depth where light and view cross. A surface outside of it is no mistake.
     Guess,
 }
 
 impl DepthRange {
-    /// The range of the settings, of the set's color field, or a guess.
+    /// Takes the range of the settings, of the set's color field, or a guess.
     pub(crate) fn new(
         rig: &Rig,
         set: &PatternSet,
@@ -49,7 +49,7 @@ impl DepthRange {
             }
             Some(_) => {
                 let problem = "needs two distances in mm, 0 < NEAR < FAR".into();
-                return Err(DecodeError::Setting { setting: "--depth", problem });
+                return Err(DecodeError::Setting { setting: "depth", problem });
             }
             None => {}
         }
@@ -63,7 +63,7 @@ impl DepthRange {
     }
 }
 
-/// Least and greatest depth of a field's volume, mm.
+/// Returns the smallest and the greatest depth of a field's volume, mm.
 fn depths(field: &ColorField, camera: &Camera) -> Option<[f64; 2]> {
     let (v, mut range) = (&field.validity, [f64::INFINITY, 0.0f64]);
     for (i, t) in v.t_range.iter().enumerate().filter(|(_, t)| t[0] <= t[1]) {
@@ -84,8 +84,8 @@ pub(crate) struct Geometry<'a> {
     pub(super) range: DepthRange,
 }
 
-/// The path of a camera pixel's ray along one axis of the projected image, from the far end (s = 0) to the near end (s = 1)
-/// of the depth range; s is linear in inverse depth.
+/// The path of a camera pixel's ray along one axis of the projected image, from the far end (s = 0) to the near end (s
+/// = 1) of the depth range; s is linear in inverse depth.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Along {
     /// At s = 0.
@@ -97,19 +97,19 @@ pub(crate) struct Along {
 }
 
 impl Along {
-    /// Projector px at `s`.
+    /// Returns the projector coordinate at `s`, px.
     #[inline]
     pub(crate) fn at(&self, s: f32) -> f32 {
         (self.a + self.p * s) / (1.0 + self.d * s)
     }
 
-    /// Its derivative by `s`.
+    /// Returns the derivative of the projector coordinate by `s`.
     #[inline]
     pub(crate) fn slope(&self, s: f32) -> f32 {
         (self.p - self.a * self.d) / (1.0 + self.d * s).powi(2)
     }
 
-    /// The `s` of a projector coordinate.
+    /// Returns the `s` of a projector coordinate.
     #[inline]
     pub(crate) fn inverse(&self, u: f32) -> f32 {
         (u - self.a) / (self.p - u * self.d)
@@ -117,7 +117,7 @@ impl Along {
 }
 
 impl<'a> Geometry<'a> {
-    /// For a projector, and the [`image_plane`](nelu3d::surface::image_plane) of the camera.
+    /// Prepares for a projector, and the [`image_plane`](nelu3d::surface::image_plane) of the camera.
     pub(crate) fn new(projector: &'a Projector, plane: &'a [[f32; 2]], range: DepthRange) -> Self {
         Self {
             projector,
@@ -128,7 +128,8 @@ impl<'a> Geometry<'a> {
         }
     }
 
-    /// Projector pixel that lights the point of camera pixel `i` at inverse depth `w` (1/mm); `None` behind the projector.
+    /// Returns the projector pixel that lights the point of camera pixel `i` at inverse depth `w` (1/mm); `None` behind
+    /// the projector.
     pub(crate) fn project(&self, i: usize, w: f64) -> Option<[f64; 2]> {
         let [x, y] = self.plane[i].map(f64::from);
         // The point divided by its depth: R d + w T, with d = (x, y, 1).
@@ -140,21 +141,22 @@ impl<'a> Geometry<'a> {
         })
     }
 
-    /// Where along an axis pixel `i` is lit from, between the far and the near end of the depth range; `None` where the light
-    /// does not reach any of it.
+    /// Returns where along an axis pixel `i` is lit from, between the far and the near end of the depth range; `None`
+    /// where the light does not reach any of it.
     pub(crate) fn along(&self, i: usize, axis: Axis) -> Option<Along> {
         let [near, far] = self.range.mm;
         let [w0, w1] = [1.0 / far, 1.0 / near];
         let at = |w: f64| self.project(i, w).map(|p| p[axis as usize]);
         let (a, m, b) = (at(w0)?, at(0.5 * (w0 + w1))?, at(w1)?);
-        // u(s) = (a + p s) / (1 + d s) through three points: exact without distortion, and with it off by far less than a
-        // hundredth of a pixel.
+        // u(s) = (a + p s) / (1 + d s) through three points: exact without distortion, and with it off by far less than
+        // a hundredth of a pixel.
         let d = if (m - b).abs() > 1e-9 { (a + b - 2.0 * m) / (m - b) } else { 0.0 };
         let p = b * (1.0 + d) - a;
         Some(Along { a: a as f32, p: p as f32, d: d as f32, b: b as f32 })
     }
 
-    /// First and last coordinate along a code's axis that may light pixel `i`, within the projected image.
+    /// Returns the first and the last coordinate along a code's axis that may light pixel `i`, within the projected
+    /// image.
     pub(crate) fn interval(&self, i: usize, code: &AxisCode) -> Option<[f32; 2]> {
         let along = self.along(i, code.axis)?;
         let (low, high) = (along.a.min(along.b), along.a.max(along.b));
@@ -162,7 +164,7 @@ impl<'a> Geometry<'a> {
         (low <= high).then_some([low, high])
     }
 
-    /// The most projector px that one camera pixel's depth range spans along an axis.
+    /// Returns the most projector px that one camera pixel's depth range spans along an axis.
     pub(crate) fn longest_interval(&self, axis: Axis) -> f32 {
         let step = (self.plane.len() / 1000).max(1);
         (0..self.plane.len())
@@ -172,7 +174,7 @@ impl<'a> Geometry<'a> {
             .fold(0.0, f32::max)
     }
 
-    /// The inverse depth at which an undistorted projector would have pixel `i` at `at` along `axis`.
+    /// Returns the inverse depth at which an undistorted projector would have pixel `i` at `at` along `axis`.
     fn start(&self, i: usize, axis: Axis, at: f64) -> f64 {
         let [x, y] = self.plane[i].map(f64::from);
         let d = self.rotation * Vector3::new(x, y, 1.0);
@@ -190,9 +192,10 @@ impl<'a> Geometry<'a> {
         }
     }
 
-    /// Depth from what is known of the projector pixel: with one coordinate, where the pixel's ray meets the plane of light
-    /// of that column (exactly, with both lenses' distortions); with both, the point of the ray whose projection is nearest
-    /// in the least-squares sense, each weighted by its variance. Gauss–Newton on the inverse depth.
+    /// Computes the depth from what is known of the projector pixel: with one coordinate, where the pixel's ray meets
+    /// the plane of light of that column (exactly, with both lenses' distortions); with both, the point of the ray
+    /// whose projection is nearest in the least-squares sense, each weighted by its variance. Gauss–Newton on the
+    /// inverse depth.
     pub(crate) fn triangulate(&self, decoded: &DecodedCoordinates) -> SurfaceMaps {
         let [near, far] = self.range.mm;
         let one = |i: usize| -> (f32, f32, PixelStatus) {
@@ -211,7 +214,8 @@ impl<'a> Geometry<'a> {
                 return none(PixelStatus::Ambiguous);
             }
             let step = 1e-3 / far.max(1.0);
-            // How far the projection moves along each axis per inverse depth: start from the coordinate that tells most.
+            // How far the projection moves along each axis per inverse depth: start from the coordinate that tells
+            // most.
             let slopes = |w: f64| -> Option<([f64; 2], [f64; 2])> {
                 let (a, b) = (self.project(i, w)?, self.project(i, w + step)?);
                 Some((a, [(b[0] - a[0]) / step, (b[1] - a[1]) / step]))
@@ -271,7 +275,7 @@ impl<'a> Geometry<'a> {
         out
     }
 
-    /// RMS over the planes of captured minus projected intensity, at the projector pixel of each depth.
+    /// Returns the RMS over the planes of captured minus projected intensity, at the projector pixel of each depth.
     pub(crate) fn residual(&self, depth: &[f32], code: &Code, captured: &Captured) -> Vec<f32> {
         let pairs: Vec<(&AxisCode, usize, usize)> = code
             .axes
@@ -300,7 +304,7 @@ impl<'a> Geometry<'a> {
 /// Most χ² (one degree of freedom) of a column and a row that agree: five standard deviations.
 const MAX_MISFIT: f64 = 25.0;
 
-/// Which line of a code a plane shows, if any: that of its image and channel, gray lines for all channels.
+/// Returns which line of a code a plane shows, if any: that of its image and channel, gray lines for all channels.
 pub(crate) fn line_of(code: &AxisCode, captured: &Captured, plane: usize) -> Option<usize> {
     let p = &captured.planes[plane];
     let of_image = code.lines.iter().filter(|l| l.image == p.image).count();

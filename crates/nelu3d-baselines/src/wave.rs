@@ -30,9 +30,8 @@ pub(crate) fn learn(code: &AxisCode, set: &PatternSet, method: &'static str) -> 
                 set: set.name.clone(),
                 method,
                 problem: format!("{} is not a sinusoid", line.path.display()),
-                remedy:
-                    "use --method zncc or gray, or give the projector's --gamma if the images are not linear in light"
-                        .into(),
+                remedy: "use setting `method` zncc or gray, or setting `gamma` if the images are not linear in light"
+                    .into(),
             })?;
         // The phase in the middle of the image: there it hardly depends on the frequency.
         let frequency = 1.0 / fitted.wave.period_px;

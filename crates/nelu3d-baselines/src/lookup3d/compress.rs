@@ -1,11 +1,13 @@
 //! From a table to its low-rank form: a truncated singular value decomposition per channel, and one of the depth.
 //!
-//! The matrix of a channel has a row per pixel and a column per position. P is small, so the decomposition goes through the
-//! P × P Gram matrix: AᵀA = V Λ Vᵀ exactly (in f64), then R = V_rᵀ and L = A V_r, which is the best rank-r approximation.
+//! The matrix of a channel has a row per pixel and a column per position. P is small, so the decomposition goes through
+//! the P × P Gram matrix: AᵀA = V Λ Vᵀ exactly (in f64), then R = V_rᵀ and L = A V_r, which is the best rank-r
+//! approximation.
 //!
-//! A decomposition needs every entry. Missing samples between others of the same pixel are filled by linear interpolation
-//! over the position, those before the first and after the last by the nearest one. The latter are never chosen when
-//! decoding: the range of positions between them is kept beside the factors. Pixels without any sample take no part.
+//! A decomposition needs every entry. Missing samples between others of the same pixel are filled by linear
+//! interpolation over the position, those before the first and after the last by the nearest one. The latter are never
+//! chosen when decoding: the range of positions between them is kept beside the factors. Pixels without any sample take
+//! no part.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 use rayon::prelude::*;
@@ -46,7 +48,8 @@ pub fn compress(table: &FullTable, rank: Rank) -> Compressed {
     let shape = table.shape;
     let TableShape { n_positions: p, k, .. } = shape;
     let spectra: Vec<Spectrum> = (0..=k).map(|j| Spectrum::of(table, j)).collect();
-    // What is not known from the sensor is told by the smallest quarter of the spectrum: white noise is all that reaches it.
+    // What is not known from the sensor is told by the smallest quarter of the spectrum: white noise is all that
+    // reaches it.
     let tail = |s: &Spectrum| s.values[p - (p / 4).max(1)..].iter().sum::<f64>() / (p / 4).max(1) as f64 / s.n;
     let variance = match f64::from(table.variance) {
         v if v > 0.0 => v,
@@ -102,7 +105,8 @@ pub fn compress(table: &FullTable, rank: Rank) -> Compressed {
     }
 }
 
-/// Eigenvalues, largest first, and eigenvectors (columns) of a channel's Gram matrix, and its number of entries a position.
+/// Eigenvalues, largest first, and eigenvectors (columns) of a channel's Gram matrix, and its number of entries a
+/// position.
 struct Spectrum {
     values: Vec<f64>,
     vectors: DMatrix<f64>,

@@ -1,4 +1,4 @@
-//! Decoding a scene: search, interpolate, judge, row by row.
+//! Decoding a scene: search, interpolate, accept or reject, row by row.
 
 use nelu3d_field::nearest::Hit;
 use nelu3d_scan::Camera;
@@ -20,7 +20,7 @@ pub struct LookupMaps {
     pub sigma: Vec<f32>,
     /// RMS of the difference to the table's codeword; NaN where there is no depth.
     pub residual: Vec<f32>,
-    /// Why a pixel has no depth.
+    /// The status of every pixel.
     pub status: Vec<PixelStatus>,
     /// Nearest position per pixel of the table; `u32::MAX` where none was found.
     pub index: Vec<u32>,
@@ -28,17 +28,18 @@ pub struct LookupMaps {
     pub n_fallbacks: usize,
 }
 
-/// Memory that maps are made in. To touch fresh pages takes a system about as long as the search itself.
+/// Buffers that maps are made in. To touch fresh pages takes a system about as long as the search itself.
 #[derive(Debug, Default)]
 pub struct MapBuffers([Vec<f32>; 3]);
 
 impl MapBuffers {
-    /// That of what decoding does not look at: [`Measurements::surround`], `contrast` and `light` are empty after this.
+    /// Takes the buffers of what decoding does not look at: [`Measurements::surround`], `contrast` and `light` are
+    /// empty after this.
     pub fn of(m: &mut Measurements) -> Self {
         Self([&mut m.surround, &mut m.contrast, &mut m.light].map(std::mem::take))
     }
 
-    /// Nothing found yet, in pixels of which those that are not `Kept` are out already.
+    /// Makes maps in which nothing is found yet.
     fn maps(self, status: Vec<PixelStatus>) -> LookupMaps {
         let [depth, sigma, residual] = self.0.map(|mut map| {
             map.clear();
@@ -68,8 +69,8 @@ pub fn decode(
     run(table, m, camera, settings, windows.as_ref(), buffers)
 }
 
-/// Decodes a frame of a sequence: around the depth of the frame before it, `previous` (mm, of every pixel of the camera, NaN
-/// = none), and over all positions where that explains nothing.
+/// Decodes a frame of a sequence: around the depth of the frame before it, `previous` (mm, of every pixel of the
+/// camera, NaN = none), and over all positions where that explains nothing.
 ///
 /// # Panics
 /// If the scene or `previous` has another size than the table was made for.
@@ -87,7 +88,7 @@ pub fn decode_near(
     run(table, m, camera, settings, Some(&windows), buffers)
 }
 
-/// The camera's pixel that a pixel of the table is.
+/// Returns the camera's pixel that a pixel of the table is.
 fn pixel_of_camera(table: &Table, m: &Measurements, pixel: usize) -> usize {
     let s = table.shape();
     if s.step == 1 {
@@ -96,12 +97,12 @@ fn pixel_of_camera(table: &Table, m: &Measurements, pixel: usize) -> usize {
     pixel / s.width * s.step * m.width + pixel % s.width * s.step
 }
 
-/// The codeword that was measured at a pixel of the table; NaN where a channel is unusable.
+/// Writes the codeword that was measured at a pixel of the table; NaN where a channel is unusable.
 fn query(table: &Table, m: &Measurements, pixel: usize, out: &mut [f32]) {
     let i = pixel_of_camera(table, m, pixel);
-    let kept = m.status[i] == PixelStatus::Valid;
+    let valid = m.status[i] == PixelStatus::Valid;
     for (j, q) in out.iter_mut().enumerate() {
-        *q = if kept && m.inv_var[i * m.k + j] > 0.0 { m.p[i * m.k + j] } else { f32::NAN };
+        *q = if valid && m.inv_var[i * m.k + j] > 0.0 { m.p[i * m.k + j] } else { f32::NAN };
     }
 }
 
@@ -141,7 +142,7 @@ fn run(
 
 /// Pixels of one task.
 const TASK: usize = 32 * BLOCK;
-/// Pixels that are searched, then judged, while their rows of the table are in the first cache.
+/// Pixels that are searched, then interpolated, while their rows of the table are in the first cache.
 const BLOCK: usize = 32;
 
 /// LookupMaps of some neighboring pixels.
@@ -153,7 +154,7 @@ struct Part<'a> {
     index: &'a mut [u32],
 }
 
-/// What is believed of a pixel.
+/// What was found at a pixel.
 struct Placed {
     depth: f32,
     sigma: f32,
@@ -172,7 +173,7 @@ struct Decoder<'a> {
     interpolator: Interpolator<'a>,
     /// `[pixel of the block][channel]`
     queries: Vec<f32>,
-    /// Of the queries.
+    /// Variances of the queries.
     variances: Vec<f32>,
     hits: Vec<Hit>,
 }
@@ -194,13 +195,13 @@ impl<'a> Decoder<'a> {
     }
 
     /// Decodes the pixels of the table from `first` on, as many as there are in `out`, and counts those that fell back.
-    /// Only those that are still kept are looked at.
+    /// Only valid ones are looked at.
     fn decode(&mut self, first: usize, out: Part<'_>) -> usize {
-        let kept = |l: &PixelStatus| *l == PixelStatus::Valid;
+        let valid = |l: &PixelStatus| *l == PixelStatus::Valid;
         let (mut x, mut n_fallbacks) = (0, 0);
-        while let Some(skipped) = out.status[x..].iter().position(kept) {
+        while let Some(skipped) = out.status[x..].iter().position(valid) {
             x += skipped;
-            let n = out.status[x..].iter().take(BLOCK).take_while(|l| kept(l)).count();
+            let n = out.status[x..].iter().take(BLOCK).take_while(|l| valid(l)).count();
             self.search(first + x, n);
             for i in 0..n {
                 let (hit, placed, fell_back) = self.place(first + x, i);
@@ -219,7 +220,7 @@ impl<'a> Decoder<'a> {
         n_fallbacks
     }
 
-    /// Loads a block of `n` pixels that are all kept, from `first` on, and finds their nearest positions.
+    /// Loads a block of `n` pixels that are all valid, from `first` on, and finds their nearest positions.
     fn search(&mut self, first: usize, n: usize) {
         let k = self.m.k;
         let (queries, variances) = (&mut self.queries[..n * k], &mut self.variances[..n * k]);
@@ -247,20 +248,20 @@ impl<'a> Decoder<'a> {
         let (k, n_positions) = (self.m.k, self.table.shape().n_positions);
         let pixel = first + x;
         let hit = self.hits[x];
-        let placed = self.judge(pixel, x, hit);
+        let placed = self.accept(pixel, x, hit);
         if let Some([from, to]) = self.windows.map(|w| w.of(pixel, 1)[0])
             && (from > 0 || (to as usize) < n_positions)
             && (placed.is_none() || Windows::at_border([from, to], hit.index, n_positions))
         {
             let mut hit = [Hit::NONE];
             self.table.nearest(pixel, &self.queries[x * k..(x + 1) * k], None, &mut hit);
-            return (hit[0], self.judge(pixel, x, hit[0]), true);
+            return (hit[0], self.accept(pixel, x, hit[0]), true);
         }
         (hit, placed, false)
     }
 
     /// Places a pixel (the `x`th of the block) near a hit and decides whether to believe it.
-    fn judge(&mut self, pixel: usize, x: usize, hit: Hit) -> Option<Placed> {
+    fn accept(&mut self, pixel: usize, x: usize, hit: Hit) -> Option<Placed> {
         if hit.index == u32::MAX {
             return None;
         }
@@ -284,8 +285,8 @@ impl<'a> Decoder<'a> {
 /// Largest slope (depth per lateral mm) across which depth is interpolated between the table's pixels.
 const MAX_SLOPE: f32 = 4.0;
 
-/// Every pixel of the camera from every `step`th: bilinear in inverse depth inside of four that belong to one surface; a
-/// pixel next to a rejected one is rejected for its reason, one between two surfaces as a depth discontinuity.
+/// Every pixel of the camera from every `step`th: bilinear in inverse depth inside of four that belong to one surface;
+/// a pixel next to a rejected one is rejected for its reason, one between two surfaces as a depth discontinuity.
 fn between(coarse: LookupMaps, table: &Table, m: &Measurements, camera: &Camera) -> LookupMaps {
     let s = *table.shape();
     let one = |i: usize| -> Result<Placed, PixelStatus> {

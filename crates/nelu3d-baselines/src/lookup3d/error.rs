@@ -20,7 +20,10 @@ pub enum LookupTableError {
     #[error(transparent)]
     Previous(#[from] ReadError),
     /// The result of the previous frame is of another camera.
-    #[error("{}: a result of {found} pixels, but the camera has {wanted}; give a result of the same rig to --previous", path.display())]
+    #[error(
+        "{}: a result of {found} pixels, but the camera has {wanted}; give a result of the same rig as setting `previous`",
+        path.display()
+    )]
     PreviousSize {
         /// The result's folder.
         path: PathBuf,
@@ -32,7 +35,7 @@ pub enum LookupTableError {
     /// The table needs more memory than is free.
     #[error(
         "the lookup table needs {needed_mb} MB and {available_mb} MB of memory are free; keep every {stride}th pixel with \
-         --stride {stride}"
+         setting `stride` {stride}"
     )]
     Memory {
         /// Memory that the table needs, MB.
@@ -43,6 +46,6 @@ pub enum LookupTableError {
         stride: usize,
     },
     /// A stride out of range.
-    #[error("--stride {0} is not possible; give a number from 1 to 16, less than the picture's sides")]
+    #[error("setting `stride` {0} is not possible; give a number from 1 to 16, less than the picture's sides")]
     Stride(usize),
 }

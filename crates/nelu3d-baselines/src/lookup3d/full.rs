@@ -7,7 +7,7 @@ use super::shape::TableShape;
 /// Every sample of a sweep.
 #[derive(Clone, Debug)]
 pub struct FullTable {
-    /// Its sizes.
+    /// The sizes.
     pub shape: TableShape,
     /// Variance that the sensor's noise gives a well-lit entry; 0 when it is not known (a table from a file).
     pub variance: f32,

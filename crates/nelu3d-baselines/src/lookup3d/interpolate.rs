@@ -1,7 +1,7 @@
 //! Where between two board positions a pixel's surface lies.
 //!
-//! Positions stand far apart compared with what a code resolves, so the nearest one is only the start. Along a pixel's ray
-//! the code is a curve over inverse depth v = 1/z (disparity is linear in it), of which the table has points.
+//! Positions stand far apart compared with what a code resolves, so the nearest one is only the start. Along a pixel's
+//! ray the code is a curve over inverse depth v = 1/z (disparity is linear in it), of which the table has points.
 
 use super::options::Interpolation;
 use super::table::Table;
@@ -31,7 +31,7 @@ pub(crate) struct Interpolator<'a> {
     there: [bool; N],
     /// dc/dv at what was found, in units of the span that goes with it.
     slopes: Vec<f32>,
-    /// The same while searching.
+    /// Slopes while searching.
     trial: Vec<f32>,
 }
 
@@ -53,8 +53,8 @@ impl<'a> Interpolator<'a> {
         &self.samples[n * (k + 1)..][..k]
     }
 
-    /// Places a pixel near position `index`, whose squared distance is `distance`. Channels of `query` that are NaN take no
-    /// part; `variances` are those of the measurements (of the table's entries are added).
+    /// Places a pixel near position `index`, whose squared distance is `distance`. Channels of `query` that are NaN
+    /// take no part; `variances` are those of the measurements (of the table's entries are added).
     pub(crate) fn find(
         &mut self,
         pixel: usize,
@@ -109,8 +109,8 @@ impl<'a> Interpolator<'a> {
         Found { depth, distance: remains, variance: information.variance(span, depth) }
     }
 
-    /// A position itself, of a pixel whose values `value(j, p)` are: channel j (k: the depth) at position p, NaN if missing.
-    /// Reads what it needs where it is, as nothing else is left to do here.
+    /// A position itself, of a pixel whose values `value(j, p)` are: channel j (k: the depth) at position p, NaN if
+    /// missing. Reads what it needs where it is, as nothing else is left to do here.
     #[inline(always)]
     fn at_position(
         &self,
@@ -159,8 +159,8 @@ impl<'a> Interpolator<'a> {
         [REACH - 1, REACH + 1].into_iter().filter(|n| self.there[*n]).map(to_next).fold(0.0, f32::max)
     }
 
-    /// Loads the samples around a position: their depths, and which can be used. Those that are not in order of depth (of
-    /// boards that crossed, or of a table in no order) cannot.
+    /// Loads the samples around a position: their depths, and which can be used. Those that are not in order of depth
+    /// (of boards that crossed, or of a table in no order) cannot.
     fn neighbors(&mut self, pixel: usize, index: usize) -> [f32; N] {
         let k = self.slopes.len();
         let n_positions = self.table.shape().n_positions;
@@ -199,8 +199,8 @@ impl<'a> Interpolator<'a> {
         (from, to)
     }
 
-    /// The closest point of the curve between two neighboring positions: inverse depth and squared distance. Its slopes are
-    /// left in `trial`, in units of the segment.
+    /// The closest point of the curve between two neighboring positions: inverse depth and squared distance. Its slopes
+    /// are left in `trial`, in units of the segment.
     fn on_segment(&mut self, from: usize, to: usize, v: &[f32; N], query: &[f32]) -> (f32, f32) {
         let k = query.len();
         let span = v[to] - v[from];

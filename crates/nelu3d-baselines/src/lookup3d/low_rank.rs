@@ -13,7 +13,7 @@ pub struct LowRank {
     pub variance: f32,
     /// Terms of a channel's sum.
     pub rank: usize,
-    /// Terms of the depth's.
+    /// Terms of the depth's sum.
     pub depth_rank: usize,
     /// `[pixel][k · rank, then depth_rank]`
     pub(super) left: Vec<f32>,

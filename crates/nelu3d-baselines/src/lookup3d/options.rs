@@ -54,8 +54,8 @@ pub enum Interpolation {
 }
 
 impl Interpolation {
-    /// Returns the error of the interpolation itself, in normalized intensity: on `dlp` the held-out positions are met to
-    /// 0.022 linearly and to 0.008 cubically. Without interpolation, the steps between codewords stand for it.
+    /// Returns the error of the interpolation itself, in normalized intensity: on `dlp` the held-out positions are met
+    /// to 0.022 linearly and to 0.008 cubically. Without interpolation, the steps between codewords stand for it.
     pub(crate) fn error(self) -> f32 {
         match self {
             Interpolation::None | Interpolation::Parabola => 0.005,

@@ -5,7 +5,7 @@ use std::path::Path;
 use nelu3d::calibrate::{CalibrationOptions, Sweep};
 use nelu3d::progress::{Progress, StageClock};
 use nelu3d::result::SavedResult;
-use nelu3d::sensor::{DarkEstimator, DarkLevel, Measurements, NoiseEstimator, NoiseModel};
+use nelu3d::sensor::{DarkEstimator, DarkLevel, Measurements, estimate_scene_noise, quantization_step};
 use nelu3d::surface::{SurfaceMaps, assemble, image_plane, reject_small_components};
 use nelu3d_scan::Rig;
 use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
@@ -61,9 +61,13 @@ pub(crate) fn decode_scene(
     stop()?;
 
     clock.begin("normalize");
+    let step = quantization_step(rig.black_level, rig.saturation);
     let (noise, dark) = match sensor {
         Some(sensor) => sensor,
-        None => (noise_of(&capture, rig), dark_of(&capture, rig, set, opts.min_contrast, progress)?),
+        None => (
+            estimate_scene_noise(&capture.white, &capture.patterns, step),
+            dark_of(&capture, rig, set, opts.min_contrast, progress)?,
+        ),
     };
     let mut m = Measurements::new(&capture, &noise, &dark, 0.0);
 
@@ -95,14 +99,7 @@ pub(crate) fn decode_scene(
     Ok(Decoding { surface, diagnostics, stages: clock.finish() })
 }
 
-/// The sensor's noise as the scene itself shows it: a table from a file does not tell.
-fn noise_of(capture: &Capture, rig: &Rig) -> NoiseModel {
-    let mut estimator = NoiseEstimator::default();
-    [&capture.white].into_iter().chain(capture.patterns.iter().take(3)).for_each(|image| estimator.add(image));
-    estimator.finish((1.0 / (rig.saturation - rig.black_level).max(1e-9)) as f32)
-}
-
-/// What stands in for a black image that the scene lacks: the sweep's dark level, if there is a sweep.
+/// Estimates what stands in for a black image that the scene lacks: the sweep's dark level, if there is a sweep.
 fn dark_of(
     capture: &Capture,
     rig: &Rig,
@@ -125,7 +122,7 @@ fn dark_of(
     Ok(all.finish())
 }
 
-/// The depth of an earlier result of the same camera.
+/// Reads the depth of an earlier result of the same camera.
 fn depth_of(path: &Path, rig: &Rig) -> Result<Vec<f32>, LookupTableError> {
     let saved = SavedResult::read(path)?;
     let size = |w: usize, h: usize| format!("{w} × {h}");

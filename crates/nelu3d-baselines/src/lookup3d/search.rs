@@ -8,13 +8,14 @@ use super::table::Table;
 
 /// Where to look first, for every pixel of the table; outside of it only where that finds nothing good.
 pub(crate) struct Windows {
-    /// From, to.
+    /// First position, and the one after the last.
     ranges: Vec<[u32; 2]>,
 }
 
 impl Windows {
-    /// From the positions of every `coarse`th pixel, decoded by brute force: for the pixels between them everything between
-    /// what their surroundings found, and `window` positions more on either side. Where these are far apart, everything.
+    /// Makes windows from the positions of every `coarse`th pixel, decoded by brute force: for the pixels between them
+    /// everything between what their surroundings found, and `window` positions more on either side. Where these are
+    /// far apart, everything.
     pub(crate) fn coarse_to_fine(
         table: &Table,
         queries: &(dyn Fn(usize, &mut [f32]) + Sync),
@@ -55,7 +56,8 @@ impl Windows {
         Self { ranges: (0..shape.n_pixels()).into_par_iter().map(range).collect() }
     }
 
-    /// Around the depth of an earlier result, `depth(pixel)` in mm (NaN: none), `window` positions on either side.
+    /// Makes windows around the depth of an earlier result, `depth(pixel)` in mm (NaN: none), `window` positions on
+    /// either side.
     pub(crate) fn near(table: &Table, depth: &(dyn Fn(usize) -> f32 + Sync), window: usize) -> Self {
         let p = table.shape().n_positions;
         let range = |pixel: usize| {
@@ -69,12 +71,12 @@ impl Windows {
         Self { ranges: (0..table.shape().n_pixels()).into_par_iter().map(range).collect() }
     }
 
-    /// Those of the pixels from `first` on.
+    /// Returns the windows of the pixels from `first` on.
     pub(crate) fn of(&self, first: usize, n: usize) -> &[[u32; 2]] {
         &self.ranges[first..first + n]
     }
 
-    /// Whether a position may only be the best of those that were looked at: at the border of a window.
+    /// Returns whether a position may only be the best of those that were looked at: at the border of a window.
     pub(crate) fn at_border(range: [u32; 2], index: u32, n_positions: usize) -> bool {
         (index == range[0] && range[0] > 0) || (index + 1 == range[1] && (range[1] as usize) < n_positions)
     }

@@ -18,7 +18,7 @@ pub struct TableShape {
 }
 
 impl TableShape {
-    /// Of a table for every `step`th pixel of a picture of `width × height`.
+    /// Returns the shape of a table for every `step`th pixel of a picture of `width × height`.
     pub fn of_picture(width: usize, height: usize, step: usize, n_positions: usize, k: usize) -> Self {
         Self { width: width.div_ceil(step), height: height.div_ceil(step), step, n_positions, k }
     }

@@ -16,7 +16,7 @@ pub enum Table {
 }
 
 impl Table {
-    /// Its sizes.
+    /// Returns the sizes.
     pub fn shape(&self) -> &TableShape {
         match self {
             Table::Full(t) => &t.shape,

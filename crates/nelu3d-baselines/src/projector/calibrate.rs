@@ -1,10 +1,12 @@
 //! From the sweep of a rig to its projector.
 
-use nalgebra::Point3;
+use std::path::Path;
+
+use nalgebra::{Isometry3, Point3};
 use nelu3d::progress::{Progress, StageClock};
 use nelu3d_scan::board::{Corner, Detector};
 use nelu3d_scan::pose::{Trajectory, TrajectoryModel};
-use nelu3d_scan::rig::RIG_FILE;
+use nelu3d_scan::rig::{PatternSet, RIG_FILE, Shot};
 use nelu3d_scan::{Projector, Rig};
 
 use super::coded_set::coded_set;
@@ -15,9 +17,10 @@ use super::report::ProjectorReport;
 use super::sample::Sample;
 use super::{corners, fit};
 use crate::captured::{Captured, Images};
+use crate::code::Code;
 
 /// Fewest corners that determine a projector with some certainty.
-const FEWEST_CORNERS: usize = 24;
+const MIN_CORNERS: usize = 24;
 
 /// Calibrates the projector of a rig. `set` is a binary code along x and y; without one, the first that is.
 ///
@@ -49,67 +52,18 @@ pub fn calibrate_projector(
     let detector = Detector::new(board)
         .map_err(|source| ProjectorError::Board { path: rig_file, source })?
         .with_camera(&rig.camera);
-    let mut found = Vec::new();
-    let mut decoded = Vec::new();
-    for (i, shot) in shots.iter().enumerate() {
-        if progress.cancelled() {
-            return Err(ProjectorError::Cancelled);
-        }
-        progress.tick(i, shots.len());
-        let white = rig.reader(shot).read(&rig.white)?;
-        let corners = detector.detect(&white.to_gray(), white.width, white.height);
-        let corners: Result<Vec<Corner>, String> = corners.map_err(|e| e.to_string());
-        let seen = match &corners {
-            Ok(corners) => {
-                // A sweep rarely has inverses; use them if this position does.
-                let mut here = set.clone();
-                if !here.inverse.iter().all(|name| shot.dir.join(name).exists()) {
-                    here.inverse.clear();
-                }
-                let images = Images::read_position(rig, shot, &here)?;
-                let captured = Captured::new(&images, rig, opts.min_contrast);
-                let radius = opts.radius.unwrap_or((rig.camera.width.max(rig.camera.height) / 40).max(8));
-                corners::decode(&captured, &code, &here, corners, radius)?
-            }
-            Err(_) => Vec::new(),
-        };
-        decoded.push(seen);
-        found.push((shot.name.clone(), corners));
-    }
+    let views = view_boards(rig, set, &code, &shots, &detector, opts, progress)?;
 
     clock.begin("solve the board poses");
-    let trajectory = if rig.poses.is_empty() {
-        Trajectory::fit(&found, &rig.camera, TrajectoryModel::Auto)
-    } else {
-        Trajectory::from_known(&rig.poses)
-    };
-    let trajectory = trajectory.map_err(|source| ProjectorError::Pose { path: folder.clone(), source })?;
-    for r in &trajectory.rejected {
-        progress.warn(format!("board position {} is not used: {}", r.position, r.reason));
-    }
+    let trajectory = solve_trajectory(rig, &views, &folder, progress)?;
 
     clock.begin("fit the projector");
-    let (mut samples, mut positions, mut lost) = (Vec::new(), Vec::new(), 0);
-    for p in &trajectory.positions {
-        let Some(at) = found.iter().position(|(name, _)| *name == p.position) else { continue };
-        let Ok(corners) = &found[at].1 else { continue };
-        let before = samples.len();
-        for (corner, px) in corners.iter().zip(&decoded[at]) {
-            let point = p.cam_from_board * Point3::new(corner.board_mm[0], corner.board_mm[1], 0.0);
-            match px {
-                Some(px) => samples.push(Sample { point, px: *px }),
-                None => lost += 1,
-            }
-        }
-        if samples.len() > before {
-            positions.push((at, p.cam_from_board));
-        }
-    }
-    if positions.len() < 3 || samples.len() < FEWEST_CORNERS {
+    let Gathered { samples, positions, lost } = gather(&views, &trajectory);
+    if positions.len() < 3 || samples.len() < MIN_CORNERS {
         return Err(ProjectorError::needs(
             folder,
             format!(
-                "{} corners at {} positions could be decoded, and {FEWEST_CORNERS} at 3 are needed",
+                "{} corners at {} positions could be decoded, and {MIN_CORNERS} at 3 are needed",
                 samples.len(),
                 positions.len()
             ),
@@ -144,4 +98,101 @@ pub fn calibrate_projector(
         stages: clock.finish(),
     };
     Ok((fitted.projector, report))
+}
+
+/// What was found at the board positions, in order.
+#[derive(Default)]
+struct BoardViews {
+    /// The position's name, and its corners, or why there are none.
+    corners: Vec<(String, Result<Vec<Corner>, String>)>,
+    /// The projector pixel of each corner, where enough was decoded around it.
+    decoded: Vec<Vec<Option<[f64; 2]>>>,
+}
+
+/// Detects the board at every position and decodes the pixels around its corners.
+fn view_boards(
+    rig: &Rig,
+    set: &PatternSet,
+    code: &Code,
+    shots: &[Shot],
+    detector: &Detector,
+    opts: &ProjectorOptions,
+    progress: &Progress,
+) -> Result<BoardViews, ProjectorError> {
+    let mut views = BoardViews::default();
+    for (i, shot) in shots.iter().enumerate() {
+        if progress.cancelled() {
+            return Err(ProjectorError::Cancelled);
+        }
+        progress.tick(i, shots.len());
+        let white = rig.reader(shot).read(&rig.white)?;
+        let corners = detector.detect(&white.to_gray(), white.width, white.height);
+        let corners: Result<Vec<Corner>, String> = corners.map_err(|e| e.to_string());
+        let decoded = match &corners {
+            Ok(corners) => {
+                // A sweep rarely has inverses; use them if this position does.
+                let mut here = set.clone();
+                if !here.inverse.iter().all(|name| shot.dir.join(name).exists()) {
+                    here.inverse.clear();
+                }
+                let images = Images::read_position(rig, shot, &here)?;
+                let captured = Captured::new(&images, rig, opts.min_contrast);
+                let radius = opts.radius.unwrap_or((rig.camera.width.max(rig.camera.height) / 40).max(8));
+                corners::decode(&captured, code, &here, corners, radius)?
+            }
+            Err(_) => Vec::new(),
+        };
+        views.decoded.push(decoded);
+        views.corners.push((shot.name.clone(), corners));
+    }
+    Ok(views)
+}
+
+/// Finds the poses of the boards: those of the rig if it has any, else from the corners.
+fn solve_trajectory(
+    rig: &Rig,
+    views: &BoardViews,
+    folder: &Path,
+    progress: &Progress,
+) -> Result<Trajectory, ProjectorError> {
+    let trajectory = if rig.poses.is_empty() {
+        Trajectory::fit(&views.corners, &rig.camera, TrajectoryModel::Auto)
+    } else {
+        Trajectory::from_known(&rig.poses)
+    };
+    let trajectory = trajectory.map_err(|source| ProjectorError::Pose { path: folder.to_path_buf(), source })?;
+    for r in &trajectory.rejected {
+        progress.warn(format!("board position {} is not used: {}", r.position, r.reason));
+    }
+    Ok(trajectory)
+}
+
+/// The corners that the projector is fitted to.
+struct Gathered {
+    samples: Vec<Sample>,
+    /// Index of each position that has samples, and its pose.
+    positions: Vec<(usize, Isometry3<f64>)>,
+    /// Corners around which too little was decoded.
+    lost: usize,
+}
+
+/// Gathers the decoded corners of all positions that have a pose.
+fn gather(views: &BoardViews, trajectory: &Trajectory) -> Gathered {
+    let (mut samples, mut positions, mut lost) = (Vec::new(), Vec::new(), 0);
+    for p in &trajectory.positions {
+        let Some(at) = views.corners.iter().position(|(name, _)| *name == p.position) else { continue };
+        let Ok(corners) = &views.corners[at].1 else { continue };
+        let before = samples.len();
+        for (corner, px) in corners.iter().zip(&views.decoded[at]) {
+            let point = p.cam_from_board * Point3::new(corner.board_mm[0], corner.board_mm[1], 0.0);
+            match px {
+                Some(px) => samples.push(Sample { point, px: *px }),
+                None => lost += 1,
+            }
+        }
+        if samples.len() > before {
+            positions.push((at, p.cam_from_board));
+        }
+    }
+    Gathered { samples, positions, lost }
 }

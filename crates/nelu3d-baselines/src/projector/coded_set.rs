@@ -5,9 +5,9 @@ use nelu3d_scan::rig::{PatternSet, RIG_FILE};
 
 use super::error::ProjectorError;
 use crate::code::{Code, ProjectedLight};
-use crate::gray;
+use crate::gray::GrayTable;
 
-/// The set to decode, its code, and the size of the projected image.
+/// Finds the set to decode; returns it, its code, and the size of the projected image.
 pub(super) fn coded_set<'a>(
     rig: &'a Rig,
     name: Option<&str>,
@@ -21,8 +21,8 @@ pub(super) fn coded_set<'a>(
                 "give a set with a binary code along x and one along y",
             ));
         };
-        gray::Table::new(x, set)?;
-        gray::Table::new(y, set)?;
+        GrayTable::new(x, set)?;
+        GrayTable::new(y, set)?;
         let size = [x.len(), y.len()];
         Ok((set, code, size))
     };

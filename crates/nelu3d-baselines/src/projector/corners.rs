@@ -12,13 +12,13 @@ use crate::gray;
 use nelu3d::surface::PixelStatus;
 
 /// Fewest decoded pixels around a corner.
-const FEWEST: usize = 30;
+const MIN_PIXELS: usize = 30;
 
 /// Most pixels that a homography is fitted to: more are skipped evenly.
-const MOST: usize = 500;
+const MAX_PIXELS: usize = 500;
 
-/// The projector pixel of every corner, from a local homography over the decoded pixels within `radius` (camera px) of it;
-/// `None` where too few were decoded, or only on one side of the corner.
+/// Finds the projector pixel of every corner, from a local homography over the decoded pixels within `radius` (camera
+/// px) of it; `None` where too few were decoded, or only on one side of the corner.
 pub(crate) fn decode(
     captured: &Captured,
     code: &Code,
@@ -49,10 +49,10 @@ pub(crate) fn decode(
                 sides[2 + usize::from(dy > 0.0)] = true;
             }
         }
-        if from.len() < FEWEST || sides != [true; 4] {
+        if from.len() < MIN_PIXELS || sides != [true; 4] {
             return None;
         }
-        let step = from.len().div_ceil(MOST);
+        let step = from.len().div_ceil(MAX_PIXELS);
         let thin = |v: &[[f64; 2]]| v.iter().copied().step_by(step).collect::<Vec<_>>();
         let at = Homography::robust(&thin(&from), &thin(&to))?.apply([0.0, 0.0]);
         at.iter().all(|v| v.is_finite()).then_some(at)

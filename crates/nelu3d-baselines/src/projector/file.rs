@@ -38,7 +38,7 @@ pub fn write(path: &Path, projector: &Projector, report: &ProjectorReport) -> st
     })
 }
 
-/// The response of a projector file that [`write`] wrote; `None` if it has none.
+/// Reads the response of a projector file that [`write`] wrote; `None` if it has none.
 pub(crate) fn read_response(path: &Path) -> Result<Option<Response>, DecodeError> {
     // Other formats than ours have no response.
     let Some(json) = std::fs::read(path).ok().and_then(|b| serde_json::from_slice::<serde_json::Value>(&b).ok()) else {
@@ -49,7 +49,7 @@ pub(crate) fn read_response(path: &Path) -> Result<Option<Response>, DecodeError
         DecodeError::file(
             path,
             format!("`response` {problem}"),
-            "write it again with `nelu3d projector`, or give --gamma",
+            "write it again with `nelu3d projector`, or give setting `gamma`",
         )
     };
     let response: Response =

@@ -1,11 +1,12 @@
 //! Intrinsics and pose of a projector from points and their projector pixels.
 
-use nalgebra::{
-    DMatrix, DVector, Isometry3, Matrix3, Matrix4, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3,
-};
+use nalgebra::{DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 use nelu3d_scan::camera::Distortion;
+use nelu3d_scan::least_squares::{LmSettings, Problem, minimize};
+use nelu3d_scan::statistics::percentile;
 use nelu3d_scan::{Camera, Projector};
 
+use super::direct::{N, Parameters, direct};
 use super::options::Lens;
 use super::sample::Sample;
 
@@ -17,10 +18,6 @@ pub(crate) struct Fitted {
     pub(super) rejected: usize,
     pub(super) center_sigma_mm: [f64; 3],
 }
-
-/// Parameters: fx fy cx cy, k1 k2 p1 p2, rotation vector, translation.
-const N: usize = 14;
-type Parameters = SVector<f64, N>;
 
 /// Residuals beyond this many robust standard deviations are outliers.
 const REJECT_SIGMAS: f64 = 5.0;
@@ -41,7 +38,7 @@ pub(crate) fn fit(samples: &[Sample], size: [usize; 2], lens: Lens) -> Option<Fi
         p = refine(samples, &used, &free, p)?;
         let norms: Vec<f64> = samples.iter().map(|s| residual(&p, s).map_or(f64::MAX, |r| r[0].hypot(r[1]))).collect();
         // The median of a Rayleigh variable is 1.1774 σ.
-        let sigma = nelu3d_scan::statistics::percentile(&mut norms.clone(), 50.0) / 1.1774;
+        let sigma = percentile(&mut norms.clone(), 50.0) / 1.1774;
         used = norms.iter().map(|n| *n <= REJECT_SIGMAS * sigma.max(1e-6)).collect();
     }
     let p = refine(samples, &used, &free, p)?;
@@ -90,7 +87,7 @@ fn projector(p: &Parameters, [width, height]: [usize; 2], lens: Lens) -> Project
     Projector { optics, proj_from_cam: isometry(p) }
 }
 
-/// Computed minus seen projector pixel; `None` behind the projector.
+/// Returns the computed minus the seen projector pixel; `None` behind the projector.
 fn residual(p: &Parameters, s: &Sample) -> Option<[f64; 2]> {
     let q = isometry(p) * s.point;
     if q.z <= 1e-9 {
@@ -104,7 +101,7 @@ fn residual(p: &Parameters, s: &Sample) -> Option<[f64; 2]> {
     Some([p[0] * xd + p[2] - s.px[0], p[1] * yd + p[3] - s.px[1]])
 }
 
-/// Step of the difference quotient by a parameter.
+/// Returns the step of the difference quotient by a parameter.
 fn step(parameter: usize) -> f64 {
     match parameter {
         0..=3 => 1e-3,
@@ -113,7 +110,7 @@ fn step(parameter: usize) -> f64 {
     }
 }
 
-/// Matrix and right-hand side of the Gauss–Newton step over the free parameters.
+/// Builds matrix and right-hand side of the Gauss–Newton step over the free parameters.
 fn normal_equations(
     samples: &[Sample],
     used: &[bool],
@@ -140,128 +137,58 @@ fn normal_equations(
     Some((a, b))
 }
 
-/// Levenberg–Marquardt over the free parameters.
-fn refine(samples: &[Sample], used: &[bool], free: &[usize], start: Parameters) -> Option<Parameters> {
-    let cost = |p: &Parameters| -> f64 {
-        let each = samples.iter().zip(used).filter(|(_, u)| **u);
+/// The projector's reprojection error as a problem of least squares over the free parameters.
+struct Reprojection<'a> {
+    samples: &'a [Sample],
+    used: &'a [bool],
+    free: &'a [usize],
+    matrix: DMatrix<f64>,
+    rhs: DVector<f64>,
+}
+
+impl Problem for Reprojection<'_> {
+    type Parameters = Parameters;
+
+    fn cost(&mut self, p: &Parameters) -> f64 {
+        let each = self.samples.iter().zip(self.used).filter(|(_, u)| **u);
         each.map(|(s, _)| residual(p, s).map_or(f64::INFINITY, |r| r[0] * r[0] + r[1] * r[1])).sum()
+    }
+
+    fn linearize(&mut self, p: &Parameters, cost: f64) -> Option<f64> {
+        (self.matrix, self.rhs) = normal_equations(self.samples, self.used, self.free, p)?;
+        Some(cost)
+    }
+
+    fn step(&mut self, p: &Parameters, damping: f64) -> Option<Parameters> {
+        let mut damped = self.matrix.clone();
+        for k in 0..self.free.len() {
+            damped[(k, k)] *= 1.0 + damping;
+        }
+        let change = damped.lu().solve(&self.rhs)?;
+        let mut q = *p;
+        self.free.iter().zip(change.iter()).for_each(|(k, c)| q[*k] -= c);
+        Some(q)
+    }
+
+    fn accept(&mut self, before: f64, after: f64) -> bool {
+        before - after <= 1e-10 * before
+    }
+}
+
+/// Refines the free parameters by Levenberg–Marquardt; `None` if the start puts a sample behind the projector.
+fn refine(samples: &[Sample], used: &[bool], free: &[usize], start: Parameters) -> Option<Parameters> {
+    let settings = LmSettings {
+        damping: 1e-4,
+        min_damping: 1e-12,
+        max_damping: f64::INFINITY,
+        lower: 0.2,
+        raise: 10.0,
+        max_iterations: 100,
+        max_trials: 12,
+        ..LmSettings::default()
     };
-    let mut p = start;
-    let mut best = cost(&p);
-    if !best.is_finite() {
-        return None;
-    }
-    let mut damping = 1e-4;
-    for _ in 0..100 {
-        let (a, b) = normal_equations(samples, used, free, &p)?;
-        let mut improved = false;
-        for _ in 0..12 {
-            let mut damped = a.clone();
-            for k in 0..free.len() {
-                damped[(k, k)] *= 1.0 + damping;
-            }
-            let Some(change) = damped.lu().solve(&b) else {
-                damping *= 10.0;
-                continue;
-            };
-            let mut q = p;
-            free.iter().zip(change.iter()).for_each(|(k, c)| q[*k] -= c);
-            let now = cost(&q);
-            if now < best {
-                improved = best - now > 1e-10 * best;
-                (p, best) = (q, now);
-                damping = (damping * 0.2).max(1e-12);
-                break;
-            }
-            damping *= 10.0;
-        }
-        if !improved {
-            break;
-        }
-    }
-    Some(p)
-}
-
-/// The direct linear transform from points to pixels (Hartley & Zisserman, algorithm 7.1), split into intrinsics and pose.
-/// `None` for points on one plane.
-fn direct(samples: &[Sample]) -> Option<Parameters> {
-    let n = samples.len() as f64;
-    let mean = samples.iter().fold(Vector3::zeros(), |m, s| m + s.point.coords / n);
-    let spread = samples.iter().map(|s| (s.point.coords - mean).norm()).sum::<f64>() / n;
-    let center = samples.iter().fold([0.0; 2], |m, s| [m[0] + s.px[0] / n, m[1] + s.px[1] / n]);
-    let spread_px = samples.iter().map(|s| (s.px[0] - center[0]).hypot(s.px[1] - center[1])).sum::<f64>() / n;
-    if !(spread > 1e-6 && spread_px > 1e-6) {
-        return None;
-    }
-    let mut normal = SMatrix::<f64, 12, 12>::zeros();
-    for s in samples {
-        let q = (s.point.coords - mean) / spread;
-        let (u, v) = ((s.px[0] - center[0]) / spread_px, (s.px[1] - center[1]) / spread_px);
-        let h = [q.x, q.y, q.z, 1.0];
-        let (mut a, mut b) = (SVector::<f64, 12>::zeros(), SVector::<f64, 12>::zeros());
-        for k in 0..4 {
-            (a[k], a[8 + k]) = (h[k], -u * h[k]);
-            (b[4 + k], b[8 + k]) = (h[k], -v * h[k]);
-        }
-        normal += a * a.transpose() + b * b.transpose();
-    }
-    let eigen = normal.symmetric_eigen();
-    let mut order: Vec<usize> = (0..12).collect();
-    order.sort_by(|i, j| eigen.eigenvalues[*i].total_cmp(&eigen.eigenvalues[*j]));
-    // Points on one plane leave several solutions.
-    if eigen.eigenvalues[order[1]] < 1e-9 * eigen.eigenvalues[order[11]] {
-        return None;
-    }
-    let m = eigen.eigenvectors.column(order[0]);
-    let normalized = SMatrix::<f64, 3, 4>::from_fn(|r, c| m[4 * r + c]);
-    let to_px = Matrix3::new(spread_px, 0.0, center[0], 0.0, spread_px, center[1], 0.0, 0.0, 1.0);
-    let s = 1.0 / spread;
-    let from_mm =
-        Matrix4::new(s, 0.0, 0.0, -mean.x * s, 0.0, s, 0.0, -mean.y * s, 0.0, 0.0, s, -mean.z * s, 0.0, 0.0, 0.0, 1.0);
-    let p = to_px * normalized * from_mm;
-    // In front of the projector.
-    let depth: f64 = samples.iter().map(|s| (p * s.point.to_homogeneous()).z.signum()).sum();
-    let p = p * depth.signum();
-    let left = p.fixed_columns::<3>(0).into_owned();
-    let (k, r) = rq(&left)?;
-    let scale = k[(2, 2)];
-    let t = k.try_inverse()? * p.column(3);
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(r)).scaled_axis();
-    let k = k / scale;
-    let out = [
-        k[(0, 0)],
-        k[(1, 1)],
-        k[(0, 2)],
-        k[(1, 2)],
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        rotation.x,
-        rotation.y,
-        rotation.z,
-        t.x,
-        t.y,
-        t.z,
-    ];
-    out.iter().all(|v| v.is_finite()).then(|| Parameters::from(out))
-}
-
-/// An upper triangular matrix with a positive diagonal times a rotation; `None` for a singular or mirrored matrix.
-fn rq(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Matrix3<f64>)> {
-    // The QR decomposition of the matrix turned by 180 degrees.
-    let flip = Matrix3::new(0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0);
-    let qr = (flip * m).transpose().qr();
-    let (mut k, mut r) = (flip * qr.r().transpose() * flip, flip * qr.q().transpose());
-    for i in 0..3 {
-        if k[(i, i)] < 0.0 {
-            for j in 0..3 {
-                k[(j, i)] = -k[(j, i)];
-                r[(i, j)] = -r[(i, j)];
-            }
-        }
-    }
-    (k[(2, 2)] > 1e-12 && r.determinant() > 0.5).then_some((k, r))
+    let mut problem = Reprojection { samples, used, free, matrix: DMatrix::zeros(0, 0), rhs: DVector::zeros(0) };
+    minimize(&mut problem, start, &settings)
 }
 
 #[cfg(test)]
@@ -314,14 +241,5 @@ mod tests {
     #[test]
     fn one_plane_does_not_determine_a_projector() {
         assert!(fit(&samples(&[700.0]), [640, 400], Lens::Full).is_none());
-    }
-
-    #[test]
-    fn a_matrix_splits_into_triangle_and_rotation() {
-        let k = Matrix3::new(1200.0, 3.0, 320.0, 0.0, 1100.0, 200.0, 0.0, 0.0, 1.0);
-        let r = Rotation3::from_scaled_axis(Vector3::new(0.3, -0.8, 0.1)).into_inner();
-        let (a, b) = rq(&(k * r)).unwrap();
-        assert!((a - k).amax() < 1e-9 && (b - r).amax() < 1e-12);
-        assert!(rq(&(-k * r)).is_none());
     }
 }

@@ -1,8 +1,9 @@
 //! Measuring the projector's radiometric response.
 //!
 //! It is measured on the boards of the sweep, wherever an image with values between black and white was projected: the
-//! computed projector pixel of a camera pixel says which value it saw, the normalized intensity how much light that made.
-//! Only places count where the projected image is straight over a few pixels around, so that blur does not matter.
+//! computed projector pixel of a camera pixel says which value it saw, the normalized intensity how much light that
+//! made. Only places count where the projected image is straight over a few pixels around, so that blur does not
+//! matter.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use nelu3d::surface::PixelStatus;
@@ -19,7 +20,7 @@ use crate::response::Response;
 const BINS: usize = 32;
 
 /// Fewest samples of a bin.
-const FEWEST: usize = 50;
+const MIN_SAMPLES: usize = 50;
 
 /// Board positions that are read.
 const POSITIONS: usize = 4;
@@ -94,13 +95,13 @@ pub(super) fn measure_response(
     Ok(curve(bins, images))
 }
 
-/// The curve of bins of light per value.
+/// Makes the curve of bins of light per value.
 fn curve(bins: Vec<Vec<f64>>, images: Vec<String>) -> Option<Response> {
     let mut knots = Vec::new();
     for (k, mut bin) in bins.into_iter().enumerate() {
         let (n, value) = (bin.len(), (k as f64 + 0.5) / BINS as f64);
         // The ratio changes slowly within a bin, the light itself does not.
-        if n >= FEWEST {
+        if n >= MIN_SAMPLES {
             knots.push((value, percentile(&mut bin, 50.0) * value));
         }
     }
@@ -129,7 +130,8 @@ fn curve(bins: Vec<Vec<f64>>, images: Vec<String>) -> Option<Response> {
     Some(Response { value, light, gamma: if xx > 0.0 { xy / xx } else { 1.0 }, images })
 }
 
-/// The nearest rising sequence in the sense of least squares (pool adjacent violators).
+/// Replaces the light of the knots by the nearest rising sequence in the sense of least squares (pool adjacent
+/// violators).
 fn monotone(knots: &mut [(f64, f64)]) {
     let mut pools: Vec<(f64, usize)> = Vec::new();
     for (_, l) in knots.iter() {

@@ -23,8 +23,8 @@ pub struct ProjectorOptions {
     /// Which lens distortion is fitted
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Lens::Full))]
     pub lens: Lens,
-    /// Half the side of the square around a corner that its homography is fitted to, camera px (default: a fortieth of the
-    /// image's longer side, at least 8)
+    /// Half the side of the square around a corner that its homography is fitted to, camera px (default: a fortieth of
+    /// the image's longer side, at least 8)
     #[cfg_attr(feature = "clap", arg(long, value_name = "PX"))]
     pub radius: Option<usize>,
     /// Least white − black of a pixel, as a share of full scale

@@ -14,7 +14,7 @@ pub struct ProjectorReport {
     pub positions: usize,
     /// Corners used.
     pub corners: usize,
-    /// Corners left out: too little was decoded around them, or they contradict the others.
+    /// Corners that were rejected: too little was decoded around them, or they contradict the others.
     pub rejected: usize,
     /// Root mean square distance between a corner's decoded and computed projector pixel, px.
     pub rms_px: f64,

@@ -1,7 +1,7 @@
 //! The projector's blur: a separable kernel of 11 × 11 projector pixels, learned.
 //!
-//! Each axis has five free taps, the same on both sides, and a middle that makes the sum 1: the kernel neither moves the
-//! pattern (which the published kernel sees to by balancing its two halves) nor changes its brightness.
+//! Each axis has five free taps, the same on both sides, and a middle that makes the sum 1: the kernel neither moves
+//! the pattern (which the published kernel sees to by balancing its two halves) nor changes its brightness.
 
 use nelu3d_field::adam::{self, AdamConfig, MomentBuffers, Schedule};
 
@@ -22,12 +22,12 @@ impl Blur {
         Self { taps: [0.0; HALF], moments: MomentBuffers::new(HALF), n_steps: 0 }
     }
 
-    /// Its taps on one side, from the middle outwards.
+    /// Returns the taps on one side, from the middle outwards.
     pub(crate) fn taps(&self) -> [f32; HALF] {
         self.taps
     }
 
-    /// A blurred line; beyond its ends there is no light.
+    /// Returns a blurred line; beyond its ends there is no light.
     pub(crate) fn apply(&self, line: &[f32]) -> Vec<f32> {
         let middle = 1.0 - 2.0 * self.taps.iter().sum::<f32>();
         (0..line.len())
@@ -38,7 +38,7 @@ impl Blur {
             .collect()
     }
 
-    /// Gradient by the taps, given that by the blurred line, added to `d`.
+    /// Adds to `d` the gradient by the taps, given that by the blurred line.
     pub(crate) fn backward(line: &[f32], d_blurred: &[f32], d: &mut [f32; HALF]) {
         for (t, d) in d.iter_mut().enumerate() {
             *d += d_blurred.iter().enumerate().map(|(i, d)| d * (both(line, i, t + 1) - 2.0 * line[i])).sum::<f32>();
@@ -53,13 +53,13 @@ impl Blur {
     }
 }
 
-/// Sum of the two values `t` away.
+/// Returns the sum of the two values `t` away.
 fn both(line: &[f32], i: usize, t: usize) -> f32 {
     let left = i.checked_sub(t).map_or(0.0, |i| line[i]);
     left + line.get(i + t).copied().unwrap_or(0.0)
 }
 
-/// A value between two pixels, linear; 0 outside the line.
+/// Returns a value between two pixels, linear; 0 outside the line.
 #[inline]
 pub(crate) fn sample(line: &[f32], u: f32) -> f32 {
     let (i, f) = (u.floor(), u - u.floor());

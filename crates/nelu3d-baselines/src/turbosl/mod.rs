@@ -1,10 +1,11 @@
-//! TurboSL (Mirdehghan, Wu, Chen, Lindell & Kutulakos, "TurboSL: Dense, Accurate and Fast 3D by Neural Inverse Structured
-//! Light", CVPR 2024): a signed distance field, an albedo, an ambient term and the projector's blur, trained so that the
-//! captures are rendered from the patterns and, from iteration 1,000 on, the patterns from the captures.
+//! TurboSL (Mirdehghan, Wu, Chen, Lindell & Kutulakos, "TurboSL: Dense, Accurate and Fast 3D by Neural Inverse
+//! Structured Light", CVPR 2024): a signed distance field, an albedo, an ambient term and the projector's blur, trained
+//! so that the captures are rendered from the patterns and, from iteration 1,000 on, the patterns from the captures.
 //!
-//! Settings are those of its public configuration; deviations: the first shape is a plane or a sphere, the blur is the same to
-//! both sides, patterns change along one axis, rays are drawn from lit pixels only, and the depth is that of NeuS's own
-//! quadrature at the end. `ray.rs` is the image formation, `scene.rs` what is known, `step.rs` one iteration.
+//! Settings are those of its public configuration; deviations: the first shape is a plane or a sphere, the blur is the
+//! same to both sides, patterns change along one axis, rays are drawn from lit pixels only, and the depth is that of
+//! NeuS's own quadrature at the end. `ray.rs` is the image formation, `scene.rs` what is known, `step.rs` one
+//! iteration.
 
 mod blur;
 mod diagnostics;

@@ -63,7 +63,7 @@ impl<'a> TurboSlScene<'a> {
             depth.map(|z| Point3::new(x * z, y * z, z))
         });
         let bounds = Bounds::around(ends).ok_or(DecodeError::Setting {
-            setting: "--min-contrast",
+            setting: "min_contrast",
             problem: "leaves no pixel; check that white.png shows the scene lit".into(),
         })?;
         let mut all = vec![0.0; is_lit.len() * k];
@@ -102,24 +102,24 @@ impl<'a> TurboSlScene<'a> {
         Ok(scene)
     }
 
-    /// Captures, per pixel.
+    /// Returns the number of captures of a pixel.
     pub(crate) fn k(&self) -> usize {
         self.lines.len()
     }
 
-    /// What was captured at a lit pixel, k values.
+    /// Returns what was captured at a lit pixel, k values.
     pub(crate) fn measured(&self, i: usize) -> &[f32] {
         &self.captured[i * self.k()..(i + 1) * self.k()]
     }
 
-    /// The ray of a camera pixel.
+    /// Returns the ray of a camera pixel.
     pub(crate) fn camera_march(&self, i: usize, offset: f64) -> March {
         let [x, y] = self.plane[i].map(f64::from);
         let dir = Vector3::new(x, y, 1.0).normalize();
         March { origin: Point3::origin(), dir, range: self.depth.map(|z| z / dir.z), offset }
     }
 
-    /// The ray of a projector pixel.
+    /// Returns the ray of a projector pixel.
     pub(crate) fn projector_march(&self, i: usize, offset: f64) -> March {
         let optics = &self.projector.optics;
         let [x, y] = optics.undistort([(i % optics.width) as f64, (i / optics.width) as f64]);
@@ -134,7 +134,7 @@ impl<'a> TurboSlScene<'a> {
         inside && self.is_lit[v as usize * self.camera.width + u as usize]
     }
 
-    /// Whether a ray of camera or projector may come near a point of the cube, and light and view reach it.
+    /// Returns whether a ray of camera or projector may come near a point of the cube, and light and view reach it.
     pub(crate) fn reaches(&self, q: [f32; 3]) -> bool {
         let x = self.bounds.from_cube(q);
         let margin_mm = self.bounds.side_mm() / 64.0;
@@ -167,7 +167,7 @@ impl<'a> TurboSlScene<'a> {
         }
     }
 
-    /// A camera pixel's place in the unit square.
+    /// Returns where a camera pixel lies in the unit square.
     pub(crate) fn place(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         [(u + 0.5) / self.camera.width as f32, (v + 0.5) / self.camera.height as f32]
     }

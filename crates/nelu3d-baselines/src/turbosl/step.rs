@@ -219,11 +219,11 @@ impl RayLoss for Loss<'_> {
         };
         let weights = Weights { l1: 1.0, l2: 10.0, image: 1.0 / (n_rays * k) as f32, mask };
         let gradient = Gradient { d_sdf: out.d_sdf, d_gradients: out.d_gradients, ray: out.ray, samples: out.samples };
-        let (image, mask_loss, d_inv_s) = ray::ray(&along, &kind, weights, gradient);
-        out.losses.image += f64::from(image);
+        let losses = ray::ray(&along, &kind, weights, gradient);
+        out.losses.image += f64::from(losses.image);
         if mask > 0.0 {
-            out.losses.mask += f64::from(mask_loss) / n_camera as f64;
+            out.losses.mask += f64::from(losses.mask) / n_camera as f64;
         }
-        *out.d_inv_s += f64::from(d_inv_s);
+        *out.d_inv_s += f64::from(losses.d_inv_s);
     }
 }

@@ -63,7 +63,7 @@ pub(super) fn train(
             });
             if !losses.total.is_finite() {
                 let problem = format!("led to a loss that is no number at iteration {}; try another", step + 1);
-                return Err(DecodeError::Setting { setting: "--seed", problem });
+                return Err(DecodeError::Setting { setting: "seed", problem });
             }
         }
         n_rays = config::next_ray_count(n_rays, n_samples, opts.samples);

@@ -16,7 +16,8 @@ pub struct Measurements {
     pub height: usize,
     /// Pattern channels.
     pub k: usize,
-    /// How many of them are measured independently of each other: mono images of a color camera stand in three, and are one.
+    /// How many of them are measured independently of each other: mono images of a color camera stand in three, and are
+    /// one.
     pub independent: f32,
     /// Normalized intensity, `n × k`: (pattern − black) / (white − black).
     pub p: Vec<f32>,
@@ -34,12 +35,9 @@ pub struct Measurements {
     pub has_black: bool,
 }
 
-/// The largest standard deviation of the normalized intensity with which a channel still tells something. Above it the
-/// pixel is dark: a shadow, the background, or too little light.
-const MAX_SIGMA: f32 = 0.12;
-
 impl Measurements {
-    /// Normalizes a capture. Without a black image, the sweep's dark level stands in. `model_sigma` is the error of the color field itself, added to the sensor's noise.
+    /// Normalizes a capture. Without a black image, the sweep's dark level stands in. `model_sigma` is the error of the
+    /// color field itself, added to the sensor's noise.
     pub fn new(capture: &Capture, noise: &NoiseModel, dark: &[DarkLevel], model_sigma: f32) -> Self {
         let white = &capture.white;
         let (n, c) = (white.width * white.height, white.channels);
@@ -78,9 +76,7 @@ impl Measurements {
                         continue;
                     }
                     let l = (raw - b) / contrast;
-                    // The variance of a codeword in mid range decides what is dark, so that a dark codeword is not
-                    // mistaken for good light.
-                    if noise.normalized_variance(0.5, contrast, b) > MAX_SIGMA * MAX_SIGMA {
+                    if noise.is_underexposed(contrast, b) {
                         continue;
                     }
                     let mut var = noise.normalized_variance(l.clamp(0.0, 1.0), contrast, b) + model_sigma * model_sigma;
@@ -147,7 +143,8 @@ impl Measurements {
         self.width * self.height
     }
 
-    /// Means over blocks of `f × f` pixels, weighted by contrast and inverse variance: a smaller picture to decode first.
+    /// Means over blocks of `f × f` pixels, weighted by contrast and inverse variance: a smaller picture to decode
+    /// first.
     pub fn reduced(&self, f: usize) -> Self {
         if f == 1 {
             return self.clone();

@@ -10,4 +10,4 @@ mod noise;
 pub use crosstalk::{CrosstalkCorrection, CrosstalkMatrix, relative_white};
 pub use dark_level::{DarkEstimator, DarkLevel};
 pub use measurements::Measurements;
-pub use noise::{NoiseEstimator, NoiseModel, quantization_step};
+pub use noise::{NoiseEstimator, NoiseModel, estimate_scene_noise, quantization_step};

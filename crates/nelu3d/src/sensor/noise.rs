@@ -27,7 +27,17 @@ impl NoiseModel {
         let dark = self.variance(black);
         (pattern + l * l * white + (1.0 - l) * (1.0 - l) * dark) / (contrast * contrast)
     }
+
+    /// Returns whether the light is too weak to tell anything at this contrast `white − black`: a shadow, the
+    /// background, or too short an exposure. The variance of a codeword in mid range decides, so that a dark codeword
+    /// is not mistaken for weak light.
+    pub fn is_underexposed(&self, contrast: f32, black: f32) -> bool {
+        self.normalized_variance(0.5, contrast, black) > MAX_SIGMA * MAX_SIGMA
+    }
 }
+
+/// The largest standard deviation of the normalized intensity with which a channel still tells something.
+const MAX_SIGMA: f32 = 0.12;
 
 const LEVELS: usize = 24;
 const BUCKETS: usize = 512;
@@ -44,6 +54,14 @@ impl Default for NoiseEstimator {
     fn default() -> Self {
         Self { histograms: vec![[0; BUCKETS]; LEVELS], intensity: vec![(0.0, 0); LEVELS] }
     }
+}
+
+/// Estimates the noise from one scene alone, where no sweep is at hand: from its white image and three of its patterns.
+/// `lsb` is the sensor's [`quantization_step`].
+pub fn estimate_scene_noise(white: &Image, patterns: &[Image], lsb: f32) -> NoiseModel {
+    let mut estimator = NoiseEstimator::default();
+    [white].into_iter().chain(patterns.iter().take(3)).for_each(|image| estimator.add(image));
+    estimator.finish(lsb)
 }
 
 /// Histogram range of the absolute high-pass response: 1e-6 to 1, logarithmic.
@@ -88,14 +106,15 @@ impl NoiseEstimator {
         }
     }
 
-    /// Fits the model. A level's σ is the mean of its smallest 80 % of responses, scaled to a Gaussian, which edges in the
-    /// picture cannot reach. Never below what quantization with step `lsb` alone gives.
+    /// Fits the model. A level's σ is the mean of its smallest 80 % of responses, scaled to a Gaussian, which edges in
+    /// the picture cannot reach. Never below what quantization with step `lsb` alone gives.
     pub fn finish(&self, lsb: f32) -> NoiseModel {
         // Mean of |z| below its 80 % quantile for a standard Gaussian, and the gain of the mask.
         const TRIMMED: f64 = 0.5587;
         const MASK: f64 = 6.0;
         let floor = f64::from(lsb * lsb) / 12.0;
-        // Weighted least squares of variance against intensity; variance estimates have errors proportional to themselves.
+        // Weighted least squares of variance against intensity; variance estimates have errors proportional to
+        // themselves.
         let (mut s, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (h, (sum, n)) in self.histograms.iter().zip(&self.intensity) {
             if *n < 400 {

@@ -10,9 +10,11 @@
 //! Arrays are read as they pass: float32 or float64 (rounded), of either byte order, in C or Fortran order, an `.npz`
 //! compressed or not.
 
+mod error;
+
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nelu3d_scan::npy::{Header, Number, NumberKind};
 use nelu3d_scan::output::write_atomic;
@@ -20,64 +22,14 @@ use serde::Serialize;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use super::full::FullTable;
-use super::low_rank::LowRank;
-use super::shape::{TableShape, free_memory};
-use super::table::Table;
+use crate::lookup3d::full::FullTable;
+use crate::lookup3d::low_rank::LowRank;
+use crate::lookup3d::shape::{TableShape, free_memory};
+use crate::lookup3d::table::Table;
+pub use error::FileError;
 
-/// Why a table could not be read or written.
-#[derive(Debug, thiserror::Error)]
-pub enum FileError {
-    /// The file is missing, or the system would not let it be read.
-    #[error("{}: cannot be read: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The file could not be written; the message names it.
-    #[error(transparent)]
-    Write(#[from] io::Error),
-    /// No table, or a damaged one.
-    #[error("{}: is no lookup table that can be used ({reason}); {remedy}", path.display())]
-    Malformed {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-        /// What to do.
-        remedy: &'static str,
-    },
-    /// It belongs to another camera or pattern set.
-    #[error(
-        "{}: the table is for {found}, the rig and its pattern set want {wanted}; export one with `nelu3d table export`, or \
-         choose the right --set", path.display()
-    )]
-    Other {
-        /// The file.
-        path: PathBuf,
-        /// What the table is for.
-        found: String,
-        /// What it should be for.
-        wanted: String,
-    },
-    /// It does not fit in memory.
-    #[error(
-        "{}: the table needs {needed_mb} MB and {free_mb} MB of memory are free; export it with --low-rank or a larger \
-         --stride", path.display()
-    )]
-    Memory {
-        /// The file.
-        path: PathBuf,
-        /// What it needs.
-        needed_mb: u64,
-        /// What there is.
-        free_mb: u64,
-    },
-}
-
-/// Larger strides are taken for another camera's table: nearly any small picture would be every nth pixel of a large one.
+/// Larger strides are taken for another camera's table: nearly any small picture would be every nth pixel of a large
+/// one.
 pub(crate) const MAX_STRIDE: usize = 16;
 const AGAIN: &str = "export it again with `nelu3d table export`, or from numpy as float32";
 
@@ -238,7 +190,8 @@ pub fn info(path: &Path) -> Result<Info, FileError> {
     })
 }
 
-/// Reads a table of either kind. With `expected`, it must be of that camera (or of every nth of its pixels) and pattern set.
+/// Reads a table of either kind. With `expected`, it must be of that camera (or of every nth of its pixels) and pattern
+/// set.
 ///
 /// # Errors
 /// The file cannot be read, is no table, does not fit what is expected, or does not fit in memory.
@@ -265,9 +218,9 @@ impl Reader<'_> {
 
     /// The shape behind the four numbers of a table, if it is possible and what is expected.
     fn shape(&self, sizes: &[u64], memory: impl Fn(&TableShape) -> usize) -> Result<TableShape, FileError> {
-        const MOST: u64 = 1 << 20;
+        const MAX_SIZE: u64 = 1 << 20;
         let [height, width, n_positions, channels] = match *sizes {
-            [a, b, c, d] if sizes.iter().all(|n| (1..MOST).contains(n)) && d > 1 && c < 1 << 16 => {
+            [a, b, c, d] if sizes.iter().all(|n| (1..MAX_SIZE).contains(n)) && d > 1 && c < 1 << 16 => {
                 [a, b, c, d].map(|n| n as usize)
             }
             _ => {

@@ -1,0 +1,327 @@
+//! TurboSL's image formation along one ray, and its gradient.
+//!
+//! Alphas are taken at the middle of every interval δ, from the signed distance f and the cosine c = d·n of ray and
+//! normal (NeuS, Eq. 13, as its code has it), with r growing from 0 to 1:
+//!
+//! ```text
+//! h = δ/2 [ (1 − r) relu(½ − ½ c) + r relu(−c) ]
+//! alpha = (Φ(f + h) − Φ(f − h) + ε) / (Φ(f + h) + ε),   ε = 1e-5,   w_j = alpha_j Π_{l<j} (1 − alpha_l)
+//! ```
+//!
+//! With s = n·l (light direction l), albedo a and ambient b of a camera pixel, C the blurred pattern and I the
+//! captures:
+//!
+//! ```text
+//! camera ray:     Σ_j w_j (a s_j C_j + b)  should be  I
+//! projector ray:  Σ_j w_j (I_j − b_j) / m_j  should be  C,  m = clamp(a s, 0.1, 1);  their difference is scaled by Σ_j w_j m_j
+//! ```
+//!
+//! Written once, for any scalar: central differences check it in `f64`, training runs it in `f32`.
+
+#[cfg(test)]
+mod tests;
+
+use nelu3d_field::Real;
+
+/// ε of the alphas.
+const EPSILON: f64 = 1e-5;
+/// Bounds of the reflectance that captures are divided by.
+const REFLECTANCE: [f64; 2] = [0.1, 1.0];
+/// The opacity's clamp in the mask loss.
+const MASK_CLAMP: f64 = 1e-3;
+
+/// The samples of a ray, of either kind.
+pub(crate) struct Along<'a, T> {
+    /// Signed distances, units.
+    pub(in crate::turbosl) sdf: &'a [T],
+    /// Their gradients.
+    pub(in crate::turbosl) gradients: &'a [[T; 3]],
+    /// The ray's unit direction.
+    pub(in crate::turbosl) dir: [T; 3],
+    /// Unit directions to the light.
+    pub(in crate::turbosl) light: &'a [[T; 3]],
+    /// δ, units.
+    pub(in crate::turbosl) step: T,
+    /// r
+    pub(in crate::turbosl) anneal: T,
+    /// Sharpness.
+    pub(in crate::turbosl) inv_s: T,
+}
+
+/// What is rendered.
+pub(crate) enum Kind<'a, T> {
+    /// A camera pixel.
+    Camera {
+        /// The blurred patterns at the samples, `[sample][k]`.
+        colors: &'a [T],
+        /// A value of the pixel, per camera channel.
+        albedo: &'a [T],
+        /// A value of the pixel, per camera channel.
+        ambient: &'a [T],
+        /// What was captured, k values.
+        measured: &'a [T],
+    },
+    /// A projector pixel.
+    Projector {
+        /// What the camera captured of the samples, `[sample][k]`.
+        captured: &'a [T],
+        /// A value of the camera's pixels, `[sample][channel]`.
+        albedo: &'a [T],
+        /// A value of the camera's pixels, `[sample][channel]`.
+        ambient: &'a [T],
+        /// The blurred patterns, k values.
+        pattern: &'a [T],
+    },
+}
+
+/// Weights of the losses of one ray.
+#[derive(Clone, Copy)]
+pub(crate) struct Weights<T> {
+    pub(in crate::turbosl) l1: T,
+    pub(in crate::turbosl) l2: T,
+    /// Weight of one residual: 1 / (rays · k).
+    pub(in crate::turbosl) image: T,
+    /// Weight of the ray's mask loss; 0 for none.
+    pub(in crate::turbosl) mask: T,
+}
+
+/// Gradients of one ray; all are overwritten.
+pub(crate) struct Gradient<'a, T> {
+    pub(in crate::turbosl) d_sdf: &'a mut [T],
+    pub(in crate::turbosl) d_gradients: &'a mut [[T; 3]],
+    /// Albedo, then ambient (a camera ray's), then the pattern's k (a projector ray's).
+    pub(in crate::turbosl) ray: &'a mut [T],
+    /// Per sample: k colors (a camera ray's), or albedo, then ambient (a projector ray's).
+    pub(in crate::turbosl) samples: &'a mut [T],
+}
+
+/// One sample of a ray, composited.
+#[derive(Clone, Copy)]
+struct Sample<T> {
+    normal: [T; 3],
+    /// 1 / |∇f|
+    inv_norm: T,
+    cos: T,
+    h: T,
+    /// Φ(f + h), Φ(f − h)
+    phi: [T; 2],
+    alpha: T,
+    /// Transmittance before the sample.
+    transmittance: T,
+    weight: T,
+    shade: T,
+}
+
+fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn relu<T: Real>(x: T) -> T {
+    x.max(T::of(0.0))
+}
+
+/// Losses of one ray.
+pub(crate) struct RayLosses<T> {
+    /// Image loss, weighted.
+    pub(in crate::turbosl) image: T,
+    /// Mask loss, not weighted.
+    pub(in crate::turbosl) mask: T,
+    /// Derivative of the weighted losses by the surface's sharpness.
+    pub(in crate::turbosl) d_inv_s: T,
+}
+
+/// Gradients of the losses by what compositing made of the samples.
+struct SampleGradient<T> {
+    weight: Vec<T>,
+    shade: Vec<T>,
+}
+
+/// Computes the losses of one ray and their gradients.
+pub(crate) fn ray<T: Real>(along: &Along<T>, kind: &Kind<T>, weights: Weights<T>, out: Gradient<T>) -> RayLosses<T> {
+    let zero = T::of(0.0);
+    let n = along.sdf.len();
+    out.ray.fill(zero);
+    out.samples.fill(zero);
+    let samples = composite(along);
+    let mut d = SampleGradient { weight: vec![zero; n], shade: vec![zero; n] };
+    let image = match kind {
+        Kind::Camera { .. } => camera_loss(kind, &samples, weights, out.ray, out.samples, &mut d),
+        Kind::Projector { .. } => projector_loss(kind, &samples, weights, out.ray, out.samples, &mut d),
+    };
+    let mask = mask_loss(&samples, weights.mask, &mut d.weight);
+    let d_inv_s = backward(along, &samples, &d, out.d_sdf, out.d_gradients);
+    RayLosses { image, mask, d_inv_s }
+}
+
+/// Composites the samples of a ray, from its start on.
+fn composite<T: Real>(along: &Along<T>) -> Vec<Sample<T>> {
+    let (zero, one, half, epsilon) = (T::of(0.0), T::of(1.0), T::of(0.5), T::of(EPSILON));
+    let Along { sdf, gradients, dir, light, step, anneal, inv_s } = *along;
+    let mut transmittance = one;
+    let one_sample = |j: usize| {
+        let g = gradients[j];
+        let inv_norm = one / dot(g, g).sqrt().max(T::of(1e-12));
+        let normal = g.map(|x| x * inv_norm);
+        let cos = dot(dir, normal);
+        let h = half * step * ((one - anneal) * relu(half - half * cos) + anneal * relu(-cos));
+        let phi = [(inv_s * (sdf[j] + h)).sigmoid(), (inv_s * (sdf[j] - h)).sigmoid()];
+        let alpha = ((phi[0] - phi[1] + epsilon) / (phi[0] + epsilon)).max(zero).min(one);
+        let weight = transmittance * alpha;
+        let shade = dot(normal, light[j]);
+        let sample = Sample { normal, inv_norm, cos, h, phi, alpha, transmittance, weight, shade };
+        transmittance *= one - alpha;
+        sample
+    };
+    (0..sdf.len()).map(one_sample).collect()
+}
+
+/// Returns the loss of a residual and its derivative.
+fn robust<T: Real>(weights: &Weights<T>, r: T) -> (T, T) {
+    (weights.l1 * r.abs() + weights.l2 * r * r, weights.l1 * sign(r) + T::of(2.0) * weights.l2 * r)
+}
+
+/// Returns the image loss of a camera ray and adds its gradients.
+fn camera_loss<T: Real>(
+    kind: &Kind<T>,
+    samples: &[Sample<T>],
+    weights: Weights<T>,
+    d_ray: &mut [T],
+    d_samples: &mut [T],
+    d_sample: &mut SampleGradient<T>,
+) -> T {
+    let Kind::Camera { colors, albedo, ambient, measured } = *kind else { unreachable!("a camera ray") };
+    let n_sample_outputs = d_samples.len() / samples.len().max(1);
+    let opacity = samples.iter().map(|s| s.weight).sum::<T>();
+    let (k, c) = (measured.len(), albedo.len());
+    let mut loss = T::of(0.0);
+    for i in 0..k {
+        let (a, b) = (albedo[i % c], ambient[i % c]);
+        let lit = samples.iter().enumerate().map(|(j, s)| s.weight * s.shade * colors[j * k + i]).sum::<T>();
+        let (value, slope) = robust(&weights, a * lit + b * opacity - measured[i]);
+        loss += weights.image * value;
+        let d = weights.image * slope;
+        d_ray[i % c] += d * lit;
+        d_ray[c + i % c] += d * opacity;
+        for (j, s) in samples.iter().enumerate() {
+            let color = colors[j * k + i];
+            d_sample.weight[j] += d * (a * s.shade * color + b);
+            d_sample.shade[j] += d * s.weight * a * color;
+            d_samples[j * n_sample_outputs + i] = d * s.weight * a * s.shade;
+        }
+    }
+    loss
+}
+
+/// Returns the image loss of a projector ray and adds its gradients.
+fn projector_loss<T: Real>(
+    kind: &Kind<T>,
+    samples: &[Sample<T>],
+    weights: Weights<T>,
+    d_ray: &mut [T],
+    d_samples: &mut [T],
+    d_sample: &mut SampleGradient<T>,
+) -> T {
+    let Kind::Projector { captured, albedo, ambient, pattern } = *kind else { unreachable!("a projector ray") };
+    let n_sample_outputs = d_samples.len() / samples.len().max(1);
+    let k = pattern.len();
+    let c = (albedo.len() / samples.len().max(1)).max(1);
+    let [low, high] = REFLECTANCE.map(T::of);
+    let m = |j: usize, ch: usize| (albedo[j * c + ch] * samples[j].shade).max(low).min(high);
+    let mut loss = T::of(0.0);
+    for i in 0..k {
+        let ch = i % c;
+        let (mut sum, mut reflectance) = (T::of(0.0), T::of(0.0));
+        for (j, s) in samples.iter().enumerate() {
+            sum += s.weight * (captured[j * k + i] - ambient[j * c + ch]) / m(j, ch);
+            reflectance += s.weight * m(j, ch);
+        }
+        let (value, slope) = robust(&weights, (sum - pattern[i]) * reflectance);
+        loss += weights.image * value;
+        let d = weights.image * slope;
+        let (d_sum, d_reflectance) = (d * reflectance, d * (sum - pattern[i]));
+        d_ray[2 * c + i] = -d_sum;
+        for (j, s) in samples.iter().enumerate() {
+            let m = m(j, ch);
+            let e = (captured[j * k + i] - ambient[j * c + ch]) / m;
+            d_sample.weight[j] += d_sum * e + d_reflectance * m;
+            d_samples[j * n_sample_outputs + c + ch] += -s.weight * d_sum / m;
+            let a = albedo[j * c + ch];
+            let product = a * s.shade;
+            if product > low && product < high {
+                let d_m = s.weight * (d_reflectance - d_sum * e / m);
+                d_samples[j * n_sample_outputs + ch] += d_m * s.shade;
+                d_sample.shade[j] += d_m * a;
+            }
+        }
+    }
+    loss
+}
+
+/// Returns the mask loss, not weighted, and adds its gradient: a lit pixel should be opaque (Eq. 5 with M = 1). 0
+/// without a weight.
+fn mask_loss<T: Real>(samples: &[Sample<T>], weight: T, d_weight: &mut [T]) -> T {
+    if weight <= T::of(0.0) {
+        return T::of(0.0);
+    }
+    let opacity = samples.iter().map(|s| s.weight).sum::<T>();
+    let (low, high) = (T::of(MASK_CLAMP), T::of(1.0 - MASK_CLAMP));
+    if opacity > low && opacity < high {
+        d_weight.iter_mut().for_each(|d| *d += -weight / opacity);
+    }
+    -opacity.max(low).min(high).ln()
+}
+
+/// Goes back through compositing, alphas and normals; returns the derivative by the sharpness.
+fn backward<T: Real>(
+    along: &Along<T>,
+    samples: &[Sample<T>],
+    d: &SampleGradient<T>,
+    d_sdf: &mut [T],
+    d_gradients: &mut [[T; 3]],
+) -> T {
+    let (zero, one, half, epsilon) = (T::of(0.0), T::of(1.0), T::of(0.5), T::of(EPSILON));
+    let Along { sdf, dir, light, step, anneal, inv_s, .. } = *along;
+    let mut after = zero;
+    let mut d_inv_s = zero;
+    for j in (0..samples.len()).rev() {
+        let s = samples[j];
+        let mut d_normal: [T; 3] = std::array::from_fn(|a| d.shade[j] * light[j][a]);
+        let mut d_f = zero;
+        let d_alpha = s.transmittance * d.weight[j] - after / (one - s.alpha).max(T::of(1e-10));
+        after += s.weight * d.weight[j];
+        if s.alpha > zero && s.alpha < one {
+            let bottom = s.phi[0] + epsilon;
+            let d_phi = [d_alpha * s.phi[1] / (bottom * bottom), -d_alpha / bottom];
+            let slope = [s.phi[0] * (one - s.phi[0]) * d_phi[0], s.phi[1] * (one - s.phi[1]) * d_phi[1]];
+            d_f = inv_s * (slope[0] + slope[1]);
+            d_inv_s += slope[0] * (sdf[j] + s.h) + slope[1] * (sdf[j] - s.h);
+            let d_h = inv_s * (slope[0] - slope[1]);
+            let mut h_slope = zero;
+            if s.cos < one {
+                h_slope += -half * (one - anneal);
+            }
+            if s.cos < zero {
+                h_slope += -anneal;
+            }
+            let d_cos = d_h * half * step * h_slope;
+            for a in 0..3 {
+                d_normal[a] += d_cos * dir[a];
+            }
+        }
+        d_sdf[j] = d_f;
+        let radial = dot(s.normal, d_normal);
+        d_gradients[j] = std::array::from_fn(|a| (d_normal[a] - radial * s.normal[a]) * s.inv_norm);
+    }
+    d_inv_s
+}
+
+fn sign<T: Real>(x: T) -> T {
+    let zero = T::of(0.0);
+    if x > zero {
+        T::of(1.0)
+    } else if x < zero {
+        T::of(-1.0)
+    } else {
+        zero
+    }
+}
