@@ -6,15 +6,19 @@
 
 mod apng;
 mod bayer;
+mod bilinear;
 mod box_mean;
 mod decode;
+mod gaussian_blur;
 mod write;
 
 pub use apng::Apng;
 pub use bayer::demosaic;
+pub use bilinear::bilinear;
 pub use box_mean::box_mean;
 pub(crate) use decode::decode_bytes;
 pub use decode::{Depth, ImageFileError, Raw, RawData, decode, read_any};
+pub use gaussian_blur::gaussian_blur;
 pub(crate) use write::write_png;
 pub use write::{write_gray8, write_png8, write_png16, write_rgb8};
 
