@@ -8,6 +8,7 @@
 
 mod normal;
 mod penalty;
+mod smoothness;
 
 use rayon::prelude::*;
 
@@ -16,15 +17,7 @@ use super::grid::Grid;
 use crate::progress::Progress;
 use normal::Normal;
 use penalty::Penalty;
-
-/// How smooth the spline is where samples do not say otherwise, as a share of a typical node's sample weight.
-#[derive(Clone, Copy, Debug)]
-pub struct Smoothness {
-    /// Across (a, b).
-    pub across: f32,
-    /// Along w.
-    pub along: f32,
-}
+pub use smoothness::Smoothness;
 
 /// Fits the spline to the binned samples, started from `grid`'s present coefficients. Deterministic for any number of
 /// threads.

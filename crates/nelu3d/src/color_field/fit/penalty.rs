@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::super::grid::Grid;
-use super::Smoothness;
+use super::smoothness::Smoothness;
+use crate::color_field::grid::Grid;
 
 /// DᵀD along each axis of a grid, with its strengths.
 pub(super) struct Penalty {
