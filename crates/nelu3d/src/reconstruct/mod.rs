@@ -22,9 +22,9 @@ mod refine;
 mod scene;
 mod settings;
 
-use nelu3d_scan::Camera;
-use nelu3d_scan::Rig;
 use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
+use nelu3d_scan::statistics::median;
+use nelu3d_scan::{Camera, Rig};
 
 use crate::color_field::{ColorField, check_field, check_mono};
 use crate::progress::{Progress, StageTime};
@@ -147,18 +147,17 @@ fn fast(
     Ok((build_surface(scene, refined, depth), RecipeDiagnostics::Fast(Box::new(diagnostics))))
 }
 
-/// What recipe `fast` puts on record.
+/// Returns what recipe `fast` puts on record.
 fn diagnose(initial: &Initial, refined: &Refined, depth: &[f32], fast: FastSettings) -> FastDiagnostics {
     let mut residuals: Vec<f32> =
         (0..depth.len()).filter(|i| depth[*i].is_finite()).map(|i| refined.abs_residual[i]).collect();
-    let middle = residuals.len() / 2;
     FastDiagnostics {
         fast,
         start: initial.decoded.map_or(Start::Scene, |decoded| Start::PreviousFrame { decoded }),
         crosstalk: initial.crosstalk,
         losses: refined.losses.clone(),
         albedo: refined.albedo.clone(),
-        median_residual: *residuals.select_nth_unstable_by(middle, f32::total_cmp).1,
+        median_residual: median(&mut residuals).expect("a surface has valid pixels"),
     }
 }
 

@@ -2,16 +2,13 @@
 
 use serde::Serialize;
 
-use super::cost_volume::CostVolumeSettings;
+use super::cost_volume::{CostVolumeSettings, HYPOTHESIS_PX};
 use super::effort::EffortSettings;
 use super::filter::FilterSettings;
 use super::initialize::{CrosstalkSettings, PropagationSettings};
 use super::light_fractions::LightFractionPrior;
 use super::options::ReconstructionOptions;
 use super::refine::RefineSettings;
-
-/// Pixels of disparity between two depth hypotheses: the unit of the refinement.
-const HYPOTHESIS_PX: f32 = 0.7;
 
 /// Settings of recipe `fast`, resolved from [`ReconstructionOptions`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

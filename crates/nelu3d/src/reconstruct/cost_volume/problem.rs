@@ -1,4 +1,4 @@
-//! The decoding as a problem that [`nelu3d_field::cost_volume`] solves on a device.
+//! Decoding as a problem that [`nelu3d_field::cost_volume`] solves on a device.
 
 use nelu3d_field::cost_volume::{self, DepthHypotheses, LitCells, PixelRay, Problem, RaySource, Winner};
 use nelu3d_field::device::{Device, DeviceError};
