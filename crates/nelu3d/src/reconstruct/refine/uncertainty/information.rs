@@ -1,0 +1,10 @@
+//! What a pixel's measurements say about its depth.
+
+/// What the last step of a pixel says about its uncertainty.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::reconstruct::refine) struct Information {
+    /// Information Σ w J² about the unknown.
+    pub(in crate::reconstruct::refine) h: f32,
+    /// χ² per measurement: its mean around a pixel is the ratio of the noise's variance to that of the noise model.
+    pub(in crate::reconstruct::refine) chi2: f32,
+}
