@@ -1,15 +1,16 @@
-//! Light that reached a pixel by way of the rest of the scene: gathered from the surface as reconstructed so far.
+//! Interreflection: light that reached a pixel from the rest of the scene, gathered from the surface as reconstructed so
+//! far.
 //!
 //! A diffuse point x of albedo ρ that receives E c from the light source and I from the surface around it shows
 //! ρ/π (E c + I). What arrives from a patch y is what y shows, and that is in the captures themselves, all bounces
 //! included: under pattern j, I_j(x) = Σ_y L_j(y) A_y cos θ_x cos θ_y / r², and likewise for white (the rendering equation,
 //! Kajiya 1986, with the captures in place of its recursion). With s = I_j / I_white, the codeword is
 //! c + b (s − c), where b = ρ I_white / (π L_white(x)). So s and b/ρ follow from the surface and the captures; the albedo is
-//! all that is left to estimate. What the camera does not see throws light, too: that part stays in the smooth shares
-//! of [`super::shares`].
+//! all that remains to be estimated. What the camera does not see throws light, too: that part is the unseen indirect light
+//! of [`super::light_fractions`].
 //!
-//! Whether something stands between x and y is not asked: testing it against the depth map changed no error by more than
-//! 1 % and cost more than all the rest.
+//! Occlusion between x and y is neglected: testing it against the depth map changed no error by more than 1 % and cost more
+//! than all the rest.
 
 use rayon::prelude::*;
 
@@ -17,17 +18,19 @@ use super::window::Window;
 use crate::color_field::CameraRays;
 use crate::sensor::Measurements;
 
-/// Interreflection light per pixel of a window.
+/// Interreflection per pixel of a window.
 pub(super) struct Interreflection {
     /// Codeword of the light that arrives from the rest of the scene, `n × k`.
     pub(super) codeword: Vec<f32>,
-    /// Its share in the pixel's white light for an albedo of 1, `n × channels`.
+    /// Fraction of that light in the pixel's white for an albedo of 1, `n × channels`.
     pub(super) per_albedo: Vec<f32>,
 }
 
-/// The surface of a window's active pixels: all that a gather looks at.
+/// The surface of a window's active pixels, from which light is gathered.
 pub(super) struct GatherSurface<'a> {
+    /// The window.
     pub(super) window: &'a Window,
+    /// Pixels that are part of the surface.
     pub(super) active: &'a [bool],
     /// Camera-frame points, mm.
     pub(super) points: Vec<[f32; 3]>,
@@ -36,7 +39,7 @@ pub(super) struct GatherSurface<'a> {
 }
 
 impl<'a> GatherSurface<'a> {
-    /// From inverse depths (1/mm) and their slopes (1/mm per pixel along x and y). A plane is linear in 1/z over the image:
+    /// Makes points and normals from inverse depths (1/mm) and their slopes (1/mm per pixel along x and y). A plane is linear in 1/z over the image:
     /// 1/z = α + β x/z + γ y/z means that (β, γ, α) is normal to it.
     pub(super) fn new(
         window: &'a Window,
@@ -73,19 +76,21 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Diffuse patches of surface that throw light.
+/// Diffuse patches of the surface, which reflect light.
 #[derive(Default)]
 struct Patches {
+    /// Camera-frame coordinates, mm.
     x: [Vec<f32>; 3],
+    /// Unit normals.
     normal: [Vec<f32>; 3],
-    /// mm².
+    /// Areas, mm².
     area: Vec<f32>,
     /// Mean radiance of white per channel, then of each of the k patterns, patch by patch.
-    shows: Vec<f32>,
+    radiance: Vec<f32>,
 }
 
 impl Patches {
-    /// One patch per block of `f × f` pixels, two where the block straddles a depth jump.
+    /// Makes one patch per block of `f × f` pixels, two where the block straddles a depth jump.
     fn new(s: &GatherSurface<'_>, m: &Measurements, channels: usize, focal_px: f32, f: usize) -> Self {
         let (w, h) = (s.window.w, s.window.h);
         let mut out = Self::default();
@@ -113,6 +118,7 @@ impl Patches {
         out
     }
 
+    /// Adds the patch of some pixels, unless it has no normal.
     fn push(
         &mut self,
         s: &GatherSurface<'_>,
@@ -122,12 +128,12 @@ impl Patches {
         pixels: impl Iterator<Item = usize>,
     ) {
         let k = m.k;
-        let at = self.shows.len();
-        self.shows.resize(at + channels + k, 0.0);
+        let at = self.radiance.len();
+        self.radiance.resize(at + channels + k, 0.0);
         let (mut x, mut normal, mut total) = ([0.0f32; 3], [0.0f32; 3], 0.0f32);
         for i in pixels {
             let (p, n, px) = (s.points[i], s.normals[i], s.window.at(i));
-            // What a pixel sees of an oblique surface; a grazing normal is not trusted beyond a factor of ten.
+            // The area of an oblique surface in a pixel; a grazing normal is not trusted beyond a factor of ten.
             let cos = (-dot(n, p) / dot(p, p).sqrt()).max(0.1);
             let area = (p[2] / focal_px).powi(2) / cos;
             total += area;
@@ -135,29 +141,29 @@ impl Patches {
                 x[c] += area * p[c];
                 normal[c] += area * n[c];
             }
-            let shows = &mut self.shows[at..];
+            let radiance = &mut self.radiance[at..];
             for c in 0..channels {
-                shows[c] += area * m.light[px * channels + c];
+                radiance[c] += area * m.light[px * channels + c];
             }
             for j in (0..k).filter(|j| m.inv_var[px * k + j] > 0.0) {
-                shows[channels + j] += area * m.p[px * k + j] * m.light[px * channels + j % channels];
+                radiance[channels + j] += area * m.p[px * k + j] * m.light[px * channels + j % channels];
             }
         }
         let len = dot(normal, normal).sqrt();
         if len.is_nan() || len <= 0.0 {
-            self.shows.truncate(at);
+            self.radiance.truncate(at);
             return;
         }
         for c in 0..3 {
             self.x[c].push(x[c] / total);
             self.normal[c].push(normal[c] / len);
         }
-        self.shows[at..].iter_mut().for_each(|v| *v /= total);
+        self.radiance[at..].iter_mut().for_each(|v| *v /= total);
         self.area.push(total);
     }
 
-    /// Σ over patches of what each shows times its form factor from a point, cos θ_x cos θ_y A / (π r² + A): that of a disc
-    /// that faces the point's way, finite however near. `factors` is scratch, one per patch.
+    /// Sums over patches the radiance of each times its form factor from a point, cos θ_x cos θ_y A / (π r² + A): that of a
+    /// disc that faces the point, finite however near. `factors` is scratch, one per patch.
     fn gather(&self, x: [f32; 3], n: [f32; 3], factors: &mut [f32], out: &mut [f32]) {
         let count = factors.len();
         let [px, py, pz] = [&self.x[0][..count], &self.x[1][..count], &self.x[2][..count]];
@@ -171,9 +177,9 @@ impl Patches {
             factors[j] = -here * there * area[j] / (r2 * (std::f32::consts::PI * r2 + area[j]));
         }
         out.fill(0.0);
-        for (shows, f) in self.shows.chunks_exact(out.len()).zip(&*factors) {
+        for (radiance, f) in self.radiance.chunks_exact(out.len()).zip(&*factors) {
             if *f > 0.0 {
-                for (o, s) in out.iter_mut().zip(shows) {
+                for (o, s) in out.iter_mut().zip(radiance) {
                     *o += f * s;
                 }
             }
@@ -181,8 +187,8 @@ impl Patches {
     }
 }
 
-/// Gathers the indirect light of every active pixel. It is smooth: the surface throws light as at most `max_patches`
-/// patches, and light is gathered at every second pixel of every second row and interpolated where the surface is.
+/// Gathers the interreflection of every active pixel. It is smooth: the surface reflects light as at most `max_patches`
+/// patches, and light is gathered at every second pixel of every second row and interpolated where the surface is smooth.
 pub(super) fn gather(
     s: &GatherSurface<'_>,
     m: &Measurements,
@@ -222,7 +228,7 @@ pub(super) fn gather(
                 for yy in [y / 2, y.div_ceil(2)] {
                     for xx in [x / 2, x.div_ceil(2)] {
                         let j = 2 * yy * w + 2 * xx;
-                        if 2 * yy < h && 2 * xx < w && s.active[j] && s.belongs(i, j, focal_px) {
+                        if 2 * yy < h && 2 * xx < w && s.active[j] && s.is_smooth_between(i, j, focal_px) {
                             total += 1.0;
                             let there = &lattice[(yy * lw + xx) * stride..][..stride];
                             sums.iter_mut().zip(there).for_each(|(s, v)| *s += v);
@@ -250,8 +256,8 @@ pub(super) fn gather(
 }
 
 impl GatherSurface<'_> {
-    /// Whether pixels `i` and `j`, close to each other, lie on one smooth piece of surface.
-    fn belongs(&self, i: usize, j: usize, focal_px: f32) -> bool {
+    /// Returns whether pixels `i` and `j`, close to each other, lie on one smooth piece of surface.
+    fn is_smooth_between(&self, i: usize, j: usize, focal_px: f32) -> bool {
         let (p, q) = (self.points[i], self.points[j]);
         let off = dot(self.normals[i], [q[0] - p[0], q[1] - p[1], q[2] - p[2]]).abs();
         off <= p[2] / focal_px && dot(self.normals[i], self.normals[j]) > 0.9
@@ -284,7 +290,7 @@ mod tests {
             .collect();
         let rays = CameraRays::for_test(focal, plane);
         let surface = GatherSurface::new(&window, &active, &rays, |i| inv_z[window.at(i)], &slopes);
-        // PixelStatus wall shows 0.2 under the pattern, right wall 0.8; white is 1 everywhere.
+        // The left wall has codeword 0.2, the right wall 0.8; white is 1 everywhere.
         let mut m = Measurements::for_test(w - 2, h - 2, 1);
         for i in 0..m.n() {
             m.p[i] = if i % (w - 2) < 120 { 0.2 } else { 0.8 };
@@ -295,8 +301,8 @@ mod tests {
             let i = window_index(&window, column, 299);
             let d = surface.points[i][0] * 2f32.sqrt();
             let expected = 0.5 * (1.0 - d / (d * d + far * far).sqrt());
-            let share = got.per_albedo[i];
-            assert!((share - expected).abs() < 0.06 * expected + 0.005, "{column}: {share} {expected}");
+            let fraction = got.per_albedo[i];
+            assert!((fraction - expected).abs() < 0.06 * expected + 0.005, "{column}: {fraction} {expected}");
             assert!((got.codeword[i] - 0.2).abs() < 0.02, "{column}: {}", got.codeword[i]);
         }
         for column in [150, 200] {

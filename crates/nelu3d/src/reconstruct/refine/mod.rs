@@ -1,11 +1,11 @@
-//! Narrow-band volume rendering of the surface, to the accuracy that the noise allows.
+//! Refinement by narrow-band volume rendering, to the accuracy that the noise allows.
 //!
 //! The signed distance field of the `fast` recipe lives on the camera's own lattice: along the ray of pixel i,
 //! f(t) = cos θ_i (t_i − t), so that |∇f| = 1 where the surface is smooth (the eikonal condition holds by construction and
 //! needs no loss), every ray crosses its own zero level set exactly once (no sheets behind the object), and neighbors are
 //! coupled only by a discontinuity-preserving thin-plate prior (no bridges across depth jumps). Rendering it with NeuS
 //! weights is a quadrature of c across the surface with a logistic of width 1/inv_s; inv_s grows as the fit converges.
-//! What is left of the paper's losses is the image loss, weighed by the noise of every measurement instead of a fixed
+//! Of the paper's losses there remain the image loss, weighed by the noise of every measurement instead of a fixed
 //! blend, the ambient term and the mask. It is minimized by Gauss-Newton, each step one sparse linear system.
 
 mod band;
@@ -18,6 +18,7 @@ mod thin_plate;
 mod uncertainty;
 mod window;
 
+use nelu3d_scan::statistics::median;
 use rayon::prelude::*;
 
 use super::context::Context;
@@ -63,9 +64,9 @@ pub(crate) fn refine(
         r.render(&slopes, settings.width_mm(step));
         r.fractions.update(&r.rendered);
         losses.push(r.linearize());
-        let moved = r.gauss_newton_step(step);
+        let change = r.gauss_newton_step(step);
         cx.observe(Stage::Refine, step + 1, || r.depth());
-        if settings.is_final(step) && moved < f64::from(settings.settled) * r.n_active as f64 {
+        if settings.is_final(step) && change < f64::from(settings.settled) * r.n_active as f64 {
             break;
         }
     }
@@ -74,15 +75,16 @@ pub(crate) fn refine(
     Ok(refined)
 }
 
-/// What the data say about one pixel at its present depth: the normal equation of its step, and its misfit.
+/// The data term of one pixel at its present depth: the normal equation of its step, and its χ².
 #[derive(Clone, Copy, Default)]
 struct PixelData {
-    /// Σ w J².
+    /// Information Σ w J², robust.
     h: f32,
-    /// Σ w J r.
+    /// Gradient Σ w J r, robust.
     g: f32,
     /// Robust χ².
     loss: f32,
+    /// χ², not robust.
     chi2: f32,
 }
 
@@ -95,10 +97,11 @@ struct Refinement<'a> {
     active: &'a [bool],
     n_active: usize,
     channels: usize,
-    /// The mean inverse depth, 1/mm, and the unit of the unknown.
+    /// Mean inverse depth of the initial surface, 1/mm.
     mid: f32,
+    /// Unit of the unknown, 1/mm.
     unit: f32,
-    /// The unknown: 1/z = mid + unit · x.
+    /// The unknown x per pixel: 1/z = mid + unit · x.
     x: Vec<f32>,
     prior: ThinPlatePrior,
     fractions: LightFractions<'a>,
@@ -108,6 +111,7 @@ struct Refinement<'a> {
 }
 
 impl<'a> Refinement<'a> {
+    /// Begins at the initial surface.
     fn new(
         scene: &'a Scene<'a>,
         initial: &InitialDepth,
@@ -142,13 +146,13 @@ impl<'a> Refinement<'a> {
         }
     }
 
-    /// Inverse depth of a pixel of the window, 1/mm.
+    /// Returns the inverse depth of a pixel of the window, 1/mm.
     #[inline]
     fn inv_z(&self, i: usize) -> f32 {
         self.mid + self.unit * self.x[i]
     }
 
-    /// Camera z per pixel of the image, mm; NaN where there is no surface.
+    /// Returns camera z per pixel of the image, mm; NaN where there is no surface.
     fn depth(&self) -> Vec<f32> {
         let mut depth = vec![f32::NAN; self.scene.measurements.n()];
         for i in (0..self.x.len()).filter(|i| self.active[*i]) {
@@ -157,17 +161,18 @@ impl<'a> Refinement<'a> {
         depth
     }
 
-    /// Slopes of the unknown along x and y.
+    /// Returns the slopes of the unknown along x and y, per pixel.
     fn slopes(&self) -> Vec<[f32; 2]> {
         slopes(&self.prior, &self.x, MAX_SLOPE * self.mid / (self.scene.rays.focal_px * self.unit))
     }
 
+    /// Gathers interreflection from the present surface.
     fn gather_interreflection(&mut self, slopes: &[[f32; 2]]) {
         let slopes: Vec<[f32; 2]> = slopes.iter().map(|s| s.map(|s| s * self.unit)).collect();
         let (rays, m) = (&self.scene.rays, &self.scene.measurements);
         let surface = GatherSurface::new(self.window, self.active, rays, |i| self.inv_z(i), &slopes);
         let gathered = gather(&surface, m, self.channels, rays.focal_px, self.settings.patches);
-        self.fractions.indirect = Some(gathered);
+        self.fractions.interreflection = Some(gathered);
     }
 
     /// Renders the narrow band of every pixel: c and its slope per unit of the unknown. `width` is 1/inv_s, mm.
@@ -206,7 +211,7 @@ impl<'a> Refinement<'a> {
         self.rendered = rendered;
     }
 
-    /// Residual of measurement `j` of pixel `i`, which is pixel `px` of the image, before weighing: model − measured.
+    /// Returns the unweighted residual (model − measured) of channel `j` at pixel `i` of the window, pixel `px` of the image.
     #[inline]
     fn residual(&self, i: usize, px: usize, j: usize) -> f32 {
         let m = &self.scene.measurements;
@@ -228,7 +233,7 @@ impl<'a> Refinement<'a> {
             for j in 0..k {
                 let iv = m.inv_var[px * k + j];
                 let r = self.residual(i, px, j);
-                let jac = d[j] * (1.0 - self.fractions.fractions[i * channels + j % channels].sum());
+                let jac = d[j] * (1.0 - self.fractions.of_pixels[i * channels + j % channels].sum());
                 out.chi2 += iv * r * r;
                 out.h += iv * jac * jac;
                 out.g += iv * jac * r;
@@ -240,13 +245,13 @@ impl<'a> Refinement<'a> {
             out.g *= robust * robust;
         });
         self.data = data;
-        let on = self.data.iter().zip(self.active).filter(|(_, a)| **a);
-        let sum = on.fold(0.0f64, |s, (d, _)| s + f64::from(d.loss));
+        let active = self.data.iter().zip(self.active).filter(|(_, a)| **a);
+        let sum = active.fold(0.0f64, |s, (d, _)| s + f64::from(d.loss));
         (sum / self.n_active as f64) as f32 / m.independent
     }
 
-    /// One Gauss-Newton step; returns how far all pixels together moved, steps of depth. Its linear system need not be
-    /// solved better than the next step will change it.
+    /// Takes one Gauss-Newton step; returns the sum over pixels of how much depth changed, steps of depth. Its linear system
+    /// need not be solved better than the next step will change it.
     fn gauss_newton_step(&mut self, step: usize) -> f64 {
         let s = self.settings;
         self.prior.reweight(&self.x, s.roughness_at(step), s.crease, s.roughness_radius);
@@ -255,16 +260,16 @@ impl<'a> Refinement<'a> {
         let mut next = self.x.clone();
         let stop = StopCriterion { reduction: s.solver_reduction, iterations: s.solver_iterations };
         self.prior.solve(&h, &b, &mut next, stop);
-        let mut moved = 0.0f64;
+        let mut change = 0.0f64;
         for (x, next) in self.x.iter_mut().zip(&next) {
             let by = (next - *x).clamp(-2.0, 2.0);
             *x += by;
-            moved += f64::from(by.abs());
+            change += f64::from(by.abs());
         }
-        moved
+        change
     }
 
-    /// One standard deviation of the unknown per pixel of the window.
+    /// Returns one standard deviation of the unknown per pixel of the window.
     fn sigma(&self) -> Vec<f32> {
         let (m, k, n) = (&self.scene.measurements, self.scene.measurements.k, self.x.len());
         let information: Vec<Information> =
@@ -278,11 +283,11 @@ impl<'a> Refinement<'a> {
                 slopes[i * k + j] = weight * self.rendered[i * 2 * k + k + j];
             }
         }
-        let shared = systematic(&whitened, &slopes, k, self.active, self.window.w, self.window.h);
-        uncertainty::sigma(&self.prior, &self.x, &information, &shared)
+        let systematic = systematic(&whitened, &slopes, k, self.active, self.window.w, self.window.h);
+        uncertainty::sigma(&self.prior, &self.x, &information, &systematic)
     }
 
-    /// The maps of the refined surface.
+    /// Returns the maps of the refined surface.
     fn finish(self, losses: Vec<f32>) -> Refined {
         let (m, k, channels) = (&self.scene.measurements, self.scene.measurements.k, self.channels);
         let sigma = self.sigma();
@@ -292,14 +297,14 @@ impl<'a> Refinement<'a> {
             let px = self.window.at(i);
             out.inv_z[px] = self.inv_z(i);
             out.sigma[px] = sigma[i] * self.unit;
-            let fractions = &self.fractions.fractions[i * channels..(i + 1) * channels];
-            out.ambient[px] = fractions.iter().map(|s| s.sum()).sum::<f32>() / channels as f32;
+            let fractions = &self.fractions.of_pixels[i * channels..(i + 1) * channels];
+            out.ambient[px] = fractions.iter().map(|f| f.sum()).sum::<f32>() / channels as f32;
             out.chi2[px] = self.data[i].chi2 / m.independent;
             for j in 0..k {
                 residuals[j] = self.residual(i, px, j).abs();
             }
             out.residual[px] = (residuals.iter().map(|r| r * r).sum::<f32>() / k as f32).sqrt();
-            out.abs_residual[px] = *residuals.select_nth_unstable_by(k / 2, f32::total_cmp).1;
+            out.abs_residual[px] = median(&mut residuals).expect("a pixel has channels");
         }
         out
     }

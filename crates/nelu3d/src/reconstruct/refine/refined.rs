@@ -21,7 +21,7 @@ pub(crate) struct Refined {
 }
 
 impl Refined {
-    /// No surface at any of `n` pixels yet.
+    /// Makes maps of `n` pixels without a surface at any of them.
     pub(super) fn empty(n: usize, losses: Vec<f32>, albedo: Vec<f32>) -> Self {
         let nan = || vec![f32::NAN; n];
         Self {
