@@ -78,12 +78,12 @@ pub fn reconstruct(
     reconstruct_observed(rig, set, shot, field, opts, progress, None)
 }
 
-/// Reconstructs a scene of a rig and shows the observer every intermediate surface. The result is that of
+/// Reconstructs a scene of a rig, and shows every intermediate surface to an observer. The result is that of
 /// [`reconstruct`].
 ///
 /// # Errors
 ///
-/// Those of [`reconstruct`].
+/// The errors are those of [`reconstruct`].
 pub fn reconstruct_observed<'a>(
     rig: &Rig,
     set: &PatternSet,

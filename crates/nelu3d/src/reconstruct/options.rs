@@ -26,7 +26,7 @@ pub enum CrosstalkMode {
     /// Corrected in color images; the matrix comes from the color field or, without one there, from the scene
     #[default]
     Auto,
-    /// Left as it is
+    /// Not corrected
     Off,
 }
 

@@ -50,7 +50,7 @@ pub(super) struct LightFractions<'a> {
     reference: Vec<f32>,
     /// Fractions, `n × channels`.
     pub(super) of_pixels: Vec<PixelFractions>,
-    /// Estimated albedo per channel, as far as interreflection tells it.
+    /// Estimated albedo per channel, as far as interreflection determines it.
     pub(super) albedo: Vec<f32>,
     /// Interreflection gathered from the surface, once there is one.
     pub(super) interreflection: Option<Interreflection>,

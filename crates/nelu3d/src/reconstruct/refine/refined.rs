@@ -16,7 +16,7 @@ pub(crate) struct Refined {
     pub(crate) abs_residual: Vec<f32>,
     /// The loss after every step: mean robust χ² per measurement.
     pub(crate) losses: Vec<f32>,
-    /// Albedo per color channel, as far as interreflection tells it; 0 without gathered light.
+    /// Albedo per color channel, as far as interreflection determines it; 0 without gathered light.
     pub(crate) albedo: Vec<f32>,
 }
 
