@@ -1,5 +1,5 @@
-//! From a board sweep to a color field (paper, Sec. 3.1): find the boards and their poses, find where the light comes from,
-//! fit c, and measure it at positions that it has not seen.
+//! From a board sweep to a color field (paper, Sec. 3.1): find the boards and their poses, find the center of the light, fit
+//! c, and measure its quality at held-out positions.
 
 mod board_poses;
 mod candidate;

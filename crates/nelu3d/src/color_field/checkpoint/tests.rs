@@ -166,7 +166,7 @@ fn absurd_descriptions_are_refused() {
     cases.push((grid(), set("/form", serde_json::json!({ "kind": "table" }))));
     for (i, (field, change)) in cases.iter().enumerate() {
         let e = load(&described(&bytes(field), change)).expect_err(&format!("case {i}")).to_string();
-        assert!(e.starts_with("some/field.safetensors: ") && e.contains("nelu3d calibrate"), "case {i}: {e}");
+        assert!(e.starts_with("some/field.safetensors: ") && e.contains("calibrate again"), "case {i}: {e}");
     }
     let newer = load(&described(&bytes(&grid()), set("/format", (FORMAT + 1).into()))).unwrap_err().to_string();
     assert!(newer.contains("update nelu3d"), "{newer}");
