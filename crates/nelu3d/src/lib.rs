@@ -31,9 +31,9 @@
 //! # }
 //! ```
 //!
-//! Nothing here prints: work reports to a [`Progress`], which can also cancel it. Conventions (units, frames, pixels) are
-//! those of [`nelu3d_scan`]. No part of this crate reads a ground truth or (but for [`from_projector`]) a projector: the
-//! crates `nelu3d-evaluate` and `nelu3d-baselines` do.
+//! Nothing here prints: work reports to a [`Progress`], which can also cancel it. Conventions (units, frames, pixels)
+//! are those of [`nelu3d_scan`]. No part of this crate reads a ground truth or (but for [`from_projector`]) a
+//! projector: the crates `nelu3d-evaluate` and `nelu3d-baselines` do.
 
 #[doc(hidden)]
 pub mod calibrate;

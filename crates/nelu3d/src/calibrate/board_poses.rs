@@ -23,8 +23,8 @@ pub struct SweepGeometry<'a> {
     pub dark: Vec<DarkLevel>,
 }
 
-/// Detects the boards of a sweep and solves their poses; on the way the dark level is estimated. Positions without a pose
-/// are dropped with a warning.
+/// Detects the boards of a sweep and solves their poses; on the way the dark level is estimated. Positions without a
+/// pose are dropped with a warning.
 ///
 /// # Errors
 ///

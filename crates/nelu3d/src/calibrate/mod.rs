@@ -1,5 +1,5 @@
-//! From a board sweep to a color field (paper, Sec. 3.1): find the boards and their poses, find the center of the light, fit
-//! c, and measure its quality at held-out positions.
+//! From a board sweep to a color field (paper, Sec. 3.1): find the boards and their poses, find the center of the
+//! light, fit c, and measure its quality at held-out positions.
 
 mod board_poses;
 mod candidate;
@@ -32,8 +32,8 @@ pub use sweep::{Position, Sweep};
 ///
 /// # Errors
 ///
-/// The rig, its board or its images cannot be used, too few positions have a pose, no sample is usable, the device is not
-/// there, or the caller stopped the work.
+/// The rig, its board or its images cannot be used, too few positions have a pose, no sample is usable, the device is
+/// not there, or the caller stopped the work.
 pub fn calibrate(
     rig: &Rig,
     set: &PatternSet,

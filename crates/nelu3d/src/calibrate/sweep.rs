@@ -1,8 +1,8 @@
 //! Reading a sweep, position by position.
 //!
-//! A few positions at most are in memory at a time. Later stages gather what they need of the images while these are read,
-//! in sums whose size depends on the volume and the image but not on the number of positions. So some images are read more
-//! than once, which costs less than holding them in memory.
+//! A few positions at most are in memory at a time. Later stages gather what they need of the images while these are
+//! read, in sums whose size depends on the volume and the image but not on the number of positions. So some images are
+//! read more than once, which costs less than holding them in memory.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -56,8 +56,8 @@ impl<'a> Sweep<'a> {
         self.shots.retain(|s| is_used(&s.name));
     }
 
-    /// Calls `f` on the white and black image of every position, in parallel, and returns what it returned, in order. It is
-    /// checked on the way that the patterns exist, so that a gap in a sweep is reported before work is done.
+    /// Calls `f` on the white and black image of every position, in parallel, and returns what it returned, in order.
+    /// It is checked on the way that the patterns exist, so that a gap in a sweep is reported before work is done.
     ///
     /// # Errors
     ///
@@ -86,9 +86,9 @@ impl<'a> Sweep<'a> {
         self.pool.install(|| self.shots.par_iter().map(one).collect())
     }
 
-    /// Reads the positions `which`, a few at a time. Each position's images pass `gather` as they are read; then `map` runs on
-    /// the position, in parallel, with its index and what was gathered. `take` receives what `map` returned, in order, some
-    /// positions at a time.
+    /// Reads the positions `which`, a few at a time. Each position's images pass `gather` as they are read; then `map`
+    /// runs on the position, in parallel, with its index and what was gathered. `take` receives what `map` returned, in
+    /// order, some positions at a time.
     ///
     /// # Errors
     ///
@@ -175,8 +175,8 @@ pub struct Position {
 }
 
 impl Position {
-    /// Returns the values of a sample, and writes their weights (one over the variance; 0 = unusable) to `w`; `None` when no
-    /// value is usable.
+    /// Returns the values of a sample, and writes their weights (one over the variance; 0 = unusable) to `w`; `None`
+    /// when no value is usable.
     #[inline]
     pub fn sample(&self, i: usize, noise: &NoiseModel, w: &mut [f32]) -> Option<&[f32]> {
         let v = &self.values[i * self.k..(i + 1) * self.k];
@@ -191,8 +191,8 @@ impl Position {
         Some(v)
     }
 
-    /// Returns the position averaged over blocks of `block × block` pixels, as a camera of larger pixels would have measured
-    /// it. A block is usable where all its pixels are.
+    /// Returns the position averaged over blocks of `block × block` pixels, as a camera of larger pixels would have
+    /// measured it. A block is usable where all its pixels are.
     pub fn reduced(&self, block: usize) -> Self {
         let (w, h, c, k) = (self.width / block, self.height / block, self.channels, self.k);
         let mut values = Vec::with_capacity(w * h * k);

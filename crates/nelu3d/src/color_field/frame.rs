@@ -1,11 +1,11 @@
 //! The coordinates a color field lives in: a projective frame whose lines of constant (a, b) all meet in one point.
 //!
-//! Light travels in straight lines, so a point-like source throws the same codeword on every point of a ray of light (up
-//! to defocus, which changes slowly along it). In a frame centered on the light, c is therefore detailed across (a, b)
-//! and nearly constant along w: board positions far apart supervise the same coefficients, so that the field interpolates
-//! between them. In the frame centered on the camera, (a, b) are pixels and w is 1/z: any light can be described there, but
-//! positions share no coefficients. Both are this one type with another center. A center at infinity (parallel light) is
-//! `kappa = 0`.
+//! Light travels in straight lines, so a point-like source throws the same codeword on every point of a ray of light
+//! (up to defocus, which changes slowly along it). In a frame centered on the light, c is therefore detailed across (a,
+//! b) and nearly constant along w: board positions far apart supervise the same coefficients, so that the field
+//! interpolates between them. In the frame centered on the camera, (a, b) are pixels and w is 1/z: any light can be
+//! described there, but positions share no coefficients. Both are this one type with another center. A center at
+//! infinity (parallel light) is `kappa = 0`.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use nelu3d_field::lattice::ProjectiveFrame;
@@ -47,8 +47,8 @@ pub struct PointOnRay {
 }
 
 impl FieldFrame {
-    /// Makes a frame whose lines meet in `center`, with its origin at `origin`; e1 is as close to `right` as it can be. The
-    /// box is empty until [`Self::enclose`] has grown it.
+    /// Makes a frame whose lines meet in `center`, with its origin at `origin`; e1 is as close to `right` as it can be.
+    /// The box is empty until [`Self::enclose`] has grown it.
     pub fn around(center: Point3<f64>, origin: Point3<f64>, right: Vector3<f64>) -> Self {
         let along = origin - center;
         Self::new(origin, along.normalize(), 1.0 / along.norm(), right)
@@ -105,7 +105,8 @@ impl FieldFrame {
         Point3::from(self.origin) + self.rotation().transpose() * y
     }
 
-    /// Returns, row by row, the affine map from points (mm) to the coordinates y that this frame divides by 1 + kappa · y_z.
+    /// Returns, row by row, the affine map from points (mm) to the coordinates y that this frame divides by 1 + kappa ·
+    /// y_z.
     pub fn affine(&self) -> [[f64; 4]; 3] {
         self.axes.map(|e| {
             let offset = -(e[0] * self.origin[0] + e[1] * self.origin[1] + e[2] * self.origin[2]);

@@ -2,11 +2,12 @@
 //! [`FieldFrame`](super::frame::FieldFrame) (paper, Fig. 3; the encoding is Eq. 4 of NeRF).
 //!
 //! The paper's 20 octaves reach 2^18 periods across the volume, far beyond what samples a pixel apart, and a few planes
-//! along the light's rays, can supervise: those octaves are noise to the network, and along w they put wiggles between the
-//! board positions. So by default an axis has only the octaves that its cells resolve. [`Octaves::Paper`] keeps all 20.
+//! along the light's rays, can supervise: those octaves are noise to the network, and along w they put wiggles between
+//! the board positions. So by default an axis has only the octaves that its cells resolve. [`Octaves::Paper`] keeps all
+//! 20.
 //!
-//! The paper gives no size for the network, and NeRF's 8 × 256 would train for an hour here. Ours is 4 × 64: with it the
-//! paper's 5,000 steps reach the quality of the other forms on `dlp` (docs/color-field-forms.md).
+//! The paper gives no size for the network, and NeRF's 8 × 256 would train for an hour here. Ours is 4 × 64: with it
+//! the paper's 5,000 steps reach the quality of the other forms on `dlp` (docs/color-field-forms.md).
 
 use nelu3d_field::{FrequencyField, FrequencyFieldConfig};
 use serde::{Deserialize, Serialize};

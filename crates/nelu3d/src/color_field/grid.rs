@@ -1,4 +1,5 @@
-//! Form `grid`: a cubic B-spline over the unit cube of a [`FieldFrame`](super::frame::FieldFrame), fitted by least squares.
+//! Form `grid`: a cubic B-spline over the unit cube of a [`FieldFrame`](super::frame::FieldFrame), fitted by least
+//! squares.
 
 use nelu3d_field::lattice::Lattice;
 use rayon::prelude::*;

@@ -17,8 +17,8 @@ use super::network::SampleBatch;
 use super::network::{NetworkForm, NetworkShape, TrainingSamples};
 use crate::progress::Progress;
 
-/// Number of neighboring samples that are drawn together, because they share cache lines of the table. More than two are
-/// too alike for a batch to count as its size (groups of 8 cost 1 dB at the same number of samples on `dlp`).
+/// Number of neighboring samples that are drawn together, because they share cache lines of the table. More than two
+/// are too alike for a batch to count as its size (groups of 8 cost 1 dB at the same number of samples on `dlp`).
 const GROUP: usize = 2;
 /// Length of a second training relative to the first: the parameters have to take up only what is new.
 const AGAIN: f64 = 0.4;

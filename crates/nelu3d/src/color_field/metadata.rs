@@ -47,9 +47,9 @@ pub struct FieldMetadata {
 }
 
 impl FieldMetadata {
-    /// Returns the standard deviation of the color field's own error, normalized intensity: the error at held-out positions
-    /// beyond their noise, and at least `min`, because interreflection, nonlinearity of the sensor and the like never
-    /// vanish.
+    /// Returns the standard deviation of the color field's own error, normalized intensity: the error at held-out
+    /// positions beyond their noise, and at least `min`, because interreflection, nonlinearity of the sensor and the
+    /// like never vanish.
     pub fn model_sigma(&self, min: f32) -> f32 {
         let q = self.quality.as_ref();
         let excess = q.map_or(1e-4, |q| (10f64.powf(-q.psnr_db / 10.0) - 10f64.powf(-q.ceiling_db / 10.0)).max(0.0));
@@ -68,15 +68,15 @@ pub struct Quality {
     pub held_out: Vec<String>,
     /// Number of samples that were compared.
     pub n: usize,
-    /// PSNR over well-lit samples (white − black of at least 10 % of full scale, or half of what the position's best-lit
-    /// tenth has, if that is less), peak 1, dB.
+    /// PSNR over well-lit samples (white − black of at least 10 % of full scale, or half of what the position's
+    /// best-lit tenth has, if that is less), peak 1, dB.
     #[serde(deserialize_with = "or_nan")]
     pub psnr_db: f64,
     /// PSNR over every usable sample (dim ones, on black ink, are mostly noise), dB.
     #[serde(deserialize_with = "or_nan")]
     pub psnr_all_db: f64,
-    /// PSNR of a perfect field over the same well-lit samples, by the estimated noise of the held-out images, dB. A good
-    /// field can exceed this estimate by a few tenths.
+    /// PSNR of a perfect field over the same well-lit samples, by the estimated noise of the held-out images, dB. A
+    /// good field can exceed this estimate by a few tenths.
     #[serde(deserialize_with = "or_nan")]
     pub ceiling_db: f64,
     /// Median depth error that the field's error implies: |error| / |∂c/∂t|, mm.
@@ -84,8 +84,8 @@ pub struct Quality {
     pub depth_mm: f64,
 }
 
-/// Reads a number that may be null. JSON has no NaN or infinity: both are written as null, and what was never measured must
-/// not make a field unreadable.
+/// Reads a number that may be null. JSON has no NaN or infinity: both are written as null, and what was never measured
+/// must not make a field unreadable.
 fn or_nan<'de, D: serde::Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
     Ok(Option::<f64>::deserialize(d)?.unwrap_or(f64::NAN))
 }

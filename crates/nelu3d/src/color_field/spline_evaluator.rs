@@ -27,7 +27,8 @@ impl<'a> SplineEvaluator<'a> {
         self.spline.lattice()
     }
 
-    /// Returns the number of pixels across the field along a and b: the unit of disparities, however fine the cells are.
+    /// Returns the number of pixels across the field along a and b: the unit of disparities, however fine the cells
+    /// are.
     pub fn pixels(&self) -> [f32; 2] {
         [0, 1].map(|i| self.lattice().cells[i] as f32 / self.cells_per_pixel)
     }

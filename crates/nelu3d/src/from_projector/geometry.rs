@@ -13,8 +13,8 @@ const VALIDITY_CELLS: [usize; 3] = [96, 96, 4];
 /// Depth that is assumed where the optical axes never come close, mm.
 const DEFAULT_DEPTH_MM: f64 = 1000.0;
 
-/// Returns the depth, mm, where the middle of the projected image comes closest to the middle of the view; 1000 where they
-/// do not meet before the camera.
+/// Returns the depth, mm, where the middle of the projected image comes closest to the middle of the view; 1000 where
+/// they do not meet before the camera.
 pub fn crossing_depth(camera: &Camera, projector: &Projector) -> f64 {
     let center = projector.center();
     let o = &projector.optics;
@@ -27,8 +27,8 @@ pub fn crossing_depth(camera: &Camera, projector: &Projector) -> f64 {
     if t > 0.0 { t * view.z } else { DEFAULT_DEPTH_MM }
 }
 
-/// Returns a frame centered on the projector over what camera and projector both reach between two depths, mm; `None` when
-/// that is nothing.
+/// Returns a frame centered on the projector over what camera and projector both reach between two depths, mm; `None`
+/// when that is nothing.
 pub(super) fn overlap_frame(camera: &Camera, projector: &Projector, [near, far]: [f64; 2]) -> Option<FieldFrame> {
     let mut reached = Vec::new();
     for y in (0..=camera.height).step_by((camera.height / 24).max(1)) {

@@ -1,8 +1,8 @@
 //! A color field without a sweep, from a calibrated projector and the images that it projected.
 //!
-//! c(x) is then the pattern at the projector pixel that lights x, through the projector's optics (a blur) and its response
-//! (a curve). Neither is in any calibration file, so both are estimated from the captures themselves: decode with what is
-//! known, compare the captures with the patterns where they were found to come from, and repeat.
+//! c(x) is then the pattern at the projector pixel that lights x, through the projector's optics (a blur) and its
+//! response (a curve). Neither is in any calibration file, so both are estimated from the captures themselves: decode
+//! with what is known, compare the captures with the patterns where they were found to come from, and repeat.
 
 mod geometry;
 mod inputs;
@@ -41,8 +41,8 @@ const MIN_CODEWORDS: usize = 500;
 ///
 /// # Errors
 ///
-/// The projector or a projected image is missing or does not fit, an image cannot be read, no scene could be decoded, or
-/// the caller stopped the work.
+/// The projector or a projected image is missing or does not fit, an image cannot be read, no scene could be decoded,
+/// or the caller stopped the work.
 pub fn calibrate_from_projector(
     rig: &Rig,
     set: &PatternSet,
@@ -77,7 +77,8 @@ pub fn calibrate_from_projector(
         light_mm: Some([center.x, center.y, center.z]),
         quality: None,
         frame: format!(
-            "light: the calibrated projector, blur {:.2} px, response {:.3} + {:.3} v^{:.2}, median residual {residual:.3}",
+            "light: the calibrated projector, blur {:.2} px, response {:.3} + {:.3} v^{:.2}, \
+             median residual {residual:.3}",
             response.blur_px, response.offset, response.scale, response.gamma
         ),
         cells: field.to_grid().cells,
@@ -130,8 +131,8 @@ struct ResponseFit<'a> {
 }
 
 impl ResponseFit<'_> {
-    /// Decodes the scenes and fits the response by turns, from every start, and returns the best median residual with its
-    /// response and field; `None` if no scene could be decoded.
+    /// Decodes the scenes and fits the response by turns, from every start, and returns the best median residual with
+    /// its response and field; `None` if no scene could be decoded.
     fn best(&self, progress: &Progress) -> Result<Option<(f64, Response, ColorField)>, CalibrationError> {
         let mut best: Option<(f64, Response, ColorField)> = None;
         for gamma in FIRST_GAMMAS {

@@ -10,8 +10,8 @@ use crate::color_field::grid::Grid;
 /// Fewest and most cells of the field across.
 const CELLS: [f64; 2] = [8.0, 2048.0];
 
-/// Renders the field: blurred patterns through the response, sampled at the nodes of a grid whose cells are as large as the
-/// projector's pixels.
+/// Renders the field: blurred patterns through the response, sampled at the nodes of a grid whose cells are as large as
+/// the projector's pixels.
 pub(super) fn render_field(patterns: &[Image], projector: &Projector, frame: &FieldFrame, response: Response) -> Grid {
     let blurred: Vec<Image> = patterns.iter().map(|p| projected(p, response.blur_px, response.gamma)).collect();
     // Projector pixels across the frame at its middle.

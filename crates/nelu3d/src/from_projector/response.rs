@@ -38,8 +38,8 @@ pub(super) fn value_at(image: &Image, point: [f64; 2]) -> f32 {
     bilinear(&image.data, [image.width, image.height], point)
 }
 
-/// Fits blur and response to decoded codewords: for every blur and exponent the best affine map, over a coarse and then a
-/// fine search. Returns them with the median absolute residual, normalized intensity.
+/// Fits blur and response to decoded codewords: for every blur and exponent the best affine map, over a coarse and then
+/// a fine search. Returns them with the median absolute residual, normalized intensity.
 pub(super) fn fit_response(patterns: &[Image], projector: &Projector, codewords: &[Codeword]) -> (Response, f64) {
     let step = (codewords.len() / MAX_CODEWORDS).max(1);
     let samples: Vec<([f64; 2], &[f32])> = codewords

@@ -52,7 +52,8 @@ impl Progress {
         }
     }
 
-    /// Returns whether to stop. Work that is told to returns its module's `Cancelled` error and leaves nothing half written.
+    /// Returns whether to stop. Work that has to stop returns its module's `Cancelled` error and leaves nothing half
+    /// written.
     pub fn cancelled(&self) -> bool {
         self.cancel.load(Ordering::Relaxed)
     }

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How much work a reconstruction puts in. Nothing depends on the clock: the same effort gives the same result everywhere.
+/// How much work a reconstruction puts in. Nothing depends on the clock: the same effort gives the same result
+/// everywhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
@@ -19,7 +20,8 @@ pub enum Effort {
 /// The amounts of work that an [`Effort`] stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct EffortSettings {
-    /// Largest number of pixels that are decoded; an image with more valid ones is decoded reduced, and refined in full.
+    /// Largest number of pixels that are decoded; an image with more valid ones is decoded reduced, and refined in
+    /// full.
     pub decoded_pixels: usize,
     /// Number of steps of the refinement.
     pub steps: usize,

@@ -1,7 +1,7 @@
 //! Observation of a surface while it is being reconstructed.
 
-/// Receives every intermediate surface of a reconstruction. It cannot change the result, and its own time does not count as
-/// the reconstruction's.
+/// Receives every intermediate surface of a reconstruction. It cannot change the result, and its own time does not
+/// count as the reconstruction's.
 pub trait Observer {
     /// Receives the surface after `iteration` of a stage: camera z per pixel, mm; NaN where there is none.
     fn surface(&mut self, stage: Stage, iteration: usize, depth: &[f32]);

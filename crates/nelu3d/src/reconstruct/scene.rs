@@ -51,7 +51,8 @@ impl<'a> Scene<'a> {
         SplineEvaluator::new(&self.grid, self.field.metadata.cells_per_pixel)
     }
 
-    /// Returns white − black of the board per channel, for images of three channels; `None` where the field does not know it.
+    /// Returns white − black of the board per channel, for images of three channels; `None` where the field does not
+    /// know it.
     pub(crate) fn board_white(&self) -> Option<[f32; 3]> {
         let light: Vec<f32> = self.field.metadata.dark.iter().map(|d| d.light).collect();
         let m = &self.measurements;

@@ -15,7 +15,8 @@ use super::refine::RefineSettings;
 pub struct FastSettings {
     /// Smallest standard deviation of the color field itself, normalized intensity.
     pub min_model_sigma: f32,
-    /// Largest number of pixels that are decoded; an image with more valid ones is decoded reduced, and refined in full.
+    /// Largest number of pixels that are decoded; an image with more valid ones is decoded reduced, and refined in
+    /// full.
     pub max_decoded_pixels: usize,
     /// Smallest connected component that initialization accepts, px.
     pub min_component: usize,
@@ -61,8 +62,8 @@ impl FastSettings {
         }
     }
 
-    /// Returns the settings of a refinement that begins at the previous frame's surface: fewer steps, which end when the surface
-    /// has settled, and a prior that is loosened at first.
+    /// Returns the settings of a refinement that begins at the previous frame's surface: fewer steps, which end when
+    /// the surface has settled, and a prior that is loosened at first.
     pub fn after_previous_frame(self, opts: &ReconstructionOptions) -> Self {
         let EffortSettings { steps, gathers, patches, .. } = opts.effort.after_previous_frame();
         let steps = opts.steps.unwrap_or(steps);

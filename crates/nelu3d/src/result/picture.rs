@@ -132,8 +132,8 @@ pub fn status_color(status: PixelStatus) -> [u8; 3] {
     }
 }
 
-/// Returns robust limits of a map, for its colors: the `low`-th and `high`-th percentile of its finite values; `[0, 1]` when it
-/// has none.
+/// Returns robust limits of a map, for its colors: the `low`-th and `high`-th percentile of its finite values; `[0, 1]`
+/// when it has none.
 pub fn limits(map: &[f32], low: f64, high: f64) -> [f64; 2] {
     let mut finite: Vec<f64> = map.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).collect();
     if finite.is_empty() {
@@ -157,8 +157,8 @@ pub fn preview(r: &Surface) -> Picture {
     Picture::beside(&panels.map(|p| p.part(part).at_most(640)))
 }
 
-/// Returns the rectangle `[x, y, width, height]` around the pixels that have depth, with a margin; the whole image when there
-/// are none.
+/// Returns the rectangle `[x, y, width, height]` around the pixels that have depth, with a margin; the whole image when
+/// there are none.
 fn surroundings(r: &Surface) -> [usize; 4] {
     let valid = || (0..r.depth.len()).filter(|&i| r.depth[i].is_finite());
     let along = |coordinate: &dyn Fn(usize) -> usize, size: usize| -> [usize; 2] {
@@ -173,7 +173,8 @@ fn surroundings(r: &Surface) -> [usize; 4] {
     [x, y, width, height]
 }
 
-/// Returns the brightness of a clay surface: a key light over the left shoulder, a weak fill from the right, some ambient.
+/// Returns the brightness of a clay surface: a key light over the left shoulder, a weak fill from the right, some
+/// ambient.
 fn shade(n: [f32; 3]) -> Option<f32> {
     const KEY: [f32; 3] = [-0.45, -0.55, -0.70];
     const FILL: [f32; 3] = [0.77, 0.10, -0.63];

@@ -12,7 +12,10 @@ use crate::sequence::{FrameState, PatternTime};
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The folder is no result folder.
-    #[error("{}: is no result folder: it has no result.json; give the folder that a reconstruction wrote", path.display())]
+    #[error(
+        "{}: is no result folder: it has no result.json; give the folder that a reconstruction wrote",
+        path.display()
+    )]
     NotAResult {
         /// The path given.
         path: PathBuf,

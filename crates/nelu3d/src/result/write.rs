@@ -34,8 +34,8 @@ pub struct MeshFiles {
     pub glb: bool,
 }
 
-/// Writes a result folder, whole or not at all; an earlier result of that name is replaced. The folder then holds, but for
-/// `report.html`, which the program adds:
+/// Writes a result folder, whole or not at all; an earlier result of that name is replaced. The folder then holds, but
+/// for `report.html`, which the program adds:
 ///
 /// | file | content |
 /// |---|---|
@@ -58,8 +58,8 @@ pub fn write(r: &Surface, summary: &Summary, mesh_files: MeshFiles, dir: &Path) 
     Ok(folder.commit()?)
 }
 
-/// Writes the files of a result into a folder that exists, for callers that add files of their own before it is renamed to
-/// its final name.
+/// Writes the files of a result into a folder that exists, for callers that add files of their own before it is renamed
+/// to its final name.
 ///
 /// # Errors
 ///

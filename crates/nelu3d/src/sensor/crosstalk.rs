@@ -1,11 +1,11 @@
 //! Crosstalk: a camera's red, green and blue each respond to some of the light's other colors.
 //!
-//! A light source sends three colors, each with its own pattern c′_m(x). The board returns all alike, so on it channel i
-//! measures `c_i = Σ_m A_im c′_m`, with rows of A that sum to one: c is the color field, as it was learned. A colored
+//! A light source sends three colors, each with its own pattern c′_m(x). The board returns all alike, so on it channel
+//! i measures `c_i = Σ_m A_im c′_m`, with rows of A that sum to one: c is the color field, as it was learned. A colored
 //! object returns the fraction ρ_m of each, and channel i measures `p_i = Σ_m A_im ρ_m c′_m / Σ_m A_im ρ_m`: another
-//! combination, which no point of the field explains (a failure in the paper's Fig. 8). But its white (flash) image, with
-//! c′ = 1 everywhere, is `W_i ∝ Σ_m A_im ρ_m` (relative to the board's), so ρ = A⁻¹ W is known at every pixel once A is;
-//! and p is taken back to what the board would have shown there: `c = A diag(1/ρ) A⁻¹ diag(Aρ) p`.
+//! combination, which no point of the field explains (a failure in the paper's Fig. 8). But its white (flash) image,
+//! with c′ = 1 everywhere, is `W_i ∝ Σ_m A_im ρ_m` (relative to the board's), so ρ = A⁻¹ W is known at every pixel once
+//! A is; and p is taken back to what the board would have shown there: `c = A diag(1/ρ) A⁻¹ diag(Aρ) p`.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 use super::measurements::Measurements;
 use crate::surface::PixelStatus;
 
-/// The crosstalk matrix A of a camera and a light source with three colors: rows are the camera's channels and sum to one,
-/// columns are the light's colors.
+/// The crosstalk matrix A of a camera and a light source with three colors: rows are the camera's channels and sum to
+/// one, columns are the light's colors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CrosstalkMatrix(pub [[f32; 3]; 3]);
 
@@ -60,15 +60,16 @@ impl CrosstalkCorrection {
         Some(Self { a, inverse: a.try_inverse()? })
     }
 
-    /// Returns the fraction ρ of each of the light's colors that a pixel returns, largest 1, from its white relative to the
-    /// board's.
+    /// Returns the fraction ρ of each of the light's colors that a pixel returns, largest 1, from its white relative to
+    /// the board's.
     fn color_fractions(&self, white: Vector3<f32>) -> Vector3<f32> {
         let rho = self.inverse * white;
         let max = rho.max().max(1e-6);
         rho.map(|v| (v / max).max(MIN_FRACTION))
     }
 
-    /// Returns the matrix that takes a codeword of the field to that of an object with this white relative to the board's.
+    /// Returns the matrix that takes a codeword of the field to that of an object with this white relative to the
+    /// board's.
     pub fn object_from_board(&self, white: Vector3<f32>) -> Matrix3<f32> {
         let rho = self.color_fractions(white);
         let total = self.a * rho;
@@ -89,7 +90,8 @@ pub fn relative_white(m: &Measurements, i: usize, board: &[f32; 3]) -> Vector3<f
 }
 
 impl Measurements {
-    /// Takes every codeword back to what the board would have shown. `board` is white − black of the board, per channel.
+    /// Takes every codeword back to what the board would have shown. `board` is white − black of the board, per
+    /// channel.
     pub fn correct_crosstalk(&mut self, crosstalk: &CrosstalkMatrix, board: &[f32; 3]) {
         let Some(correction) = CrosstalkCorrection::new(crosstalk) else { return };
         let (k, n) = (self.k, self.n());

@@ -1,4 +1,5 @@
-//! The dark level: light that is there without the light source, estimated from the sweep for scenes without a black image.
+//! The dark level: light that is there without the light source, estimated from the sweep for scenes without a black
+//! image.
 
 use nelu3d_scan::Image;
 use serde::{Deserialize, Serialize};
@@ -13,7 +14,8 @@ pub struct DarkLevel {
     /// Fraction of the white image that is ambient light.
     #[serde(rename = "share", alias = "ambient")]
     pub ambient: f32,
-    /// Mean white − black of the pixels that are lit in all channels: the color of the light on the board. 0 if unknown.
+    /// Mean white − black of the pixels that are lit in all channels: the color of the light on the board. 0 if
+    /// unknown.
     #[serde(default)]
     pub light: f32,
 }
@@ -25,8 +27,8 @@ impl DarkLevel {
     }
 }
 
-/// Regression of black on white, per channel, over the lit pixels of a sweep. Paper and ink of the board separate offset
-/// from ambient fraction.
+/// Regression of black on white, per channel, over the lit pixels of a sweep. Paper and ink of the board separate
+/// offset from ambient fraction.
 #[derive(Clone, Default)]
 pub struct DarkEstimator {
     /// Per channel: n, Σw, Σb, Σw², Σwb.

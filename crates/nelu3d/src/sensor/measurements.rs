@@ -35,8 +35,8 @@ pub struct Measurements {
     pub has_black: bool,
 }
 
-/// Largest standard deviation of the normalized intensity of a usable channel. Above it the pixel is underexposed: a shadow,
-/// the background, or too little light.
+/// Largest standard deviation of the normalized intensity of a usable channel. Above it the pixel is underexposed: a
+/// shadow, the background, or too little light.
 const MAX_SIGMA: f32 = 0.12;
 
 impl Measurements {
@@ -149,7 +149,8 @@ impl Measurements {
         self.width * self.height
     }
 
-    /// Returns the means over blocks of `f × f` pixels, weighted by inverse variance, as measurements of a reduced image.
+    /// Returns the means over blocks of `f × f` pixels, weighted by inverse variance, as measurements of a reduced
+    /// image.
     pub fn reduced(&self, f: usize) -> Self {
         if f == 1 {
             return self.clone();

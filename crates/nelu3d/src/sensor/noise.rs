@@ -19,8 +19,8 @@ impl NoiseModel {
         self.read + self.gain * intensity.max(0.0)
     }
 
-    /// Returns the variance of the normalized intensity `L = (pattern − black) / (white − black)` at contrast `white − black`, by
-    /// first-order propagation.
+    /// Returns the variance of the normalized intensity `L = (pattern − black) / (white − black)` at contrast `white −
+    /// black`, by first-order propagation.
     pub fn normalized_variance(&self, l: f32, contrast: f32, black: f32) -> f32 {
         let pattern = self.variance(black + l * contrast);
         let white = self.variance(black + contrast);
@@ -91,14 +91,15 @@ impl NoiseEstimator {
         }
     }
 
-    /// Fits the model. A level's σ is the mean of its smallest 80 % of responses, scaled to a Gaussian, which edges in the
-    /// picture cannot reach. Never below what quantization with step `lsb` alone gives.
+    /// Fits the model. A level's σ is the mean of its smallest 80 % of responses, scaled to a Gaussian, which edges in
+    /// the picture cannot reach. Never below what quantization with step `lsb` alone gives.
     pub fn finish(&self, lsb: f32) -> NoiseModel {
         // Mean of |z| below its 80 % quantile for a standard Gaussian, and the gain of the mask.
         const TRIMMED: f64 = 0.5587;
         const MASK: f64 = 6.0;
         let floor = f64::from(lsb * lsb) / 12.0;
-        // Weighted least squares of variance against intensity; variance estimates have errors proportional to themselves.
+        // Weighted least squares of variance against intensity; variance estimates have errors proportional to
+        // themselves.
         let (mut s, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (h, (sum, n)) in self.histograms.iter().zip(&self.intensity) {
             if *n < 400 {

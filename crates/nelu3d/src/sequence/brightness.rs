@@ -11,7 +11,7 @@ use super::resample::cubic;
 const AGREEMENT: f32 = 8.0;
 /// Every how many pixels the typical difference is sampled.
 const SAMPLE_STRIDE: usize = 37;
-/// Linear intensity below which a pixel tells nothing.
+/// Linear intensity below which a pixel is not used.
 const MIN_LIGHT: f32 = 0.02;
 /// Radius of the squares over which the change of brightness is averaged, px.
 const TREND_RADIUS: usize = 1;
@@ -25,8 +25,8 @@ pub(super) struct Brightness {
 }
 
 impl Brightness {
-    /// Estimates brightness from a white image, its neighbors before and after, and the motion of its points to them, px.
-    /// Where the three do not show the same, a point's brightness is that of its own image, and does not change.
+    /// Estimates brightness from a white image, its neighbors before and after, and the motion of its points to them,
+    /// px. Where the three do not show the same, a point's brightness is that of its own image, and does not change.
     pub(super) fn estimate(white: &Image, neighbors: [&Image; 2], motion: [&[[f32; 2]]; 2]) -> Self {
         let channels = white.channels;
         let warped = [0, 1].map(|n| warp(white, neighbors[n], motion[n]));
@@ -65,7 +65,8 @@ fn is_lit(px: &[f32]) -> bool {
     px.iter().any(|v| *v > MIN_LIGHT)
 }
 
-/// Returns a neighbor's brightness at the points of a white image, given their motion to it, px; 0 where the image is dark.
+/// Returns a neighbor's brightness at the points of a white image, given their motion to it, px; 0 where the image is
+/// dark.
 fn warp(white: &Image, neighbor: &Image, motion: &[[f32; 2]]) -> Image {
     let (w, channels) = (white.width, white.channels);
     let mut out = Image::new(w, white.height, channels);

@@ -1,5 +1,5 @@
-//! Dense optical flow between two images, coarse to fine: each pixel's motion follows from the gradients in its surroundings
-//! (Lucas and Kanade 1981), and from its neighbors' motion where these say little.
+//! Dense optical flow between two images, coarse to fine: each pixel's motion follows from the gradients in its
+//! surroundings (Lucas and Kanade 1981), and from its neighbors' motion where these say little.
 
 use nelu3d_scan::image::{bilinear, box_mean};
 use nelu3d_scan::statistics::median;
@@ -17,8 +17,8 @@ const RADIUS: usize = 3;
 const SIGMA_PX: f32 = 0.25;
 
 /// Estimates the motion u that takes the pixels of `a` to those of `b`: `b(p + u(p)) = a(p)`, px. Both are channels of
-/// `height × width` values, because a surface may vary in color alone. Noise should not depend on brightness, as that of
-/// the square root of light does not.
+/// `height × width` values, because a surface may vary in color alone. Noise should not depend on brightness, as that
+/// of the square root of light does not.
 ///
 /// # Panics
 ///
@@ -68,7 +68,8 @@ impl Level {
         Self { width: w, height: h, a: self.a.iter().map(reduce).collect(), b: self.b.iter().map(reduce).collect() }
     }
 
-    /// Returns the noise variance of one pixel in a channel, from the second differences in the quieter half of the image.
+    /// Returns the noise variance of one pixel in a channel, from the second differences in the quieter half of the
+    /// image.
     fn noise(&self, channel: usize) -> f32 {
         let rows = self.a[channel].chunks_exact(self.width);
         let mut d: Vec<f32> =
@@ -80,8 +81,8 @@ impl Level {
     /// Improves the motion by one linearization about it.
     fn improve(&self, u: &mut [[f32; 2]], noise: &[f32]) {
         let (w, h) = (self.width, self.height);
-        // Σ gx², gx gy, gy², gx r, gy r over channels, with g the mean gradient of both images; in units of the noise, so
-        // that channels weigh by their precision.
+        // Σ gx², gx gy, gy², gx r, gy r over channels, with g the mean gradient of both images; in units of the noise,
+        // so that channels weigh by their precision.
         let mut sums: [Vec<f32>; 5] = std::array::from_fn(|_| vec![0.0; w * h]);
         for ((a, b), noise) in self.a.iter().zip(&self.b).zip(noise) {
             // Both images have noise.

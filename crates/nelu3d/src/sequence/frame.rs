@@ -117,10 +117,10 @@ pub fn reconstruct_frame(
             out = run(input, previous.as_ref(), &capture, &mut cx)?;
             found = None;
         } else {
-            found = better.filter(|t| tells(speed, t)).or(found);
+            found = better.filter(|t| is_credible(speed, t)).or(found);
         }
     }
-    // A frame that stands still hands on what it was told.
+    // A frame that stands still hands on the time that it started from.
     let pattern_time = found.or(input.state.and_then(|s| s.pattern_time));
     let motion = MotionDiagnostics { settings: input.motion.clone(), speed_px: speed, pattern_time };
     let (surface, reconstruction) = out;
@@ -149,8 +149,8 @@ fn solve_pattern_time(
     PatternTimeProblem { motion, capture, depth, rays: &rays, field: input.field }.solve(near)
 }
 
-/// Returns whether a pattern time is believed: what hardly moves says little about when.
-fn tells(speed: f32, time: &PatternTime) -> bool {
+/// Returns whether a pattern time is credible: a scene that hardly moves determines no time.
+fn is_credible(speed: f32, time: &PatternTime) -> bool {
     speed >= STILL_PX || time.explained >= MIN_EXPLAINED
 }
 
@@ -172,7 +172,7 @@ fn first_pattern_time(
     let (surface, _) = reconstruct_capture(capture, input.camera, input.field, None, &quick, cx)?;
     cx.clock.begin("find the motion");
     let found = solve_pattern_time(input, motion, None, capture, &surface.depth);
-    Ok(found.filter(|t| tells(speed, t)))
+    Ok(found.filter(|t| is_credible(speed, t)))
 }
 
 /// Reconstructs a capture with the settings of a frame.

@@ -1,9 +1,9 @@
 //! Scenes that move: each frame is reconstructed from the previous one, with the white (flash) image as it was when the
 //! pattern was taken.
 //!
-//! A sequence falls into stretches that begin with a keyframe, a frame that uses nothing of the previous one. Every other
-//! frame depends on what the previous frame left ([`FrameState`]) and on the white images of its two neighbors, and on
-//! nothing else: a stretch has the same result whether it is computed alone, in one go, or with interruptions.
+//! A sequence falls into stretches that begin with a keyframe, a frame that uses nothing of the previous one. Every
+//! other frame depends on what the previous frame left ([`FrameState`]) and on the white images of its two neighbors,
+//! and on nothing else: a stretch has the same result whether it is computed alone, in one go, or with interruptions.
 
 mod brightness;
 mod flow;

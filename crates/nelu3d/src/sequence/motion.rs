@@ -1,12 +1,12 @@
 //! Motion between a pattern and its white (flash) image.
 //!
-//! The white image of a frame is taken a part of the frame's duration before or after its pattern. Where something moved in
-//! between, white belongs to other points of the surface than pattern does, and their ratio is no codeword. Where every
-//! point of a white image was a frame earlier and will be a frame later follows from the neighboring frames' white images;
-//! between them it moves with constant acceleration, and its brightness (shading, falloff) changes evenly. So the white
-//! image can be drawn as it was at any time near its own, and that of the pattern is the one at which pattern and white
-//! agree best with the surface. (The paper leaves this to future work, and names the displacement fields of Urakawa and
-//! Watanabe.)
+//! The white image of a frame is taken a part of the frame's duration before or after its pattern. Where something
+//! moved in between, white belongs to other points of the surface than pattern does, and their ratio is no codeword.
+//! Where every point of a white image was a frame earlier and will be a frame later follows from the neighboring
+//! frames' white images; between them it moves with constant acceleration, and its brightness (shading, falloff)
+//! changes evenly. So the white image can be drawn as it was at any time near its own, and that of the pattern is the
+//! one at which pattern and white agree best with the surface. (The paper leaves this to future work, and names the
+//! displacement fields of Urakawa and Watanabe.)
 
 use nelu3d_scan::Image;
 use nelu3d_scan::image::bilinear;
@@ -21,8 +21,8 @@ use crate::reconstruct::interpolate_within;
 /// Pixels whose depths differ by more than this fraction belong to different surfaces.
 const JUMP: f32 = 0.01;
 
-/// Largest fraction of an image's light that its neighbor may leave unexplained. For moving objects it is a few hundredths
-/// (their outlines), for a cut a third and more.
+/// Largest fraction of an image's light that its neighbor may leave unexplained. For moving objects it is a few
+/// hundredths (their outlines), for a cut a third and more.
 const MAX_UNEXPLAINED: f32 = 0.12;
 
 /// How the points of a white image move.
@@ -38,8 +38,8 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Estimates motion from the white image of a frame and those of the frames before and after it. A neighbor that shows
-    /// something else (a cut, an object that enters or leaves) counts as none; `None` without either.
+    /// Estimates motion from the white image of a frame and those of the frames before and after it. A neighbor that
+    /// shows something else (a cut, an object that enters or leaves) counts as none; `None` without either.
     pub fn around(before: Option<&Image>, white: &Image, after: Option<&Image>) -> Option<Self> {
         let (width, height) = (white.width, white.height);
         let here = stabilized(white);
@@ -81,11 +81,12 @@ impl Motion {
         median(&mut speed).unwrap_or(0.0)
     }
 
-    /// Returns the pixel of the white image that shows the point that is at pixel (x, y) `t` frames after it (before it, if
-    /// negative).
+    /// Returns the pixel of the white image that shows the point that is at pixel (x, y) `t` frames after it (before
+    /// it, if negative).
     fn source(&self, x: f32, y: f32, t: f32) -> [f32; 2] {
         let mut p = [x, y];
-        // p + displacement(p, t) = (x, y), solved for p; motion changes slowly over the image, so this converges at once.
+        // p + displacement(p, t) = (x, y), solved for p; motion changes slowly over the image, so this converges at
+        // once.
         for _ in 0..3 {
             let d = [0, 1].map(|c| {
                 let [velocity, acceleration] = self.at(p, c);
@@ -96,8 +97,8 @@ impl Motion {
         p
     }
 
-    /// Returns the previous frame's surface where its points are in this frame: camera z per pixel, mm, as it was then; NaN
-    /// where there was none. Both frames' patterns were taken `t` frames after their white images.
+    /// Returns the previous frame's surface where its points are in this frame: camera z per pixel, mm, as it was then;
+    /// NaN where there was none. Both frames' patterns were taken `t` frames after their white images.
     ///
     /// # Panics
     ///
@@ -167,8 +168,8 @@ fn stabilized(image: &Image) -> Vec<Vec<f32>> {
     (0..image.channels).map(channel).collect()
 }
 
-/// Returns the fraction of the light of image `a` that image `b`, warped by `u`, differs from: Σ |a² − b²| / Σ a² over the
-/// channels and pixels of square roots.
+/// Returns the fraction of the light of image `a` that image `b`, warped by `u`, differs from: Σ |a² − b²| / Σ a² over
+/// the channels and pixels of square roots.
 fn unexplained(a: &[Vec<f32>], b: &[Vec<f32>], u: &[[f32; 2]], [w, h]: [usize; 2]) -> f32 {
     let sums = a.iter().zip(b).map(|(a, b)| {
         let warped = |i: usize| bilinear(b, [w, h], warped_position(i, w, u[i]));
@@ -213,8 +214,8 @@ mod tests {
         assert!((motion.median_px(|_| true) - 3.0).abs() < 0.2);
     }
 
-    /// Brightness that changes evenly along the way is drawn as it was; what only one white image shows is neither mixed in
-    /// nor followed. Three white images have less noise than one.
+    /// Brightness that changes evenly along the way is drawn as it was; what only one white image shows is neither
+    /// mixed in nor followed. Three white images have less noise than one.
     #[test]
     fn light_changes_along_the_way() {
         use rand::SeedableRng;
@@ -282,7 +283,7 @@ mod tests {
         assert!(Motion::around(None, &picture(0.0), None).is_none());
     }
 
-    /// A neighbor that shows something else tells no motion.
+    /// A neighbor that shows something else gives no motion.
     #[test]
     fn a_cut_is_no_motion() {
         let mut other = Image::new(160, 120, 1);

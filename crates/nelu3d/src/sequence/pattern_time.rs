@@ -41,8 +41,8 @@ pub(super) struct PatternTimeProblem<'a> {
 }
 
 impl PatternTimeProblem<'_> {
-    /// Estimates the time of the patterns at which surface and codewords agree best, near `near` if that is known. `None`
-    /// if fewer than a hundred pixels can tell.
+    /// Estimates the time of the patterns at which surface and codewords agree best, near `near` if that is known.
+    /// `None` if fewer than a hundred pixels can tell.
     pub(super) fn solve(&self, near: Option<f32>) -> Option<PatternTime> {
         let all: Vec<usize> = (0..self.depth.len()).filter(|i| self.depth[*i].is_finite()).collect();
         let pixels: Vec<usize> = all.iter().copied().step_by(all.len() / MAX_PIXELS + 1).collect();
@@ -76,7 +76,8 @@ impl PatternTimeProblem<'_> {
         codewords
     }
 
-    /// Saturating χ² between pixel `i` and the surface's codeword `c` there, with the white image drawn at time `t`, frames.
+    /// Saturating χ² between pixel `i` and the surface's codeword `c` there, with the white image drawn at time `t`,
+    /// frames.
     fn pixel_cost(&self, i: usize, c: &[f32], t: f32) -> f64 {
         let white = &self.capture.white;
         let channels = white.channels;
@@ -103,8 +104,8 @@ impl PatternTimeProblem<'_> {
     }
 }
 
-/// Minimizes a smooth cost over time, from a time near the minimum or from the best of [`TRIED`], by parabolas through ever
-/// closer neighbors. Returns the time, frames, and its cost.
+/// Minimizes a smooth cost over time, from a time near the minimum or from the best of [`TRIED`], by parabolas through
+/// ever closer neighbors. Returns the time, frames, and its cost.
 fn minimize(cost: &dyn Fn(f32) -> f64, near: Option<f32>) -> (f32, f64) {
     let (mut frames, mut min) = match near {
         Some(near) => (near, cost(near)),

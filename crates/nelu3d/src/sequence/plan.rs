@@ -51,7 +51,8 @@ impl Plan {
         self.frames.div_ceil(self.keyframe)
     }
 
-    /// Returns the frames of one part: whole stretches, as evenly as possible. Empty if there are more parts than stretches.
+    /// Returns the frames of one part: whole stretches, as evenly as possible. Empty if there are more parts than
+    /// stretches.
     pub fn part(&self, shard: Shard) -> Range<usize> {
         let edge = |i: usize| (i * self.stretches() / shard.of * self.keyframe).min(self.frames);
         edge(shard.index - 1)..edge(shard.index)

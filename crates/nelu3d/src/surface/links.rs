@@ -2,14 +2,14 @@
 
 use nelu3d_scan::Camera;
 
-/// Links between neighboring pixels that belong to one surface: per pixel, bit 0 to the right neighbor, bit 1 to the one
-/// below.
+/// Links between neighboring pixels that belong to one surface: per pixel, bit 0 to the right neighbor, bit 1 to the
+/// one below.
 pub struct Links(Vec<u8>);
 
 impl Links {
-    /// Links neighbors whose depths differ by no more than the surface's own slope explains. A step is a jump when it is
-    /// larger than `max_slope` (depth per lateral distance, both mm) and also larger than four times the steps next to it
-    /// in the same direction.
+    /// Links neighbors whose depths differ by no more than the surface's own slope explains. A step is a jump when it
+    /// is larger than `max_slope` (depth per lateral distance, both mm) and also larger than four times the steps next
+    /// to it in the same direction.
     pub fn new(depth: &[f32], camera: &Camera, max_slope: f32) -> Self {
         let (w, h) = (camera.width, camera.height);
         let lateral = 1.0 / (0.5 * (camera.fx + camera.fy)) as f32;

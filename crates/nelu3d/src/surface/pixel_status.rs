@@ -56,8 +56,8 @@ impl PixelStatus {
         }
     }
 
-    /// Returns the percentages of underexposed, saturated, outside and ambiguous pixels in words, for a message that says
-    /// why nothing was reconstructed; `volume` names what the pixels are outside of.
+    /// Returns the percentages of underexposed, saturated, outside and ambiguous pixels in words, for a message that
+    /// says why nothing was reconstructed; `volume` names what the pixels are outside of.
     pub fn describe_rejections(status: &[PixelStatus], volume: &str) -> String {
         let percent = |s: PixelStatus| status.iter().filter(|v| **v == s).count() as f64 / status.len() as f64 * 100.0;
         format!(

@@ -4,8 +4,8 @@ use nelu3d_scan::{Image, Mesh};
 
 use super::PixelStatus;
 
-/// The maps that a method finds, one value per pixel, row by row. Only `depth` and `status` decide which pixels are valid: where
-/// either says that there is no depth, the other maps are taken for NaN.
+/// The maps that a method finds, one value per pixel, row by row. Only `depth` and `status` decide which pixels are
+/// valid: where either says that there is no depth, the other maps are taken for NaN.
 #[derive(Clone, Debug)]
 pub struct SurfaceMaps {
     /// Camera z, mm; NaN where there is none.

@@ -41,7 +41,7 @@ const MAX_K: usize = 4096;
 const MAX_NODES: usize = 1 << 28;
 
 impl Header {
-    /// Refuses what a damaged or foreign file could say that no field has, and says what is wrong.
+    /// Checks for values that a damaged or foreign file may have and no field has; the error names what is wrong.
     pub(super) fn check(&self) -> Result<(), String> {
         let expect = |good: bool, what: &str| if good { Ok(()) } else { Err(what.to_owned()) };
         let (cells, k) = match &self.form {

@@ -14,8 +14,8 @@ use crate::color_field::grid::Grid;
 use crate::color_field::hash::HashForm;
 use crate::color_field::validity::{Validity, ValidityShape};
 
-/// Why a form that was read makes no sense.
-const MISFIT: &str = "its network and its parameters do not fit";
+/// The reason for rejecting parameters that do not belong to their network.
+const NETWORK_MISMATCH: &str = "its network and its parameters do not fit";
 
 /// A checkpoint in memory.
 struct Checkpoint<'a> {
@@ -29,7 +29,8 @@ impl Checkpoint<'_> {
         malformed(self.path, reason)
     }
 
-    /// Returns the bytes of a tensor. Sizes are compared with what is in the file before anything of that size is allocated.
+    /// Returns the bytes of a tensor. Sizes are compared with what is in the file before anything of that size is
+    /// allocated.
     fn tensor(&self, name: &str, dtype: Dtype, sizes: &[usize]) -> Result<Vec<u8>, CheckpointError> {
         let t = self.tensors.tensor(name).map_err(|e| self.malformed(e.to_string()))?;
         let product = |sizes: &[usize]| sizes.iter().try_fold(1usize, |n, s| n.checked_mul(*s));
@@ -63,12 +64,13 @@ impl Checkpoint<'_> {
             }
             FormHeader::Hash(shape) => {
                 let params = self.floats("params", &[shape.n_params])?;
-                let form = HashForm::from_params(*shape, params).ok_or_else(|| self.malformed(MISFIT))?;
+                let form = HashForm::from_params(*shape, params).ok_or_else(|| self.malformed(NETWORK_MISMATCH))?;
                 Ok(Form::Hash(Box::new(form)))
             }
             FormHeader::Frequency(shape) => {
                 let params = self.floats("params", &[shape.n_params])?;
-                let form = FrequencyForm::from_params(*shape, params).ok_or_else(|| self.malformed(MISFIT))?;
+                let form =
+                    FrequencyForm::from_params(*shape, params).ok_or_else(|| self.malformed(NETWORK_MISMATCH))?;
                 Ok(Form::Frequency(Box::new(form)))
             }
         }

@@ -1,8 +1,8 @@
 //! The samples' part of the normal equations, Bᵀ Ω B, applied without being formed: B evaluates the spline at the bins.
 //!
-//! A sample touches 64 nodes: 16 runs of four neighbors along w, which with their channels are 4 k consecutive numbers. All
-//! work is on whole runs: 16 multiply-adds of runs to evaluate, 16 to spread. Both loops read and write what the cache
-//! holds, as bins are in the order of the nodes.
+//! A sample touches 64 nodes: 16 runs of four neighbors along w, which with their channels are 4 k consecutive numbers.
+//! All work is on whole runs: 16 multiply-adds of runs to evaluate, 16 to spread. Both loops read and write what the
+//! cache holds, as bins are in the order of the nodes.
 
 use nelu3d_field::lattice::{self, weights_by_product};
 use rayon::prelude::*;
@@ -25,7 +25,8 @@ pub(super) struct Normal<'a> {
 /// The samples in the cells of a stripe.
 #[derive(Default)]
 struct Located {
-    /// Per sample: the beginning of the first of its runs, counted from the stripe's, and its position in the cell, 0..1.
+    /// Per sample: the beginning of the first of its runs, counted from the stripe's, and its position in the cell,
+    /// 0..1.
     positions: Vec<(u32, [f32; 3])>,
     /// Weights Σω, `[sample][channel]`.
     omegas: Vec<f32>,
@@ -48,8 +49,8 @@ struct Strides {
     column: usize,
 }
 
-/// Returns the spline weights at a position in a cell: four arrays, one per weight, of one lane per axis, so that the three
-/// axes lie side by side in vector registers; the fourth lane is idle. See [`weights_by_product`].
+/// Returns the spline weights at a position in a cell: four arrays, one per weight, of one lane per axis, so that the
+/// three axes lie side by side in vector registers; the fourth lane is idle. See [`weights_by_product`].
 #[inline(always)]
 fn lanes(position: [f32; 3]) -> [[f32; 4]; 4] {
     let position = [position[0], position[1], position[2], 0.0];
@@ -168,8 +169,8 @@ impl<'a> Normal<'a> {
         (first..last).for_each(|b| self.bins.for_each_in_row(b, &mut visit));
     }
 
-    /// Calls `f(stripe, part of out, beginning of the part)` for every stripe. Stripes of the same parity touch disjoint rows
-    /// of nodes, so each parity runs in parallel and the order of additions is fixed.
+    /// Calls `f(stripe, part of out, beginning of the part)` for every stripe. Stripes of the same parity touch
+    /// disjoint rows of nodes, so each parity runs in parallel and the order of additions is fixed.
     fn by_stripes(&self, out: &mut [f32], f: impl Fn(usize, &mut [f32], usize) + Sync) {
         let row = self.strides().row;
         for parity in 0..2 {
@@ -183,7 +184,8 @@ impl<'a> Normal<'a> {
         }
     }
 
-    /// Returns Σ ω b² per coefficient. Precisions of channels differ as their intensities do, at the scale of the pattern.
+    /// Returns Σ ω b² per coefficient. Precisions of channels differ as their intensities do, at the scale of the
+    /// pattern.
     pub(super) fn diagonal(&self) -> Vec<f32> {
         let mut diag = vec![0.0; (self.cells[1] + 3) * self.strides().row];
         with_run!(self.k, self.add_diagonal(&mut diag));

@@ -1,7 +1,7 @@
 //! How smooth the fitted spline is.
 
-/// Weights of the penalty on second differences, as fractions of a typical node's sample weight: how smooth the spline is
-/// where samples do not say otherwise.
+/// Weights of the penalty on second differences, as fractions of a typical node's sample weight: how smooth the spline
+/// is where samples do not say otherwise.
 #[derive(Clone, Copy, Debug)]
 pub struct Smoothness {
     /// Weight across (a, b).

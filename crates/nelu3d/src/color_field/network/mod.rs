@@ -1,8 +1,8 @@
-//! What the forms with a network share: their state and checkpoint ([`NetworkForm`], [`NetworkShape`]), the samples that
-//! they are trained on, and how they become a spline.
+//! What the forms with a network share: their state and checkpoint ([`NetworkForm`], [`NetworkShape`]), the samples
+//! that they are trained on, and how they become a spline.
 //!
-//! To add such a form: implement [`Network`](contract::Network) for its network, and write settings with a `train` of their own, as
-//! [`super::hash`] and [`super::frequency`] do.
+//! To add such a form: implement [`Network`](contract::Network) for its network, and write settings with a `train` of
+//! their own, as [`super::hash`] and [`super::frequency`] do.
 
 mod contract;
 mod form;

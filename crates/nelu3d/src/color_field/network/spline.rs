@@ -24,8 +24,8 @@ pub(in crate::color_field) fn spline_through(
     grid
 }
 
-/// Turns, along one axis, values at the nodes of a uniform cubic B-spline into its coefficients, in place: the `n` nodes of
-/// a line lie `stride` apart, the first and last outside the interval, whose values are not read.
+/// Turns, along one axis, values at the nodes of a uniform cubic B-spline into its coefficients, in place: the `n`
+/// nodes of a line lie `stride` apart, the first and last outside the interval, whose values are not read.
 ///
 /// Interior: `(c₋ + 4 c + c₊) / 6 = v`. At the ends of the interval the second derivative `c₋ − 2 c + c₊` is 0, so
 /// `c = v` there. The rest is a tridiagonal system, solved by elimination.

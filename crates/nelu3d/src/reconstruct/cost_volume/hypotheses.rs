@@ -10,8 +10,8 @@ use crate::surface::PixelStatus;
 /// Largest shift across (a, b) from one depth hypothesis to the next, pixels: the unit of depth of the refinement.
 pub(crate) const HYPOTHESIS_PX: f32 = 0.7;
 
-/// Returns one set of depth hypotheses for all valid pixels, even in 1/z (1/mm), spaced so that no codeword changes by more
-/// than a fraction of a grid cell from one to the next. Pixels whose rays miss the calibrated volume are marked
+/// Returns one set of depth hypotheses for all valid pixels, even in 1/z (1/mm), spaced so that no codeword changes by
+/// more than a fraction of a grid cell from one to the next. Pixels whose rays miss the calibrated volume are marked
 /// [`PixelStatus::OutsideVolume`]; `None` if all do.
 pub(crate) fn depth_hypotheses(
     m: &mut Measurements,
@@ -40,8 +40,8 @@ pub(crate) fn depth_hypotheses(
     Some(DepthHypotheses { first: lo, spacing: (hi - lo) / (count - 1) as f32, count })
 }
 
-/// Returns the number of hypotheses for which no ray's point shifts by more than 0.7 of a pixel's width across (a, b) from
-/// one to the next.
+/// Returns the number of hypotheses for which no ray's point shifts by more than 0.7 of a pixel's width across (a, b)
+/// from one to the next.
 fn hypothesis_count(valid: &[usize], rays: &CameraRays, grid: &SplineEvaluator<'_>, lo: f32, hi: f32) -> usize {
     let mut longest = 0.0f32;
     for i in valid.iter().step_by((valid.len() / 500).max(1)) {
@@ -52,8 +52,8 @@ fn hypothesis_count(valid: &[usize], rays: &CameraRays, grid: &SplineEvaluator<'
     (longest / HYPOTHESIS_PX).ceil() as usize + 1
 }
 
-/// Returns the standard deviation of a typical pixel's own depth, in hypotheses: the median over pixels of what noise and
-/// slope of c allow, averaged over depth.
+/// Returns the standard deviation of a typical pixel's own depth, in hypotheses: the median over pixels of what noise
+/// and slope of c allow, averaged over depth.
 pub(crate) fn depth_noise(m: &Measurements, rays: &CameraRays, grid: &SplineEvaluator<'_>) -> f32 {
     let valid: Vec<usize> = (0..m.n()).filter(|i| m.status[*i] == PixelStatus::Valid).collect();
     let k = m.k;

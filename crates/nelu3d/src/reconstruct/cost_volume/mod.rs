@@ -1,18 +1,18 @@
 //! Decoding: a cost volume over the frozen color field, aggregated across neighbors.
 //!
-//! c is known, so the cost E(t) of c(x(t)) as an explanation of a pixel's codeword is known along every ray before anything
-//! is optimized. Costs are in units of −2 log likelihood (χ²), and so are the penalties between neighbors: −2 log of the
-//! prior probability of a step or a jump in depth. The minimum over all depth hypotheses and neighbors is approached by
-//! semi-global matching along eight directions (Hirschmüller 2008), in [`nelu3d_field::cost_volume`]. This folder turns
-//! measurements and camera rays into its problem, and its answer into depth.
+//! c is known, so the cost E(t) of c(x(t)) as an explanation of a pixel's codeword is known along every ray before
+//! anything is optimized. Costs are in units of −2 log likelihood (χ²), and so are the penalties between neighbors: −2
+//! log of the prior probability of a step or a jump in depth. The minimum over all depth hypotheses and neighbors is
+//! approached by semi-global matching along eight directions (Hirschmüller 2008), in [`nelu3d_field::cost_volume`].
+//! This folder turns measurements and camera rays into its problem, and its answer into depth.
 
+mod chi2;
 mod hypotheses;
-mod misfit;
 mod problem;
 mod settings;
 
+pub(crate) use chi2::{chi2_of_codeword, saturation};
 pub(crate) use hypotheses::{HYPOTHESIS_PX, depth_hypotheses, depth_noise};
-pub(crate) use misfit::{chi2_of_codeword, saturation};
 pub use settings::CostVolumeSettings;
 
 use nelu3d_field::cost_volume::Winner;

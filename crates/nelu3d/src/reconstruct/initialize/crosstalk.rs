@@ -1,8 +1,8 @@
 //! Estimates the crosstalk matrix of a color camera from a scene.
 //!
-//! The matrix has six free numbers. Any object with colors determines them, once its depth is roughly known: thousands of
-//! pixels measure codewords of the field through combinations that depend on nothing else. On gray objects the matrix has no
-//! effect and need not be known.
+//! The matrix has six free numbers. Any object with colors determines them, once its depth is roughly known: thousands
+//! of pixels measure codewords of the field through combinations that depend on nothing else. On gray objects the
+//! matrix has no effect and need not be known.
 
 use nalgebra::{SMatrix, SVector, Vector3};
 use nelu3d_scan::least_squares::{self, LmSettings, SingularSystem};
@@ -25,8 +25,9 @@ const MAX_PIXELS: usize = 6_000;
 /// χ² at which a residual's weight has fallen to a quarter (Geman-McClure).
 const CUT: f64 = 18.0;
 
-/// Estimates crosstalk matrix and surface by turns, because each improves the other. `measured` are the measurements before
-/// any correction, `board` is white − black of the board per channel; `m` and `depth` always belong to `crosstalk`.
+/// Estimates crosstalk matrix and surface by turns, because each improves the other. `measured` are the measurements
+/// before any correction, `board` is white − black of the board per channel; `m` and `depth` always belong to
+/// `crosstalk`.
 pub(super) fn alternate(
     decoder: &Decoder<'_>,
     measured: &Measurements,
@@ -180,8 +181,8 @@ impl least_squares::Problem for Problem {
     }
 }
 
-/// Estimates the crosstalk matrix from measurements before any correction of a surface with inverse depth `inv_z` (NaN where
-/// there is none), beginning at `start`, by Levenberg–Marquardt. `None` if too few pixels can tell.
+/// Estimates the crosstalk matrix from measurements before any correction of a surface with inverse depth `inv_z` (NaN
+/// where there is none), beginning at `start`, by Levenberg–Marquardt. `None` if too few pixels can tell.
 fn estimate(
     m: &Measurements,
     inv_z: &[f32],

@@ -87,7 +87,8 @@ fn reduced_camera(camera: &Camera, factor: usize) -> Camera {
     }
 }
 
-/// Returns the decoded surface at the valid pixels of the full image, from that of a reduced image of size `[width, height]`.
+/// Returns the decoded surface at the valid pixels of the full image, from that of a reduced image of size `[width,
+/// height]`.
 fn expand(reduced: &InitialDepth, factor: usize, [width, height]: [usize; 2], m: &Measurements) -> InitialDepth {
     let mut inv_z = vec![f32::NAN; m.n()];
     let half = (factor as f32 - 1.0) / 2.0;

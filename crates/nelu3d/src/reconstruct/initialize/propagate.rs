@@ -1,5 +1,5 @@
-//! Initialization from the previous frame's surface: a few depth hypotheses around it instead of the whole volume, and the
-//! whole volume only where nothing near the previous surface explains what is measured now.
+//! Initialization from the previous frame's surface: a few depth hypotheses around it instead of the whole volume, and
+//! the whole volume only where nothing near the previous surface explains what is measured now.
 
 use nelu3d_scan::image::box_mean;
 use nelu3d_scan::statistics::median;
@@ -12,8 +12,8 @@ use crate::sensor::Measurements;
 use crate::surface::PixelStatus;
 
 /// Returns the initial surface from that of the previous frame, `previous` (camera z per pixel, mm; NaN where there was
-/// none), and the fraction of its pixels that were decoded in the whole volume all the same. `None` if the previous surface says too
-/// little about this frame.
+/// none), and the fraction of its pixels that were decoded in the whole volume all the same. `None` if the previous
+/// surface says too little about this frame.
 pub(super) fn start(decoder: &Decoder<'_>, previous: &[f32], m: &mut Measurements) -> Option<(InitialDepth, f32)> {
     let settings = decoder.settings;
     let max_hypotheses = settings.cost_volume.max_hypotheses;
@@ -101,8 +101,8 @@ fn propagate(decoder: &Decoder<'_>, m: &Measurements, previous: &[f32], step: f3
     Propagated { inv_z, wrong, wrong_fraction }
 }
 
-/// Searches around the inverse depths `near`, 1/mm, at the pixels `on`, by the mean χ² over squares of every offset: what
-/// moves together has one offset.
+/// Searches around the inverse depths `near`, 1/mm, at the pixels `on`, by the mean χ² over squares of every offset:
+/// what moves together has one offset.
 fn best_offsets(decoder: &Decoder<'_>, m: &Measurements, near: &[f32], on: &[bool], step: f32) -> Offsets {
     let (w, h, n, k) = (m.width, m.height, m.n(), m.k);
     let s = &decoder.settings.propagation;

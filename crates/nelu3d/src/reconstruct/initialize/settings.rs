@@ -7,7 +7,7 @@ use serde::Serialize;
 pub struct PropagationSettings {
     /// Number of depth hypotheses on either side of the previous surface.
     pub search_range: i32,
-    /// Radius of the squares that move alike, px; larger where a single pixel tells little.
+    /// Radius of the squares that move alike, px; larger where single pixels are noisy.
     pub radius: usize,
     /// Radius over which offsets are averaged, px: the previous surface keeps its shape, and the noise of one pixel's
     /// offset is averaged out.

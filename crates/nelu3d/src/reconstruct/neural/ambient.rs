@@ -38,8 +38,8 @@ impl AmbientField {
         Self { kind, field: HashField::new(config, seed).expect("the published configuration is valid") }
     }
 
-    /// Evaluates the ambient fractions, `[ray][channel]`, at points in the unit square of the image, given I_white there,
-    /// `[ray][channel]`.
+    /// Evaluates the ambient fractions, `[ray][channel]`, at points in the unit square of the image, given I_white
+    /// there, `[ray][channel]`.
     pub(super) fn query(&self, image_points: &[[f32; 2]], white: &[f32], out: &mut Vec<f32>) {
         out.clear();
         out.resize(white.len(), 0.0);

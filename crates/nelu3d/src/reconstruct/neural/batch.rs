@@ -27,8 +27,8 @@ pub(super) struct TrainingPixels {
 }
 
 impl TrainingPixels {
-    /// Selects the pixels of a scene. The mask M is 1 where white is bright enough; saturated pixels and those outside the
-    /// calibrated volume are not used. `None` if no pixel is lit.
+    /// Selects the pixels of a scene. The mask M is 1 where white is bright enough; saturated pixels and those outside
+    /// the calibrated volume are not used. `None` if no pixel is lit.
     pub(super) fn new(m: &Measurements, rays: &CameraRays, background: Background) -> Option<Self> {
         let usable = |i: usize| {
             let [near, far] = rays.range[i];

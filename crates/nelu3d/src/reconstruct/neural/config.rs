@@ -1,7 +1,8 @@
-//! The published configuration of a signed distance field in a box, trained and rendered through rays: what recipe `paper`
-//! and TurboSL share (TurboSL's public configuration).
+//! The published configuration of a signed distance field in a box, trained and rendered through rays: what recipe
+//! `paper` and TurboSL share (TurboSL's public configuration).
 //!
-//! The box is a cube of [`SIDE`] units; distances, inv_s and the losses are in units, everything outside this module in mm.
+//! The box is a cube of [`SIDE`] units; distances, inv_s and the losses are in units, everything outside this module in
+//! mm.
 
 use nelu3d_field::adam::{AdamConfig, Schedule};
 use nelu3d_field::encoding::hash_grid::HashGridConfig;
@@ -21,7 +22,8 @@ pub const STEPS_PER_DIAGONAL: f64 = 1024.0;
 /// Weight of the mask loss, as published.
 pub const MASK_WEIGHT: f64 = 0.1;
 
-/// Returns the optimizer of a field over `n_steps` steps: warm-up from 1 % over 500 steps, then exponential decay to a tenth.
+/// Returns the optimizer of a field over `n_steps` steps: warm-up from 1 % over 500 steps, then exponential decay to a
+/// tenth.
 fn training(learning_rate: f64, n_steps: usize) -> TrainConfig {
     let n_warmup_steps = 500.min(n_steps as u64 / 4);
     TrainConfig {
@@ -45,8 +47,8 @@ fn encoding<const D: usize>(log2_hashmap_size: u32) -> HashGridConfig<D> {
     }
 }
 
-/// Returns the published signed distance field (method.md §3): 2^19 entries, xyz appended, 2 × 64 ReLU with weight normalization,
-/// learning rate 8e-4, inv_s = exp(10 v) with v = 0.3 at the start.
+/// Returns the published signed distance field (method.md §3): 2^19 entries, xyz appended, 2 × 64 ReLU with weight
+/// normalization, learning rate 8e-4, inv_s = exp(10 v) with v = 0.3 at the start.
 pub fn surface_config(loss: SurfaceLoss, n_steps: usize) -> SurfaceConfig {
     const LEARNING_RATE: f64 = 8e-4;
     let field = HashFieldConfig {
@@ -93,8 +95,8 @@ pub fn update_occupancy(grid: &mut OccupancyGrid, surface: &NeuralSurface, step:
     });
 }
 
-/// Returns the number of rays of the next step: it grows from [`FIRST_RAYS`] towards [`MAX_RAYS`] while a step has fewer
-/// samples than `target`.
+/// Returns the number of rays of the next step: it grows from [`FIRST_RAYS`] towards [`MAX_RAYS`] while a step has
+/// fewer samples than `target`.
 pub fn next_ray_count(n_rays: usize, n_samples: usize, target: usize) -> usize {
     if n_samples == 0 {
         return MAX_RAYS;

@@ -1,9 +1,9 @@
-//! Recipe `paper`: the published reconstruction (paper, Sec. 3; settings in TurboSL's public configuration, from which it
-//! derives).
+//! Recipe `paper`: the published reconstruction (paper, Sec. 3; settings in TurboSL's public configuration, from which
+//! it derives).
 //!
-//! A hash-encoded signed distance field is trained from a plane or sphere by volume rendering of the frozen color field,
-//! with an ambient term A(u, v) over the image, for 10,000 iterations. Nothing of what recipe `fast` knows (noise,
-//! ambiguity, depth jumps, interreflection) is used. Fig. 7's ablations are settings.
+//! A hash-encoded signed distance field is trained from a plane or sphere by volume rendering of the frozen color
+//! field, with an ambient term A(u, v) over the image, for 10,000 iterations. Nothing of what recipe `fast` knows
+//! (noise, ambiguity, depth jumps, interreflection) is used. Fig. 7's ablations are settings.
 
 mod ambient;
 mod batch;
@@ -92,8 +92,8 @@ fn reject_transparent(scene: &mut Scene<'_>, view: &RenderedView) -> Result<(), 
     if view.depth.iter().all(|z| z.is_nan()) { Err(nothing_left(&m.status)) } else { Ok(()) }
 }
 
-/// Returns the RMS residual of the normalized intensities, and the ambient fraction, mean over channels, per pixel; NaN where
-/// there is no depth.
+/// Returns the RMS residual of the normalized intensities, and the ambient fraction, mean over channels, per pixel; NaN
+/// where there is no depth.
 fn residuals(scene: &Scene<'_>, view: &RenderedView, ambient: &AmbientField) -> (Vec<f32>, Vec<f32>) {
     let (m, rays, spline) = (&scene.measurements, &scene.rays, scene.spline());
     let fractions = ambient.fractions(m);

@@ -106,8 +106,8 @@ impl<'a> DeviceScene<'a> {
         }
     }
 
-    /// Trains what is in `parts`, and returns the number of iterations that are done and of the rays of the last: all, or those
-    /// up to the last checkpoint of a device that failed.
+    /// Trains what is in `parts`, and returns the number of iterations that are done and of the rays of the last: all,
+    /// or those up to the last checkpoint of a device that failed.
     pub(super) fn train(
         &self,
         gpu: &Arc<Gpu>,

@@ -20,8 +20,8 @@ use crate::reconstruct::observer::Stage;
 use crate::reconstruct::options::ReconstructionOptions;
 use crate::reconstruct::scene::Scene;
 
-/// Every how many samples the eikonal loss is evaluated. It is a mean over samples, which every fourth of a step estimates
-/// as well, for two thirds of the time.
+/// Every how many samples the eikonal loss is evaluated. It is a mean over samples, which every fourth of a step
+/// estimates as well, for two thirds of the time.
 const EIKONAL_EVERY: usize = 4;
 
 /// A training and its state.
@@ -78,8 +78,8 @@ impl<'a> Training<'a> {
         self.run_on_cpu(done, cx)
     }
 
-    /// Trains on the device, if it is a GPU; returns the number of iterations that are done: all, or those up to the last
-    /// checkpoint of a device that failed.
+    /// Trains on the device, if it is a GPU; returns the number of iterations that are done: all, or those up to the
+    /// last checkpoint of a device that failed.
     #[cfg(feature = "gpu")]
     fn run_on_gpu(&mut self, cx: &mut Context<'_>) -> Result<usize, Failure> {
         let Device::Gpu(gpu) = cx.device.clone() else { return Ok(0) };

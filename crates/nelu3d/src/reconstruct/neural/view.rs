@@ -53,8 +53,8 @@ pub fn render(surface: &NeuralSurface, bounds: &Bounds, grid: &OccupancyGrid, ra
             let (w, t) = (&weights[ray[0]..ray[1]], &samples.t[ray[0]..ray[1]]);
             let (mut o, mut first, mut second) = (0.0f64, 0.0f64, 0.0f64);
             for (j, &w) in w.iter().enumerate() {
-                // A weight belongs to the interval behind its sample. Across a gap in the occupied part the surface lies at
-                // its near end.
+                // A weight belongs to the interval behind its sample. Across a gap in the occupied part the surface
+                // lies at its near end.
                 let gap = t.get(j + 1).map_or(0.0, |next| f64::from(next - t[j]));
                 let at = f64::from(t[j]) + 0.5 * gap.min(1.5 * super::march::step_mm(bounds));
                 let w = f64::from(w);

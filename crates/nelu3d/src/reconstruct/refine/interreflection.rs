@@ -1,16 +1,16 @@
-//! Interreflection: light that reached a pixel from the rest of the scene, gathered from the surface as reconstructed so
-//! far.
+//! Interreflection: light that reached a pixel from the rest of the scene, gathered from the surface as reconstructed
+//! so far.
 //!
-//! A diffuse point x of albedo ρ that receives E c from the light source and I from the surface around it shows
-//! ρ/π (E c + I). What arrives from a patch y is what y shows, and that is in the captures themselves, all bounces
-//! included: under pattern j, I_j(x) = Σ_y L_j(y) A_y cos θ_x cos θ_y / r², and likewise for white (the rendering equation,
-//! Kajiya 1986, with the captures in place of its recursion). With s = I_j / I_white, the codeword is
-//! c + b (s − c), where b = ρ I_white / (π L_white(x)). So s and b/ρ follow from the surface and the captures; the albedo is
-//! all that remains to be estimated. What the camera does not see throws light, too: that part is the unseen indirect light
-//! of [`super::light_fractions`].
+//! A diffuse point x of albedo ρ that receives E c from the light source and I from the surface around it shows ρ/π (E
+//! c + I). What arrives from a patch y is what y shows, and that is in the captures themselves, all bounces included:
+//! under pattern j, I_j(x) = Σ_y L_j(y) A_y cos θ_x cos θ_y / r², and likewise for white (the rendering equation,
+//! Kajiya 1986, with the captures in place of its recursion). With s = I_j / I_white, the codeword is c + b (s − c),
+//! where b = ρ I_white / (π L_white(x)). So s and b/ρ follow from the surface and the captures; the albedo is all that
+//! remains to be estimated. What the camera does not see throws light, too: that part is the unseen indirect light of
+//! [`super::light_fractions`].
 //!
-//! Occlusion between x and y is neglected: testing it against the depth map changed no error by more than 1 % and cost more
-//! than all the rest.
+//! Occlusion between x and y is neglected: testing it against the depth map changed no error by more than 1 % and cost
+//! more than all the rest.
 
 use rayon::prelude::*;
 
@@ -39,8 +39,8 @@ pub(super) struct GatherSurface<'a> {
 }
 
 impl<'a> GatherSurface<'a> {
-    /// Makes points and normals from inverse depths (1/mm) and their slopes (1/mm per pixel along x and y). A plane is linear in 1/z over the image:
-    /// 1/z = α + β x/z + γ y/z means that (β, γ, α) is normal to it.
+    /// Makes points and normals from inverse depths (1/mm) and their slopes (1/mm per pixel along x and y). A plane is
+    /// linear in 1/z over the image: 1/z = α + β x/z + γ y/z means that (β, γ, α) is normal to it.
     pub(super) fn new(
         window: &'a Window,
         active: &'a [bool],
@@ -162,8 +162,8 @@ impl Patches {
         self.area.push(total);
     }
 
-    /// Sums over patches the radiance of each times its form factor from a point, cos θ_x cos θ_y A / (π r² + A): that of a
-    /// disc that faces the point, finite however near. `factors` is scratch, one per patch.
+    /// Sums over patches the radiance of each times its form factor from a point, cos θ_x cos θ_y A / (π r² + A): that
+    /// of a disc that faces the point, finite however near. `factors` is scratch, one per patch.
     fn gather(&self, x: [f32; 3], n: [f32; 3], factors: &mut [f32], out: &mut [f32]) {
         let count = factors.len();
         let [px, py, pz] = [&self.x[0][..count], &self.x[1][..count], &self.x[2][..count]];
@@ -188,7 +188,8 @@ impl Patches {
 }
 
 /// Gathers the interreflection of every active pixel. It is smooth: the surface reflects light as at most `max_patches`
-/// patches, and light is gathered at every second pixel of every second row and interpolated where the surface is smooth.
+/// patches, and light is gathered at every second pixel of every second row and interpolated where the surface is
+/// smooth.
 pub(super) fn gather(
     s: &GatherSurface<'_>,
     m: &Measurements,
@@ -268,8 +269,8 @@ impl GatherSurface<'_> {
 mod tests {
     use super::*;
 
-    /// Two walls that meet at a right angle in the line x = 0, z = 500, each 45° to the view: 1/z is linear on either side.
-    /// Above a point of one wall at distance d from the crease, the other wall, if it were endless, would cover
+    /// Two walls that meet at a right angle in the line x = 0, z = 500, each 45° to the view: 1/z is linear on either
+    /// side. Above a point of one wall at distance d from the crease, the other wall, if it were endless, would cover
     /// (1 − d/√(d² + L²)) / 2 of the cosine-weighted hemisphere for a wall of width L.
     #[test]
     fn a_corner_gathers_what_its_form_factors_say() {

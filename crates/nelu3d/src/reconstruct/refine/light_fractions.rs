@@ -1,12 +1,12 @@
-//! The fractions of a pixel's light that did not come directly from the light source: ambient light, interreflection from
-//! the surface that the camera sees, and unseen indirect light.
+//! The fractions of a pixel's light that did not come directly from the light source: ambient light, interreflection
+//! from the surface that the camera sees, and unseen indirect light.
 //!
-//! A pixel's codeword is `c + a (1 − c) + g (s − c) + b (s̄ − c)`. Ambient light has codeword 1 (white and pattern have it
-//! alike) and fraction a. The light gathered from the reconstructed surface has codeword s and fraction
-//! g = ρ · [`Interreflection::per_albedo`]. Indirect light from outside the camera's view has, to first order, the mean
-//! codeword s̄ of the surroundings and a fraction b that changes slowly over the image. The albedo ρ is one number per color
-//! channel and scene. Ambient light falls on a surface however it faces the light source, so what is smooth is not its
-//! fraction but its fraction times white − black.
+//! A pixel's codeword is `c + a (1 − c) + g (s − c) + b (s̄ − c)`. Ambient light has codeword 1 (white and pattern have
+//! it alike) and fraction a. The light gathered from the reconstructed surface has codeword s and fraction g = ρ ·
+//! [`Interreflection::per_albedo`]. Indirect light from outside the camera's view has, to first order, the mean
+//! codeword s̄ of the surroundings and a fraction b that changes slowly over the image. The albedo ρ is one number per
+//! color channel and scene. Ambient light falls on a surface however it faces the light source, so what is smooth is
+//! not its fraction but its fraction times white − black.
 
 use nelu3d_field::cost_volume::LightFractionEquations;
 use nelu3d_scan::image::box_mean;
@@ -56,7 +56,8 @@ pub(super) struct LightFractions<'a> {
     pub(super) interreflection: Option<Interreflection>,
 }
 
-/// Largest fraction of ambient light. Beyond such limits a codeword tells more about its surroundings than about itself.
+/// Largest fraction of ambient light. Beyond such limits a codeword tells more about its surroundings than about
+/// itself.
 const MAX_AMBIENT: f32 = 0.6;
 /// Largest fraction of interreflection.
 const MAX_GATHERED: f32 = 0.7;
@@ -94,8 +95,8 @@ impl<'a> LightFractions<'a> {
         }
     }
 
-    /// Returns what pixel `i` of the window, pixel `px` of the image, should have measured in channel `j`, where the color
-    /// field is `c`.
+    /// Returns what pixel `i` of the window, pixel `px` of the image, should have measured in channel `j`, where the
+    /// color field is `c`.
     #[inline]
     pub(super) fn explain(&self, i: usize, px: usize, j: usize, c: f32) -> f32 {
         let f = self.of_pixels[i * self.channels + j % self.channels];
@@ -119,8 +120,9 @@ impl<'a> LightFractions<'a> {
         robust * robust
     }
 
-    /// Returns the albedo that explains the gathered light best, all pixels together. A wrong depth can imitate indirect
-    /// light, so what counts is what no change of depth explains, where a pixel has enough patterns to tell the two apart.
+    /// Returns the albedo that explains the gathered light best, all pixels together. A wrong depth can imitate
+    /// indirect light, so what counts is what no change of depth explains, where a pixel has enough patterns to tell
+    /// the two apart.
     fn estimate_albedo(&self, rendered: &[f32], channel: usize) -> f32 {
         let (m, k, channels) = (self.m, self.m.k, self.channels);
         let Some(gathered) = &self.interreflection else { return 0.0 };

@@ -1,12 +1,12 @@
 //! Refinement by narrow-band volume rendering, to the accuracy that the noise allows.
 //!
-//! The signed distance field of the `fast` recipe lives on the camera's own lattice: along the ray of pixel i,
-//! f(t) = cos θ_i (t_i − t), so that |∇f| = 1 where the surface is smooth (the eikonal condition holds by construction and
-//! needs no loss), every ray crosses its own zero level set exactly once (no sheets behind the object), and neighbors are
-//! coupled only by a discontinuity-preserving thin-plate prior (no bridges across depth jumps). Rendering it with NeuS
-//! weights is a quadrature of c across the surface with a logistic of width 1/inv_s; inv_s grows as the fit converges.
-//! Of the paper's losses there remain the image loss, weighed by the noise of every measurement instead of a fixed
-//! blend, the ambient term and the mask. It is minimized by Gauss-Newton, each step one sparse linear system.
+//! The signed distance field of the `fast` recipe lives on the camera's own lattice: along the ray of pixel i, f(t) =
+//! cos θ_i (t_i − t), so that |∇f| = 1 where the surface is smooth (the eikonal condition holds by construction and
+//! needs no loss), every ray crosses its own zero level set exactly once (no sheets behind the object), and neighbors
+//! are coupled only by a discontinuity-preserving thin-plate prior (no bridges across depth jumps). Rendering it with
+//! NeuS weights is a quadrature of c across the surface with a logistic of width 1/inv_s; inv_s grows as the fit
+//! converges. Of the paper's losses there remain the image loss, weighed by the noise of every measurement instead of a
+//! fixed blend, the ambient term and the mask. It is minimized by Gauss-Newton, each step one sparse linear system.
 
 mod band;
 mod interreflection;
@@ -211,7 +211,8 @@ impl<'a> Refinement<'a> {
         self.rendered = rendered;
     }
 
-    /// Returns the unweighted residual (model − measured) of channel `j` at pixel `i` of the window, pixel `px` of the image.
+    /// Returns the unweighted residual (model − measured) of channel `j` at pixel `i` of the window, pixel `px` of the
+    /// image.
     #[inline]
     fn residual(&self, i: usize, px: usize, j: usize) -> f32 {
         let m = &self.scene.measurements;
@@ -250,8 +251,8 @@ impl<'a> Refinement<'a> {
         (sum / self.n_active as f64) as f32 / m.independent
     }
 
-    /// Takes one Gauss-Newton step; returns the sum over pixels of how much depth changed, steps of depth. Its linear system
-    /// need not be solved better than the next step will change it.
+    /// Takes one Gauss-Newton step; returns the sum over pixels of how much depth changed, steps of depth. Its linear
+    /// system need not be solved better than the next step will change it.
     fn gauss_newton_step(&mut self, step: usize) -> f64 {
         let s = self.settings;
         self.prior.reweight(&self.x, s.roughness_at(step), s.crease, s.roughness_radius);

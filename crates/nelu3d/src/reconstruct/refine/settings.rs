@@ -15,8 +15,8 @@ pub struct RefineSettings {
     /// Width 1/inv_s of the surface at the last step, mm.
     pub last_width_mm: f32,
     /// Factor by which the prior's roughness exceeds [`Self::roughness`] at the first step; it falls to 1 over
-    /// [`Self::loose_steps`]. Otherwise a surface that was smoothed before would decide how smooth the new one is, whatever
-    /// the data say.
+    /// [`Self::loose_steps`]. Otherwise a surface that was smoothed before would decide how smooth the new one is,
+    /// whatever the data say.
     pub loosened: f32,
     /// Number of steps after which the prior is no longer loosened.
     pub loose_steps: f32,
@@ -78,8 +78,8 @@ impl RefineSettings {
         self.roughness * (1.0 + (self.loosened - 1.0) * (1.0 - step as f32 / self.loose_steps).max(0.0))
     }
 
-    /// Returns whether interreflection is gathered before this step: first when the surface has lost the decoder's noise
-    /// (if it has any), then at even distances.
+    /// Returns whether interreflection is gathered before this step: first when the surface has lost the decoder's
+    /// noise (if it has any), then at even distances.
     pub(super) fn gathers_at(&self, step: usize) -> bool {
         let first = self.first_gather.min(self.steps.saturating_sub(2));
         (0..self.gathers).any(|g| step == first + g * (self.steps - first) / self.gathers)

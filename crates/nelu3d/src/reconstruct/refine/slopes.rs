@@ -32,8 +32,8 @@ pub(super) fn slopes(prior: &ThinPlatePrior, x: &[f32], max_step: f32) -> Vec<[f
         .collect()
 }
 
-/// Returns cos θ between surface normal and ray, at least 0.2, from the slopes of the surface's 1/z in units of `unit` (1/mm)
-/// per pixel.
+/// Returns cos θ between surface normal and ray, at least 0.2, from the slopes of the surface's 1/z in units of `unit`
+/// (1/mm) per pixel.
 #[inline]
 pub(super) fn cosine([du, dv]: [f32; 2], unit: f32, inv_z: f32, focal_px: f32) -> f32 {
     // dz = −z² d(1/z) over a lateral step of z / focal length.

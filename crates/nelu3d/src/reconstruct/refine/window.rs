@@ -13,8 +13,8 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Returns the smallest window around the finite values of a map of width `width`, plus the ring; `None` when there are
-    /// none.
+    /// Returns the smallest window around the finite values of a map of width `width`, plus the ring; `None` when there
+    /// are none.
     pub(super) fn around(map: &[f32], width: usize) -> Option<Self> {
         let (mut x0, mut y0, mut x1, mut y1) = (usize::MAX, usize::MAX, 0, 0);
         for (i, _) in map.iter().enumerate().filter(|(_, v)| v.is_finite()) {

@@ -3,7 +3,8 @@
 use super::prior::ThinPlatePrior;
 use super::row_sums::dot;
 
-/// Rows that one task of the solver works on. Sums are taken block by block, in order: they do not depend on the threads.
+/// Rows that one task of the solver works on. Sums are taken block by block, in order: they do not depend on the
+/// threads.
 pub(super) const BLOCK: usize = 16;
 
 /// Weighted differences of a block's rows and of the rows above and below: along x, along y, mixed.

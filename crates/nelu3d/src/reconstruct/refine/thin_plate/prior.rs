@@ -3,8 +3,8 @@
 use nelu3d_scan::image::box_mean;
 use rayon::prelude::*;
 
-/// A discontinuity-preserving thin-plate prior over a rectangular window of pixels. Pixels with `active = false` take no
-/// part. The outermost ring of pixels never does, so that no stencil leaves the window.
+/// A discontinuity-preserving thin-plate prior over a rectangular window of pixels. Pixels with `active = false` take
+/// no part. The outermost ring of pixels never does, so that no stencil leaves the window.
 pub(in crate::reconstruct::refine) struct ThinPlatePrior {
     /// Width of the window.
     pub(in crate::reconstruct::refine) width: usize,
@@ -56,9 +56,9 @@ impl ThinPlatePrior {
         }
     }
 
-    /// Sets the weights of all differences from their values in `x`. A surface is smooth to a degree that varies from place
-    /// to place: the weight is one over `floor²` plus the local mean of squared differences (over a square of the given
-    /// radius, each direction for itself). Differences beyond `crease` are creases or jumps: they do not count as
+    /// Sets the weights of all differences from their values in `x`. A surface is smooth to a degree that varies from
+    /// place to place: the weight is one over `floor²` plus the local mean of squared differences (over a square of the
+    /// given radius, each direction for itself). Differences beyond `crease` are creases or jumps: they do not count as
     /// roughness of their surroundings, and the prior breaks there.
     pub(in crate::reconstruct::refine) fn reweight(&mut self, x: &[f32], floor: f32, crease: f32, radius: usize) {
         let (w, h) = (self.width, self.height);
@@ -109,8 +109,8 @@ impl ThinPlatePrior {
         (0..x.len()).into_par_iter().with_min_len(self.width).map(one).collect()
     }
 
-    /// Returns the geometric mean of the weights of a pixel's own second differences along x and y: the weight of a uniform
-    /// plate around it. 0 where there is none.
+    /// Returns the geometric mean of the weights of a pixel's own second differences along x and y: the weight of a
+    /// uniform plate around it. 0 where there is none.
     pub(in crate::reconstruct::refine) fn weight(&self, i: usize) -> f32 {
         match (self.wxx[i], self.wyy[i]) {
             (a, b) if a > 0.0 && b > 0.0 => (a * b).sqrt(),

@@ -16,8 +16,8 @@ pub(in crate::reconstruct::refine) struct StopCriterion {
 }
 
 impl ThinPlatePrior {
-    /// Solves (diag(h) + DᵀWD) x = b from the given start, which must be 0 where there is no surface. Returns the number of
-    /// iterations.
+    /// Solves (diag(h) + DᵀWD) x = b from the given start, which must be 0 where there is no surface. Returns the
+    /// number of iterations.
     pub(in crate::reconstruct::refine) fn solve(
         &self,
         h: &[f32],

@@ -1,6 +1,6 @@
-//! What a pixel's measurements say about its depth.
+//! Information of a pixel's measurements about its depth.
 
-/// What the last step of a pixel says about its uncertainty.
+/// The information of a pixel's measurements about the unknown in the last step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::reconstruct::refine) struct Information {
     /// Information Σ w J² about the unknown.

@@ -64,8 +64,8 @@ impl Posterior {
 
     /// Returns the variance of the surface's true second differences around each pixel, relative to the prior's.
     ///
-    /// With H the data's information, Q = DᵀWD and Σ = (H + Q)⁻¹, the solution for a true surface of covariance γ Q⁻¹ has the
-    /// expected energy E = tr(QΣHΣ) + γ tr(HΣHΣ). That is solved for γ.
+    /// With H the data's information, Q = DᵀWD and Σ = (H + Q)⁻¹, the solution for a true surface of covariance γ Q⁻¹
+    /// has the expected energy E = tr(QΣHΣ) + γ tr(HΣHΣ). That is solved for γ.
     pub(super) fn prior_scale(&self, prior: &ThinPlatePrior, x: &[f32]) -> Vec<f32> {
         let around = |mut v: Vec<f32>| {
             box_mean(&mut v, prior.width, prior.height, ROUGHNESS_RADIUS);

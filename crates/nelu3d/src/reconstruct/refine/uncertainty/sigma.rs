@@ -12,8 +12,8 @@ const POOL_RADIUS: usize = 2;
 /// Radius over which residuals tell how large the noise really is, px.
 const NOISE_RADIUS: usize = 8;
 
-/// Returns one standard deviation of the unknown per pixel of the prior's window; NaN where there is no surface. `x` is the
-/// solution, `systematic` the variance that [`super::systematic`] estimates.
+/// Returns one standard deviation of the unknown per pixel of the prior's window; NaN where there is no surface. `x` is
+/// the solution, `systematic` the variance that [`super::systematic`] estimates.
 pub(in crate::reconstruct::refine) fn sigma(
     prior: &ThinPlatePrior,
     x: &[f32],

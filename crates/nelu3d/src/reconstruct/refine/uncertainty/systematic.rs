@@ -8,12 +8,14 @@ const SHARED_RADIUS: usize = 2;
 /// Radius over which the size of systematic errors is estimated, px.
 const SYSTEMATIC_RADIUS: usize = 16;
 
-/// Returns the variance of the unknown that comes from systematic errors, per pixel of a window of width `w` and height `h`.
+/// Returns the variance of the unknown that comes from systematic errors, per pixel of a window of width `w` and height
+/// `h`.
 ///
-/// `residuals` and `slopes` are `n × k`: residuals r of the normalized intensities and their slopes g along the unknown, both
-/// divided by the noise's standard deviation. Depth has taken from the residuals what lies along g. What channel j has across
-/// g has, averaged over squares of n pixels, variance 1/n (1 − g_j²/|g|²) from noise alone. Any variance above that is shared;
-/// its size s_j² is estimated over the surroundings, where g points elsewhere. It changes the unknown by Σ g_j s_j / |g|².
+/// `residuals` and `slopes` are `n × k`: residuals r of the normalized intensities and their slopes g along the
+/// unknown, both divided by the noise's standard deviation. Depth has taken from the residuals what lies along g. What
+/// channel j has across g has, averaged over squares of n pixels, variance 1/n (1 − g_j²/|g|²) from noise alone. Any
+/// variance above that is shared; its size s_j² is estimated over the surroundings, where g points elsewhere. It
+/// changes the unknown by Σ g_j s_j / |g|².
 pub(in crate::reconstruct::refine) fn systematic(
     residuals: &[f32],
     slopes: &[f32],
@@ -39,8 +41,8 @@ pub(in crate::reconstruct::refine) fn systematic(
         })
         .collect();
     let side = (2 * SHARED_RADIUS + 1) as f32;
-    // Excess that noise alone has by chance, where nothing is shared: half a standard deviation of its mean over as many
-    // squares as there are, 0.4 of which remain on average when negative values become 0.
+    // Excess that noise alone has by chance, where nothing is shared: half a standard deviation of its mean over as
+    // many squares as there are, 0.4 of which remain on average when negative values become 0.
     let squares = ((2 * SYSTEMATIC_RADIUS + 1) as f32 / side).powi(2);
     let chance = 0.5 * (2.0 / squares).sqrt() / (side * side);
 
@@ -54,7 +56,8 @@ pub(in crate::reconstruct::refine) fn systematic(
         let (mut excess, mut visible) = (vec![0.0f32; n], vec![0.0f32; n]);
         for i in (0..n).filter(|i| active[*i] && square[*i] > 0.0) {
             let shared = (mean[i] / near[i]).powi(2);
-            // Variance of the mean from noise, by the residuals' own spread: a wrong noise level does not look systematic.
+            // Variance of the mean from noise, by the residuals' own spread: a wrong noise level does not look
+            // systematic.
             let pixels = near[i] * side * side;
             let noise = (own[i] * own[i] - shared) / (pixels - 1.0).max(1.0);
             excess[i] = shared - noise;

@@ -13,8 +13,8 @@ fn window(w: usize, h: usize) -> Vec<bool> {
     (0..w * h).map(|i| i % w > 0 && i % w + 1 < w && i / w > 0 && i / w + 1 < h).collect()
 }
 
-/// Noise that neighbors do not share is not systematic, whatever its level; an offset that they share changes the unknown
-/// by as much as the estimate says, whichever channel it is in.
+/// Noise that neighbors do not share is not systematic, whatever its level; an offset that they share changes the
+/// unknown by as much as the estimate says, whichever channel it is in.
 #[test]
 fn shared_errors_are_told_from_noise() {
     let (w, h, k) = (128, 112, 3);
@@ -56,8 +56,8 @@ fn shared_errors_are_told_from_noise() {
     }
 }
 
-/// For surfaces of known roughness under known noise, errors of the solution are as large as σ says, whether the surface is
-/// as rough as the prior allows, smoother, or flat.
+/// For surfaces of known roughness under known noise, errors of the solution are as large as σ says, whether the
+/// surface is as rough as the prior allows, smoother, or flat.
 #[test]
 fn sigma_is_that_of_the_errors_whatever_the_roughness() {
     let (w, h) = (120, 100);

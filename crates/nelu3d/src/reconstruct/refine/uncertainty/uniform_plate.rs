@@ -3,9 +3,9 @@
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-/// Means over all spatial frequencies of a uniform plate's lattice, for one ratio ρ of the plate's weight to information.
-/// With s the symbol of the plate, a solution retains 1/(1 + ρs) of the noise's amplitude at a frequency, and misses
-/// ρs/(1 + ρs) of the surface's.
+/// Means over all spatial frequencies of a uniform plate's lattice, for one ratio ρ of the plate's weight to
+/// information. With s the symbol of the plate, a solution retains 1/(1 + ρs) of the noise's amplitude at a frequency,
+/// and misses ρs/(1 + ρs) of the surface's.
 #[derive(Clone, Copy, Default)]
 pub(super) struct FrequencyMeans {
     /// Mean of 1/(1 + ρs)²: the noise's variance times the information, and the energy of the surface in the solution.
