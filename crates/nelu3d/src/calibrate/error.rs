@@ -1,4 +1,4 @@
-//! Why a calibration has no result.
+//! Errors of a calibration.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use nelu3d_scan::board::BoardError;
 use nelu3d_scan::pose::PoseError;
 use nelu3d_scan::rig::RigError;
 
-/// Why a calibration failed.
+/// The error of a calibration.
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrationError {
     /// The rig folder or one of its images cannot be used.

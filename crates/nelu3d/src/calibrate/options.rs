@@ -1,4 +1,4 @@
-//! What a caller chooses about a calibration.
+//! Options of a calibration.
 
 use nelu3d_field::device::Choice;
 use serde::{Deserialize, Serialize};

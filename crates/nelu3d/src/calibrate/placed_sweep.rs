@@ -4,7 +4,8 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use nelu3d_scan::Camera;
 use rayon::prelude::*;
 
-use super::sweep::{Position, Sweep};
+use super::position::Position;
+use super::sweep::Sweep;
 use crate::sensor::NoiseModel;
 
 /// A sweep with the poses of its boards: samples of (x, L), position by position.

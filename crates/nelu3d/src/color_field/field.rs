@@ -29,7 +29,7 @@ pub struct ColorField {
     pub form: Form,
     /// Volume in which the field was supervised.
     pub validity: Validity,
-    /// What the field was made from, and how good it is.
+    /// Metadata: what the field was made from, and how good it is.
     pub metadata: FieldMetadata,
 }
 

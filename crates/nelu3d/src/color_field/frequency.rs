@@ -66,7 +66,7 @@ impl FrequencySettings {
     }
 }
 
-/// What identifies a [`FrequencyForm`] in a checkpoint.
+/// The description of a [`FrequencyForm`] in a checkpoint.
 pub type FrequencyShape = NetworkShape<FrequencySettings, FrequencyFieldConfig>;
 
 /// A color field as frequency encoding and network.

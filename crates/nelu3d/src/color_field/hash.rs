@@ -76,7 +76,7 @@ impl HashSettings {
     }
 }
 
-/// What identifies a [`HashForm`] in a checkpoint.
+/// The description of a [`HashForm`] in a checkpoint.
 pub type HashShape = NetworkShape<HashSettings, HashFieldConfig<3>>;
 
 /// A color field as hash encoding and network.

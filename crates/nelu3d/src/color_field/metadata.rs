@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::frame::Center;
 use crate::sensor::{CrosstalkMatrix, DarkLevel, NoiseModel};
 
-/// What a color field was made from, and how good it is; stored with the field.
+/// Metadata of a color field, stored with it: what it was made from, and how good it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FieldMetadata {
     /// Version of nelu3d that made it.

@@ -1,4 +1,4 @@
-//! Where the light of a calibrated projector and the view of the camera overlap.
+//! The volume in which the light of a calibrated projector and the view of the camera overlap.
 
 use nalgebra::{Point3, Vector3};
 use nelu3d_scan::{Camera, Projector};

@@ -1,4 +1,4 @@
-//! What a color field from a calibrated projector is made from: projected images, scenes, depth range.
+//! The inputs of a color field from a calibrated projector: projected images, scenes, depth range.
 
 use std::path::PathBuf;
 

@@ -96,7 +96,7 @@ fn no_overlap(rig: &Rig, [near, far]: [f64; 2]) -> CalibrationError {
     projector_error(rig.root.join("projector.json"), reason)
 }
 
-/// What the field was made from, as far as it is known before blur and response are.
+/// Returns the metadata of the field, as far as they are known before blur and response.
 fn metadata(rig: &Rig, set: &PatternSet, noise: NoiseModel) -> FieldMetadata {
     FieldMetadata {
         version: env!("CARGO_PKG_VERSION").into(),

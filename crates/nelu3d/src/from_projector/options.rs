@@ -1,4 +1,4 @@
-//! What a caller chooses about a color field from a calibrated projector.
+//! Options of a color field from a calibrated projector.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! What the light does to a projected value: blur and response, fitted to decoded codewords.
+//! Blur and response of the projector, fitted to decoded codewords.
 
 use nalgebra::Point3;
 use nelu3d_scan::image::{bilinear, gaussian_blur};
@@ -7,7 +7,7 @@ use nelu3d_scan::{Image, Projector};
 
 use crate::reconstruct::Codeword;
 
-/// What the light does to a projected value v in `[0, 1]`: blur of v^gamma, then `offset + scale · v^gamma`.
+/// The normalized intensity of a projected value v in `[0, 1]`: v^gamma, blurred, then `offset + scale · v^gamma`.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub(super) struct Response {
     /// Standard deviation of the blur, projector px.
@@ -27,7 +27,7 @@ const GAMMAS: [f32; 5] = [0.8, 1.0, 1.3, 1.8, 2.2];
 /// Number of codewords that are compared at most, about.
 const MAX_CODEWORDS: usize = 20_000;
 
-/// Returns what the projector throws of a pattern, before offset and scale: v^gamma, blurred.
+/// Returns the light of a projected pattern before offset and scale: v^gamma, blurred.
 pub(super) fn projected(pattern: &Image, blur_px: f32, gamma: f32) -> Image {
     let data = pattern.data.iter().map(|v| v.max(0.0).powf(gamma)).collect();
     gaussian_blur(&Image { data, ..*pattern }, blur_px)

@@ -1,4 +1,4 @@
-//! What accompanies a reconstruction without deciding its result.
+//! The context of a reconstruction: progress, clock, observer and device.
 
 use nelu3d_field::device::{Choice, Device, DeviceError};
 

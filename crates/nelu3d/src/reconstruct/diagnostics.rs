@@ -1,4 +1,4 @@
-//! What a reconstruction puts on record, typed: `result/` makes JSON of it.
+//! Diagnostics of a reconstruction, typed; `result/` makes JSON of them.
 
 use serde::Serialize;
 
@@ -8,7 +8,7 @@ use super::settings::FastSettings;
 use crate::color_field::ColorField;
 use crate::sensor::CrosstalkMatrix;
 
-/// What a reconstruction puts on record besides the surface and the times.
+/// Diagnostics of a reconstruction: everything on record besides the surface and the times.
 #[derive(Clone, Debug, Serialize)]
 pub struct Diagnostics {
     /// The settings that were asked for.
@@ -63,7 +63,7 @@ pub enum RecipeDiagnostics {
     Paper(PaperDiagnostics),
 }
 
-/// What recipe `fast` puts on record.
+/// Diagnostics of recipe `fast`.
 #[derive(Clone, Debug, Serialize)]
 pub struct FastDiagnostics {
     /// All settings of the recipe.
@@ -97,7 +97,7 @@ pub enum Start {
     },
 }
 
-/// What recipe `paper` puts on record.
+/// Diagnostics of recipe `paper`.
 #[derive(Clone, Debug, Serialize)]
 pub struct PaperDiagnostics {
     /// Number of iterations of the training.

@@ -1,8 +1,8 @@
-//! How much work a reconstruction puts in.
+//! The amount of work of a reconstruction.
 
 use serde::{Deserialize, Serialize};
 
-/// How much work a reconstruction puts in. Nothing depends on the clock: the same effort gives the same result
+/// The amount of work of a reconstruction. Nothing depends on the clock: the same effort gives the same result
 /// everywhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]

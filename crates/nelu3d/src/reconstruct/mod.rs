@@ -1,4 +1,4 @@
-//! From a color field and the captures of a scene to a surface.
+//! Reconstruction: from a color field and the captures of a scene to a surface.
 //!
 //! Recipe `fast`, in five stages: measure (normalize, reject unusable pixels) → initialize (cost volume and semi-global
 //! matching, or the previous frame) → refine (narrow-band volume rendering) → filter (reject what is not supported) →
@@ -55,7 +55,7 @@ pub use settings::FastSettings;
 pub struct Reconstruction {
     /// The surface.
     pub surface: Surface,
-    /// What the method puts on record.
+    /// Diagnostics of the method.
     pub diagnostics: Diagnostics,
     /// Wall and CPU time of each stage, in order.
     pub stages: Vec<StageTime>,

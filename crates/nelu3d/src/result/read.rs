@@ -8,7 +8,7 @@ use super::summary::CameraJson;
 use crate::sensor::CrosstalkMatrix;
 use crate::sequence::{FrameState, PatternTime};
 
-/// A result folder that cannot be used.
+/// The error of a result folder that cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The folder is no result folder.

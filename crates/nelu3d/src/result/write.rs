@@ -12,7 +12,7 @@ use super::picture::{Picture, preview};
 use super::summary::Summary;
 use crate::surface::Surface;
 
-/// Why a result folder could not be written.
+/// The error of a result folder that could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// The folder or one of its files could not be written; the message names it.

@@ -31,7 +31,7 @@ pub struct Measurements {
     pub contrast: Vec<f32>,
     /// White − black of every channel, `n × channels`.
     pub light: Vec<f32>,
-    /// Whether ambient light was subtracted by means of a black image of the scene itself.
+    /// True if ambient light was subtracted by means of a black image of the scene itself.
     pub has_black: bool,
 }
 

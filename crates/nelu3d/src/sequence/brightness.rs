@@ -1,4 +1,4 @@
-//! How the brightness of the points of a white image changes from frame to frame.
+//! The change of brightness of a white image's points from frame to frame.
 
 use nelu3d_scan::Image;
 use nelu3d_scan::image::box_mean;

@@ -31,7 +31,7 @@ const MIN_LIT: f32 = 0.02;
 /// Time of the patterns that interpolation assumes, frames from their white image.
 const DEFAULT_PATTERN_TIME: f32 = -0.5;
 
-/// What a frame is reconstructed from.
+/// The input of a frame's reconstruction, besides its capture.
 #[derive(Clone, Copy)]
 pub struct FrameInput<'a> {
     /// The state that the previous frame left; `None` for a keyframe.
@@ -53,7 +53,7 @@ pub struct FrameInput<'a> {
 pub struct FrameReconstruction {
     /// The surface.
     pub surface: Surface,
-    /// What the method puts on record besides the surface and the times.
+    /// Diagnostics of the frame.
     pub diagnostics: FrameDiagnostics,
     /// Wall and CPU time of each stage, in order.
     pub stages: Vec<StageTime>,

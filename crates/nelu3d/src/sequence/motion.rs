@@ -25,7 +25,7 @@ const JUMP: f32 = 0.01;
 /// hundredths (their outlines), for a cut a third and more.
 const MAX_UNEXPLAINED: f32 = 0.12;
 
-/// How the points of a white image move.
+/// The motion of a white image's points between the neighboring frames.
 pub struct Motion {
     width: usize,
     height: usize,

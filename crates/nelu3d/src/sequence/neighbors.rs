@@ -20,9 +20,9 @@ impl Neighbors {
         Self { before, after, motion: OnceLock::new() }
     }
 
-    /// Returns how the points of the white image `taken` between them move; `None` if neither neighbor determines it. Motion is
-    /// estimated once, at the first call. It needs white images alone, so a caller may ask for it while the previous
-    /// frame is still being computed.
+    /// Returns how the points of the white image `taken` between them move; `None` if neither neighbor determines it.
+    /// Motion is estimated once, at the first call. It needs white images alone, so a caller may ask for it while the
+    /// previous frame is still being computed.
     pub fn motion(&self, taken: &Image) -> Option<&Motion> {
         self.motion.get_or_init(|| Motion::around(self.before.as_ref(), taken, self.after.as_ref())).as_ref()
     }

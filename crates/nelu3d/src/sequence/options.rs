@@ -1,8 +1,8 @@
-//! What a caller chooses about the frames of a sequence.
+//! Settings of the frames of a sequence.
 
 use serde::{Deserialize, Serialize};
 
-/// What is done about motion between a pattern and its white (flash) image.
+/// Ways to handle motion between a pattern and its white (flash) image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]

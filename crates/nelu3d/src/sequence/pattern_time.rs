@@ -1,4 +1,4 @@
-//! When a pattern was taken, relative to its white image.
+//! The time of a pattern relative to its white image.
 
 use nelu3d_scan::rig::Capture;
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ const MIN_PIXELS: usize = 100;
 /// χ² per measurement at which a pixel's cost saturates.
 const SATURATION: f32 = 9.0;
 
-/// When a pattern was taken, in frames from its white image.
+/// The time at which a pattern was taken, in frames from its white image.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PatternTime {
     /// Time of the pattern in frames; negative where it comes before its white image.
@@ -26,7 +26,7 @@ pub struct PatternTime {
     pub explained: f32,
 }
 
-/// What a pattern time is estimated from: a capture with its white image as it was taken, and a surface.
+/// The estimation of a pattern time from a capture with its white image as it was taken, and a surface.
 pub(super) struct PatternTimeProblem<'a> {
     /// Motion of the white image's points.
     pub(super) motion: &'a Motion,

@@ -1,4 +1,4 @@
-//! Which frames of a sequence are computed where, and which of them begin anew.
+//! The division of a sequence into keyframes' stretches and into parts that are computed separately.
 
 use std::fmt;
 use std::ops::Range;

@@ -1,4 +1,4 @@
-//! What a frame leaves for the next one, and what it puts on record.
+//! The state that a frame leaves for the next one, and its diagnostics.
 
 use serde::Serialize;
 
@@ -18,17 +18,17 @@ pub struct FrameState {
     pub crosstalk: Option<CrosstalkMatrix>,
 }
 
-/// What the reconstruction of a frame puts on record.
+/// Diagnostics of a frame's reconstruction.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameDiagnostics {
     /// The diagnostics of the reconstruction.
     #[serde(flatten)]
     pub reconstruction: Diagnostics,
-    /// What was found about motion.
+    /// Diagnostics of motion.
     pub motion: MotionDiagnostics,
 }
 
-/// What was found about motion between a pattern and its white image.
+/// Diagnostics of motion between a pattern and its white image.
 #[derive(Clone, Debug, Serialize)]
 pub struct MotionDiagnostics {
     /// The settings that were asked for.

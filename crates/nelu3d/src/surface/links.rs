@@ -1,4 +1,4 @@
-//! Which neighboring pixels of a depth map belong to one surface, and its connected components.
+//! Links between neighboring pixels of a depth map that belong to one surface, and its connected components.
 
 use nelu3d_scan::Camera;
 

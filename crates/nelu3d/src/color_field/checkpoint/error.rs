@@ -1,10 +1,10 @@
-//! Why a checkpoint cannot be used.
+//! Errors of checkpoints.
 
 use std::path::PathBuf;
 
 use super::header::FORMAT;
 
-/// Why a checkpoint could not be read or written.
+/// The error of a checkpoint that could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file could not be read.

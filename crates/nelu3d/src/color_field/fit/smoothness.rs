@@ -1,4 +1,4 @@
-//! How smooth the fitted spline is.
+//! The smoothness of the fitted spline.
 
 /// Weights of the penalty on second differences, as fractions of a typical node's sample weight: how smooth the spline
 /// is where samples do not say otherwise.

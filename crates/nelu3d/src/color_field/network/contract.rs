@@ -1,4 +1,4 @@
-//! What a network does, whatever its encoding.
+//! The operations of a network, whatever its encoding.
 
 use std::fmt::Debug;
 

@@ -8,7 +8,7 @@ use super::spline::spline_through;
 use crate::color_field::grid::Grid;
 use crate::progress::Progress;
 
-/// What identifies a form with a network in a checkpoint: settings `S` and the configuration `C` that follows from
+/// The description of a form with a network in a checkpoint: settings `S` and the configuration `C` that follows from
 /// them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,5 +1,5 @@
-//! What the forms with a network share: their state and checkpoint ([`NetworkForm`], [`NetworkShape`]), the samples
-//! that they are trained on, and how they become a spline.
+//! The common part of the forms with a network: their state and checkpoint ([`NetworkForm`], [`NetworkShape`]), the
+//! samples that they are trained on, and how they become a spline.
 //!
 //! To add such a form: implement [`Network`](contract::Network) for its network, and write settings with a `train` of
 //! their own, as [`super::hash`] and [`super::frequency`] do.

@@ -1,4 +1,4 @@
-//! What a network is trained on.
+//! The samples that a network is trained on.
 
 use nelu3d_scan::statistics::median;
 use rand::SeedableRng;

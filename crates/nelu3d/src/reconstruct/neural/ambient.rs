@@ -22,7 +22,7 @@ pub enum Ambient {
 
 /// A small network over the image, one output per camera channel.
 pub(super) struct AmbientField {
-    /// What the network's output means.
+    /// Meaning of the network's output.
     pub(super) kind: Ambient,
     /// The network.
     pub(super) field: HashField<2>,

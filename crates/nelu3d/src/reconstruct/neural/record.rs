@@ -1,4 +1,4 @@
-//! What is recorded of a training, and when its surface is shown.
+//! Records of a training, and the iterations after which its surface is shown.
 
 use nelu3d_field::surface::SurfaceLosses;
 use serde::Serialize;

@@ -35,7 +35,7 @@ pub(super) struct Training<'a> {
     pub(super) ambient: AmbientField,
     occupancy: OccupancyGrid,
     n_rays: usize,
-    /// What is recorded every hundred iterations.
+    /// Records of every hundredth iteration and the last.
     pub(super) records: Vec<TrainingRecord>,
 }
 

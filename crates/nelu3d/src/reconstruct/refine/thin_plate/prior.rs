@@ -10,7 +10,7 @@ pub(in crate::reconstruct::refine) struct ThinPlatePrior {
     pub(in crate::reconstruct::refine) width: usize,
     /// Height of the window.
     pub(in crate::reconstruct::refine) height: usize,
-    /// Which pixels are part of the surface.
+    /// Pixels that are part of the surface.
     pub(in crate::reconstruct::refine) active: Vec<bool>,
     /// Weight of the second difference along x centered on a pixel (0 where a neighbor is missing).
     pub(super) wxx: Vec<f32>,

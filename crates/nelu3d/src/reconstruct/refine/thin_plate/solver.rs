@@ -6,7 +6,7 @@ use super::operator::{BLOCK, Scratch};
 use super::prior::ThinPlatePrior;
 use super::row_sums::{dot, weighted_square};
 
-/// When the solver stops.
+/// The criterion by which the solver stops: whichever of the two is reached first.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::reconstruct::refine) struct StopCriterion {
     /// Factor by which the residual (in the preconditioner's norm) is reduced.
