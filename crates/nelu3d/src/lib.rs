@@ -24,8 +24,8 @@
 //! let scene = rig.scene("cup")?;
 //! let cup = reconstruct(&rig, set, &scene, &field, &ReconstructionOptions::default(), &progress)?;
 //! println!("{} pixels have a depth", cup.surface.n_valid());
-//! let about = ResultMetadata { scene: scene.name, set: set.name.clone(), ..Default::default() };
-//! let summary = Summary::new(&cup.surface, &cup.diagnostics, &cup.stages, &rig.camera, &about);
+//! let metadata = ResultMetadata { scene: scene.name, set: set.name.clone(), ..Default::default() };
+//! let summary = Summary::new(&cup.surface, &cup.diagnostics, &cup.stages, &rig.camera, &metadata);
 //! write(&cup.surface, &summary, MeshFiles::default(), "cup".as_ref())?;
 //! # Ok(())
 //! # }

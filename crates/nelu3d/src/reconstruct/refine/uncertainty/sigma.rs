@@ -13,7 +13,7 @@ const POOL_RADIUS: usize = 2;
 const NOISE_RADIUS: usize = 8;
 
 /// Returns one standard deviation of the unknown per pixel of the prior's window; NaN where there is no surface. `x` is
-/// the solution, `systematic` the variance that [`super::systematic`] estimates.
+/// the solution, `systematic` the variance that [`super::systematic()`] estimates.
 pub(in crate::reconstruct::refine) fn sigma(
     prior: &ThinPlatePrior,
     x: &[f32],
