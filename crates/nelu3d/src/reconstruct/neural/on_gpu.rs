@@ -17,7 +17,6 @@ use crate::reconstruct::context::Context;
 use crate::reconstruct::error::Failure;
 use crate::reconstruct::observer::Stage;
 use crate::reconstruct::scene::Scene;
-use crate::sensor::Measurements;
 
 /// Number of iterations after which the state is fetched: as many at most are lost with a device.
 const CHECKPOINT: usize = 1000;
@@ -97,7 +96,7 @@ impl<'a> DeviceScene<'a> {
             ambient: match settings.ambient {
                 Ambient::None => AmbientUse::None,
                 Ambient::Bounded => AmbientUse::Share,
-                Ambient::Unbounded => AmbientUse::Intensity { least_white: MIN_WHITE },
+                Ambient::Unbounded => AmbientUse::Intensity { min_white: MIN_WHITE },
             },
             n_samples: settings.samples,
             step: step_mm(bounds) as f32,
@@ -148,7 +147,7 @@ impl<'a> DeviceScene<'a> {
             ambient: self.ambient,
             n_samples: self.n_samples,
             first_rays: config::FIRST_RAYS,
-            most_rays: config::MAX_RAYS,
+            max_rays: config::MAX_RAYS,
             half_step: self.half_step,
             seed: self.seed,
         };
