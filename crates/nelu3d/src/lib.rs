@@ -24,16 +24,16 @@
 //! let scene = rig.scene("cup")?;
 //! let cup = reconstruct(&rig, set, &scene, &field, &ReconstructionOptions::default(), &progress)?;
 //! println!("{} pixels have a depth", cup.surface.n_valid());
-//! let about = ResultMetadata { scene: scene.name, set: set.name.clone(), ..Default::default() };
-//! let summary = Summary::new(&cup.surface, &cup.diagnostics, &cup.stages, &rig.camera, &about);
+//! let metadata = ResultMetadata { scene: scene.name, set: set.name.clone(), ..Default::default() };
+//! let summary = Summary::new(&cup.surface, &cup.diagnostics, &cup.stages, &rig.camera, &metadata);
 //! write(&cup.surface, &summary, MeshFiles::default(), "cup".as_ref())?;
 //! # Ok(())
 //! # }
 //! ```
 //!
-//! Nothing here prints: work reports to a [`Progress`], which can also cancel it. Conventions (units, frames, pixels) are
-//! those of [`nelu3d_scan`]. No part of this crate reads a ground truth or (but for [`from_projector`]) a projector: the
-//! crates `nelu3d-evaluate` and `nelu3d-baselines` do.
+//! Nothing here prints: work reports to a [`Progress`], which can also cancel it. Conventions (units, frames, pixels)
+//! are those of [`nelu3d_scan`]. No part of this crate reads a ground truth or (but for [`from_projector`]) a
+//! projector: the crates `nelu3d-evaluate` and `nelu3d-baselines` do.
 
 #[doc(hidden)]
 pub mod calibrate;

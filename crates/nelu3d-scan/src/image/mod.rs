@@ -6,14 +6,18 @@
 
 mod apng;
 mod bayer;
+mod bilinear;
 mod box_mean;
 mod decode;
+mod gaussian_blur;
 mod write;
 
 pub use apng::Apng;
 pub use bayer::demosaic;
+pub use bilinear::bilinear;
 pub use box_mean::box_mean;
 pub use decode::{Depth, ImageFileError, Raw, RawData, decode, decode_bytes, read_any};
+pub use gaussian_blur::gaussian_blur;
 pub(crate) use write::{Codes, write_png};
 pub use write::{encode_rgb8, write_gray8, write_png8, write_png16, write_rgb8};
 

@@ -1,4 +1,4 @@
-//! Where the boards of a sweep are, and what is measured without the light source.
+//! The poses of a sweep's boards, and the dark level.
 
 use nalgebra::Isometry3;
 use nelu3d_scan::Rig;
@@ -15,20 +15,20 @@ use crate::sensor::{DarkEstimator, DarkLevel};
 
 /// A sweep with the poses of its boards.
 pub struct SweepGeometry<'a> {
-    /// The positions that have a pose.
+    /// Positions that have a pose.
     pub placed: PlacedSweep<'a>,
-    /// The poses, and the positions that were rejected.
+    /// Poses, and the positions that were rejected.
     pub trajectory: Trajectory,
-    /// What is measured without the light source, per channel.
+    /// Dark level per channel.
     pub dark: Vec<DarkLevel>,
 }
 
-/// Finds the boards of a sweep and their poses; and on the way what is measured without the light source. Positions
-/// without a pose are dropped with a warning.
+/// Detects the boards of a sweep and solves their poses; on the way the dark level is estimated. Positions without a
+/// pose are dropped with a warning.
 ///
 /// # Errors
 ///
-/// The board is not described or cannot be, an image cannot be read, or fewer than 3 positions have a pose.
+/// The board is not described or cannot be detected, an image cannot be read, or fewer than 3 positions have a pose.
 pub fn solve_board_poses<'a>(
     rig: &'a Rig,
     set: &'a PatternSet,
@@ -78,10 +78,10 @@ pub fn solve_board_poses<'a>(
     Ok(SweepGeometry { placed, trajectory, dark })
 }
 
-/// The corners of each position, or why there are none.
+/// The detected corners of each position, or why there are none.
 type DetectedCorners = Vec<(String, Result<Vec<Corner>, String>)>;
 
-/// Detects the board in every white image, and measures what is left without the light source.
+/// Detects the board in every white image, and estimates the dark level.
 fn find_boards(
     sweep: &Sweep<'_>,
     detector: &Detector,
@@ -103,7 +103,7 @@ fn find_boards(
     Ok((found, all.finish()))
 }
 
-/// Keeps the positions that have a pose; returns their poses, in order.
+/// Retains the positions that have a pose; returns their poses, in order.
 fn retain_posed(sweep: &mut Sweep<'_>, trajectory: &Trajectory) -> Vec<Isometry3<f64>> {
     let pose_of = |name: &str| trajectory.positions.iter().find(|p| p.position == name).map(|p| p.cam_from_board);
     sweep.retain(|name| pose_of(name).is_some());

@@ -1,4 +1,4 @@
-//! Why a calibration has no result.
+//! Errors of a calibration.
 
 use std::path::PathBuf;
 
@@ -7,13 +7,13 @@ use nelu3d_scan::board::BoardError;
 use nelu3d_scan::pose::PoseError;
 use nelu3d_scan::rig::RigError;
 
-/// Why a calibration failed.
+/// The error of a calibration.
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrationError {
-    /// The rig folder or one of its images.
+    /// The rig folder or one of its images cannot be used.
     #[error(transparent)]
     Rig(#[from] RigError),
-    /// The board's description.
+    /// The board's description cannot be used.
     #[error("{path}: {source}")]
     Board {
         /// The rig.toml.
@@ -21,7 +21,7 @@ pub enum CalibrationError {
         /// What is wrong.
         source: BoardError,
     },
-    /// The poses.
+    /// The poses of the boards cannot be solved.
     #[error("{path}: {source}")]
     Pose {
         /// The calibration folder.
@@ -29,19 +29,17 @@ pub enum CalibrationError {
         /// What is wrong.
         source: PoseError,
     },
-    /// There is no board.
-    #[error(
-        "{0}: [board] is missing; describe the target of the sweep, or use --from-projector with a calibrated projector"
-    )]
+    /// The rig describes no board.
+    #[error("{0}: [board] is missing; describe the target of the sweep, or make the field from a calibrated projector")]
     NoBoard(PathBuf),
-    /// There are too few positions.
+    /// Too few board positions are usable.
     #[error("{path}: {found} usable board positions, and at least 3 are needed; capture more{reasons}")]
     TooFew {
         /// The calibration folder.
         path: PathBuf,
-        /// How many there are.
+        /// Number of usable positions.
         found: usize,
-        /// Why others were not usable.
+        /// Why other positions were not usable.
         reasons: String,
     },
     /// No sample is usable.
@@ -49,7 +47,7 @@ pub enum CalibrationError {
     NoSamples {
         /// The calibration folder.
         path: PathBuf,
-        /// Why.
+        /// Why no sample is usable.
         reason: String,
     },
     /// The projector's data are missing or do not fit.
@@ -63,7 +61,7 @@ pub enum CalibrationError {
     /// The device that was asked for is not there.
     #[error(transparent)]
     Device(#[from] DeviceError),
-    /// The user stopped it.
+    /// The caller stopped the work.
     #[error("stopped before the color field was finished; nothing was written")]
     Cancelled,
 }

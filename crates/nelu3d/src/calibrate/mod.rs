@@ -1,5 +1,5 @@
-//! From a board sweep to a color field (paper, Sec. 3.1): find the boards and their poses, find where the light comes from,
-//! fit c, and measure it at positions that it has not seen.
+//! Calibration: from a board sweep to a color field (paper, Sec. 3.1): find the boards and their poses, find the center
+//! of the light, fit c, and measure its quality at held-out positions.
 
 mod board_poses;
 mod candidate;
@@ -9,6 +9,7 @@ mod held_out;
 mod light;
 mod options;
 mod placed_sweep;
+mod position;
 mod report;
 mod sweep;
 mod views;
@@ -25,15 +26,16 @@ use candidate::Candidate;
 pub use error::CalibrationError;
 pub use options::{CalibrationOptions, FormKind, FrameKind, TrajectoryKind};
 pub use placed_sweep::{BoardPlane, PlacedSweep};
+pub use position::Position;
 pub use report::CalibrationReport;
-pub use sweep::{Position, Sweep};
+pub use sweep::Sweep;
 
 /// Calibrates a rig for one pattern set from its board sweep.
 ///
 /// # Errors
 ///
-/// The rig, its board or its images cannot be used, too few positions have a pose, no sample is usable, the device is not
-/// there, or the caller stopped the work.
+/// The rig, its board or its images cannot be used, too few positions have a pose, no sample is usable, the device is
+/// not there, or the caller stopped the work.
 pub fn calibrate(
     rig: &Rig,
     set: &PatternSet,

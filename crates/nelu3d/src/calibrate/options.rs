@@ -1,11 +1,11 @@
-//! What a caller chooses about a calibration.
+//! Options of a calibration.
 
 use nelu3d_field::device::Choice;
 use serde::{Deserialize, Serialize};
 
 use crate::color_field::frequency::Octaves;
 
-/// How c is stored.
+/// The form in which c is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
@@ -18,12 +18,12 @@ pub enum FormKind {
     Frequency,
 }
 
-/// Where the frame of the field is centered.
+/// The center of the field's frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum FrameKind {
-    /// In the light if the sweep bears it out, else in the camera.
+    /// In the light if that predicts held-out positions better, else in the camera.
     Auto,
     /// In the light source.
     Light,
@@ -31,7 +31,7 @@ pub enum FrameKind {
     Camera,
 }
 
-/// How the board moved.
+/// The motion of the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
@@ -64,7 +64,7 @@ pub struct CalibrationOptions {
     /// Hold out every Nth board position to measure the field (the stored field is then fitted to all)
     #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::default().hold_out))]
     pub hold_out: usize,
-    /// Least white − black of a sample, as a share of full scale
+    /// Smallest white − black of a usable sample, as a fraction of full scale
     #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::default().min_contrast))]
     pub min_contrast: f32,
     /// Seed of everything random

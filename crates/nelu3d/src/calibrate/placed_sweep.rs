@@ -1,32 +1,33 @@
-//! A sweep whose boards are known: where each sample is in space.
+//! A sweep whose board poses are known, so that every sample has a position in space.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use nelu3d_scan::Camera;
 use rayon::prelude::*;
 
-use super::sweep::{Position, Sweep};
+use super::position::Position;
+use super::sweep::Sweep;
 use crate::sensor::NoiseModel;
 
 /// A sweep with the poses of its boards: samples of (x, L), position by position.
 pub struct PlacedSweep<'a> {
-    /// The intensities.
+    /// Images of the sweep.
     pub sweep: Sweep<'a>,
-    /// The board at each position.
+    /// Plane of the board at each position.
     pub boards: Vec<BoardPlane>,
     /// The camera.
     pub camera: Camera,
-    /// The sensor's noise.
+    /// Noise of the sensor.
     pub noise: NoiseModel,
     /// Unit ray direction per pixel.
     pub dirs: Vec<Vector3<f64>>,
 }
 
-/// A board in space, ready to be hit by rays from the camera.
+/// The plane and outline of a board, for intersection with rays from the camera.
 #[derive(Clone, Copy, Debug)]
 pub struct BoardPlane {
     /// Unit normal.
     pub normal: Vector3<f64>,
-    /// Its plane is `normal · x = offset`, mm.
+    /// Offset of the plane `normal · x = offset`, mm.
     pub offset: f64,
     origin: Vector3<f64>,
     axes: [Vector3<f64>; 2],
@@ -34,7 +35,7 @@ pub struct BoardPlane {
 }
 
 impl BoardPlane {
-    /// The board of outline `extent_mm` (x0, y0, x1, y1) at a pose.
+    /// Places a board of outline `extent_mm` (x0, y0, x1, y1) at a pose.
     pub fn new(pose: &Isometry3<f64>, extent_mm: [f64; 4]) -> Self {
         let normal = pose.rotation * Vector3::z();
         let axes = [pose.rotation * Vector3::x(), pose.rotation * Vector3::y()];
@@ -42,7 +43,7 @@ impl BoardPlane {
         Self { normal, offset: normal.dot(&origin), origin, axes, extent_mm }
     }
 
-    /// Distance along a ray from the camera's center to the board, mm; `None` outside the board.
+    /// Returns the distance along a ray from the camera's center to the board, mm; `None` outside the board.
     #[inline]
     pub fn hit(&self, dir: &Vector3<f64>) -> Option<f64> {
         let t = self.offset / self.normal.dot(dir);
@@ -57,7 +58,7 @@ impl BoardPlane {
 }
 
 impl<'a> PlacedSweep<'a> {
-    /// Joins intensities and poses.
+    /// Joins a sweep with the poses of its boards.
     pub fn new(sweep: Sweep<'a>, poses: &[Isometry3<f64>], camera: Camera, extent_mm: [f64; 4]) -> Self {
         assert_eq!(sweep.shots.len(), poses.len());
         let w = camera.width;
@@ -67,7 +68,7 @@ impl<'a> PlacedSweep<'a> {
         Self { sweep, boards, camera, noise: NoiseModel { read: 0.0, gain: 0.0 }, dirs }
     }
 
-    /// Number of positions.
+    /// Returns the number of positions.
     pub fn n_positions(&self) -> usize {
         self.boards.len()
     }
@@ -85,7 +86,7 @@ impl<'a> PlacedSweep<'a> {
         }
     }
 
-    /// The middle of what the boards cover.
+    /// Returns the mean point of the boards in the camera's view, mm.
     pub fn mean_point(&self) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         let mut n = 0.0;
@@ -100,7 +101,7 @@ impl<'a> PlacedSweep<'a> {
         if n > 0.0 { sum / n } else { Vector3::new(0.0, 0.0, 1.0) }
     }
 
-    /// Calls `f` for points of all boards, a seventh of what the camera sees of them.
+    /// Calls `f` for points of all boards, one for every seventh pixel.
     pub fn for_each_point(&self, mut f: impl FnMut(&Point3<f64>)) {
         for board in &self.boards {
             for dir in self.dirs.iter().step_by(7) {
@@ -111,7 +112,7 @@ impl<'a> PlacedSweep<'a> {
         }
     }
 
-    /// Median distance between neighboring boards along the central ray of what they cover.
+    /// Returns the median distance between neighboring boards along the ray through [`Self::mean_point`], mm.
     pub fn typical_step_mm(&self) -> f64 {
         let dir = self.mean_point().normalize();
         let mut t: Vec<f64> = self.boards.iter().map(|b| b.offset / b.normal.dot(&dir)).collect();

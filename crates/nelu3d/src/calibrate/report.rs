@@ -1,4 +1,4 @@
-//! What a calibration found.
+//! The report of a calibration.
 
 use nelu3d_scan::pose::Trajectory;
 use serde::Serialize;
@@ -6,19 +6,19 @@ use serde::Serialize;
 use crate::color_field::Quality;
 use crate::progress::StageTime;
 
-/// What a calibration found.
+/// The report of a calibration, besides the color field.
 #[derive(Clone, Debug, Serialize)]
 pub struct CalibrationReport {
-    /// The poses, position by position; none for a field from the projector.
+    /// Board poses, position by position; `None` for a field from a projector.
     pub trajectory: Option<Trajectory>,
-    /// Where the light is, camera frame, mm; none for parallel light.
+    /// Center of the light in the camera's frame, mm; `None` if it was not found or lies at infinity.
     pub light_mm: Option<[f64; 3]>,
-    /// How well the field predicts what it has not seen.
+    /// Quality of the field's predictions at held-out positions.
     pub quality: Option<Quality>,
-    /// Where the frame is centered, and why.
+    /// Center of the frame, and why, in words.
     pub frame: String,
-    /// Cells of the field along a, b and w.
+    /// Number of cells of the field along a, b and w.
     pub cells: [usize; 3],
-    /// What took how long.
+    /// Wall and CPU time of each stage, in order.
     pub stages: Vec<StageTime>,
 }

@@ -1,8 +1,8 @@
-//! Reading the sweep, position by position.
+//! Reading a sweep, position by position.
 //!
-//! No more than a few positions are ever in memory. Whatever later stages need of the images is gathered while they pass,
-//! in sums whose size depends on the volume and the image but not on how many positions there are; so some images are
-//! read more than once, which costs less than keeping them.
+//! A few positions at most are in memory at a time. Later stages gather what they need of the images while these are
+//! read, in sums whose size depends on the volume and the image but not on the number of positions. So some images are
+//! read more than once, which costs less than holding them in memory.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -12,21 +12,22 @@ use nelu3d_scan::{Image, Rig};
 use rayon::prelude::*;
 
 use super::error::CalibrationError;
+pub(super) use super::position::Position;
+use super::position::PositionBuilder;
 use crate::progress::Progress;
-use crate::sensor::NoiseModel;
 
-/// Most bytes of images in memory while a sweep is read.
+/// Largest number of bytes of images in memory while a sweep is read.
 const READ_BUDGET: usize = 1 << 30;
 
 /// The positions of a rig's sweep, for one pattern set.
 pub struct Sweep<'a> {
     rig: &'a Rig,
     set: &'a PatternSet,
-    /// The positions.
+    /// Folders of the positions.
     pub shots: Vec<Shot>,
-    /// Pattern channels.
+    /// Number of pattern channels.
     pub k: usize,
-    /// Channels of the white image: 1 or 3. Pattern channel j is normalized by white channel `j % channels`.
+    /// Number of channels of the white image: 1 or 3. Pattern channel j is normalized by white channel `j % channels`.
     pub channels: usize,
     min_contrast: f32,
     pool: rayon::ThreadPool,
@@ -35,29 +36,33 @@ pub struct Sweep<'a> {
 }
 
 impl<'a> Sweep<'a> {
-    /// Prepares to read. `min_contrast` is the least usable white − black.
+    /// Prepares to read a sweep. `min_contrast` is the smallest usable white − black.
     pub fn new(rig: &'a Rig, set: &'a PatternSet, shots: Vec<Shot>, min_contrast: f32) -> Self {
         let channels = rig.channels.count();
         let k = set.images.len() * channels;
-        // Four images, the normalized values and what a stage makes of them.
+        // Four images, the normalized values and the samples that a stage makes of them.
         let bytes = rig.camera.n_pixels() * 4 * (4 * channels + k + (3 + 2 * k));
         let at_once = (READ_BUDGET / bytes.max(1)).clamp(1, rayon::current_num_threads());
         let pool = rayon::ThreadPoolBuilder::new().num_threads(at_once).build().expect("a thread pool starts");
         Self { rig, set, shots, k, channels, min_contrast, pool, mono: OnceLock::new() }
     }
 
-    /// The sweep's folder.
+    /// Returns the sweep's folder.
     pub fn folder(&self) -> std::path::PathBuf {
         self.rig.root.join("calibration")
     }
 
-    /// Keeps the positions whose name `keep` accepts.
-    pub fn retain(&mut self, keep: impl Fn(&str) -> bool) {
-        self.shots.retain(|s| keep(&s.name));
+    /// Retains the positions whose name `is_used` accepts.
+    pub fn retain(&mut self, is_used: impl Fn(&str) -> bool) {
+        self.shots.retain(|s| is_used(&s.name));
     }
 
-    /// Calls `f` on the white and black image of every position, in parallel; the answers in order. That the patterns
-    /// exist is checked on the way, so that a gap in a sweep is told before work is done.
+    /// Calls `f` on the white and black image of every position, in parallel, and returns what it returned, in order.
+    /// It is checked on the way that the patterns exist, so that a gap in a sweep is reported before work is done.
+    ///
+    /// # Errors
+    ///
+    /// An image is missing or cannot be read, or the caller stopped the work.
     pub fn map_white_black<T: Send>(
         &self,
         progress: &Progress,
@@ -82,13 +87,18 @@ impl<'a> Sweep<'a> {
         self.pool.install(|| self.shots.par_iter().map(one).collect())
     }
 
-    /// Reads the positions `which`, a few at a time: `map` runs on each in parallel, with its index, its captured images
-    /// shown to `see` before; `take` gets what `map` returned, in order, some positions at a time.
+    /// Reads the positions `which`, a few at a time. Each position's images pass `gather` as they are read; then `map`
+    /// runs on the position, in parallel, with its index and what was gathered. `take` receives what `map` returned, in
+    /// order, some positions at a time.
+    ///
+    /// # Errors
+    ///
+    /// An image is missing or cannot be read, or the caller stopped the work.
     pub fn stream<S: Default + Send, T: Send>(
         &self,
         which: &[usize],
         progress: &Progress,
-        see: impl Fn(&mut S, &Image) + Sync,
+        gather: impl Fn(&mut S, &Image) + Sync,
         map: impl Fn(usize, S, &Position) -> T + Sync,
         mut take: impl FnMut(Vec<T>),
     ) -> Result<(), CalibrationError> {
@@ -98,9 +108,9 @@ impl<'a> Sweep<'a> {
                 if progress.cancelled() {
                     return Err(CalibrationError::Cancelled);
                 }
-                let mut seen = S::default();
-                let position = self.read(*p, |image| see(&mut seen, image))?;
-                Ok(map(*p, seen, &position))
+                let mut gathered = S::default();
+                let position = self.read(*p, |image| gather(&mut gathered, image))?;
+                Ok(map(*p, gathered, &position))
             };
             take(self.pool.install(|| wave.par_iter().map(one).collect::<Result<Vec<_>, CalibrationError>>())?);
             done += wave.len();
@@ -109,18 +119,19 @@ impl<'a> Sweep<'a> {
         Ok(())
     }
 
-    fn read(&self, p: usize, mut see: impl FnMut(&Image)) -> Result<Position, CalibrationError> {
+    /// Reads and normalizes a position; its images of the sensor pass `gather`.
+    fn read(&self, p: usize, mut gather: impl FnMut(&Image)) -> Result<Position, CalibrationError> {
         let mut reader = self.rig.reader(&self.shots[p]);
         let (white, black) = (reader.read(&self.rig.white)?, reader.read(&self.rig.black)?);
-        see(&white);
+        gather(&white);
         let mut builder = PositionBuilder::new(&white, black, self.k, self.min_contrast);
         let mut all = Vec::with_capacity(self.set.images.len());
         for name in &self.set.images {
-            let (pattern, mono) = reader.read_pattern(name, &white, Some(&builder.black))?;
+            let (pattern, mono) = reader.read_pattern(name, &white, Some(builder.black()))?;
             all.push(mono);
-            // What was made of a mono image has not the sensor's noise.
+            // Channels that were made of a mono image do not have the sensor's noise.
             if !mono {
-                see(&pattern);
+                gather(&pattern);
             }
             builder.add(&pattern);
         }
@@ -128,7 +139,7 @@ impl<'a> Sweep<'a> {
         Ok(builder.finish())
     }
 
-    /// Complains if a pattern is mono in one position and colored in another.
+    /// Fails if a pattern is mono at one position and colored at another.
     fn agree_on_mono(&self, mono: Vec<bool>, shot: &Shot) -> Result<(), CalibrationError> {
         let (first, dir) = self.mono.get_or_init(|| (mono.clone(), shot.dir.clone()));
         match mono.iter().zip(first).position(|(a, b)| a != b) {
@@ -141,151 +152,16 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// The patterns that are mono images of a color camera; of a sweep that was read.
+    /// Returns the patterns that are mono images of a color camera, once the sweep was read.
     pub fn mono(&self) -> Vec<String> {
         let flags = self.mono.get().map_or(&[][..], |(flags, _)| flags);
         self.set.images.iter().zip(flags).filter(|(_, mono)| **mono).map(|(name, _)| name.clone()).collect()
     }
 }
 
-/// The normalized intensities of one board position.
-pub struct Position {
-    /// Width in samples.
-    pub width: usize,
-    /// Height in samples.
-    pub height: usize,
-    /// Pattern channels.
-    pub k: usize,
-    /// Channels of the white image.
-    pub channels: usize,
-    /// Normalized intensity, `height × width × k`.
-    pub values: Vec<f32>,
-    /// white − black, `height × width × channels`; 0 where the sample cannot be used.
-    pub contrast: Vec<f32>,
-}
-
-impl Position {
-    /// The values of a sample, and into `w` their weights (one over the variance; 0 = unusable); `None` when no value is
-    /// usable.
-    #[inline]
-    pub fn sample(&self, i: usize, noise: &NoiseModel, w: &mut [f32]) -> Option<&[f32]> {
-        let v = &self.values[i * self.k..(i + 1) * self.k];
-        let contrast = &self.contrast[i * self.channels..(i + 1) * self.channels];
-        if contrast.iter().all(|c| *c <= 0.0) {
-            return None;
-        }
-        for (j, (w, v)) in w.iter_mut().zip(v).enumerate() {
-            let contrast = contrast[j % self.channels];
-            *w = if contrast > 0.0 { 1.0 / noise.normalized_variance(*v, contrast, 0.0) } else { 0.0 };
-        }
-        Some(v)
-    }
-
-    /// The same, averaged over blocks of `block` pixels, as a coarser camera would have seen it. A block is usable where
-    /// all its pixels are.
-    pub fn reduced(&self, block: usize) -> Self {
-        let (w, h, c, k) = (self.width / block, self.height / block, self.channels, self.k);
-        let mut values = Vec::with_capacity(w * h * k);
-        let mut contrast = Vec::with_capacity(w * h * c);
-        let pixels = |x: usize, y: usize| {
-            (0..block * block).map(move |i| (y * block + i / block) * self.width + x * block + i % block)
-        };
-        let share = 1.0 / (block * block) as f32;
-        for y in 0..h {
-            for x in 0..w {
-                for j in 0..k {
-                    // The mean weighted by contrast is the ratio of mean intensities, as a larger pixel would have seen it.
-                    let (mut num, mut den) = (0.0, 0.0);
-                    for i in pixels(x, y) {
-                        let d = self.contrast[i * c + j % c];
-                        num += d * self.values[i * k + j];
-                        den += d;
-                    }
-                    values.push(if den > 0.0 { num / den } else { 0.0 });
-                }
-                for ch in 0..c {
-                    let usable = pixels(x, y).all(|i| self.contrast[i * c + ch] > 0.0);
-                    let d: f32 = pixels(x, y).map(|i| self.contrast[i * c + ch]).sum();
-                    contrast.push(if usable { d * share } else { 0.0 });
-                }
-            }
-        }
-        Self { width: w, height: h, k, channels: c, values, contrast }
-    }
-}
-
-/// Builds a [`Position`] image by image, so that only white, black and one pattern are in memory at a time.
-pub(super) struct PositionBuilder {
-    black: Image,
-    filled: usize,
-    position: Position,
-}
-
-impl PositionBuilder {
-    /// Starts a position from its white and black images; `threshold` is the least usable white − black.
-    pub(super) fn new(white: &Image, black: Image, k: usize, threshold: f32) -> Self {
-        let (width, height, channels) = (white.width, white.height, white.channels);
-        let mut contrast = white.data.clone();
-        for (w, b) in contrast.iter_mut().zip(&black.data) {
-            let d = *w - b;
-            *w = if *w < 1.0 && d >= threshold { d } else { 0.0 };
-        }
-        let values = vec![0.0; width * height * k];
-        Self { black, filled: 0, position: Position { width, height, k, channels, values, contrast } }
-    }
-
-    /// Adds the next pattern image. A clipped pixel is unusable in that channel.
-    pub(super) fn add(&mut self, pattern: &Image) {
-        let p = &mut self.position;
-        let (c, k) = (p.channels, p.k);
-        assert_eq!(pattern.data.len(), self.black.data.len());
-        let pixels = pattern.data.chunks_exact(c).zip(self.black.data.chunks_exact(c));
-        let targets = p.values.chunks_exact_mut(k).zip(p.contrast.chunks_exact_mut(c));
-        for ((pattern, black), (values, contrast)) in pixels.zip(targets) {
-            for ch in 0..c {
-                if pattern[ch] >= 1.0 {
-                    contrast[ch] = 0.0;
-                }
-                if contrast[ch] > 0.0 {
-                    values[self.filled + ch] = (pattern[ch] - black[ch]) / contrast[ch];
-                }
-            }
-        }
-        self.filled += c;
-    }
-
-    /// The finished position.
-    pub(super) fn finish(self) -> Position {
-        assert_eq!(self.filled, self.position.k);
-        self.position
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn image(v: [f32; 4]) -> Image {
-        Image { width: 2, height: 2, channels: 1, data: v.to_vec() }
-    }
-
-    #[test]
-    fn normalizes_and_marks_unusable_pixels() {
-        let mut b = PositionBuilder::new(&image([0.5, 0.5, 0.015, 1.0]), image([0.1, 0.0, 0.0, 0.0]), 2, 0.02);
-        b.add(&image([0.3, 0.25, 0.01, 0.2]));
-        b.add(&image([0.1, 1.0, 0.01, 0.2]));
-        let p = b.finish();
-        assert!((p.values[0] - 0.5).abs() < 1e-6);
-        assert_eq!(p.values[1], 0.0);
-        let usable: Vec<bool> = p.contrast.iter().map(|c| *c > 0.0).collect();
-        assert_eq!(usable, [true, false, false, false]);
-        let mut w = [9.0; 2];
-        let noise = NoiseModel { read: 1e-4, gain: 0.0 };
-        assert_eq!(p.sample(0, &noise, &mut w).unwrap().len(), 2);
-        // Contrast 0.4, L = 0.5: variance (1 + ¼ + ¼) 1e-4 / 0.16.
-        assert!((w[0] - 0.16 / 1.5e-4).abs() < 1.0, "{w:?}");
-        assert!(p.sample(1, &noise, &mut w).is_none());
-    }
 
     struct Silent;
 
@@ -330,17 +206,17 @@ mod tests {
         let (rig, set) = rig(dir.path(), 23);
         let sweep = Sweep::new(&rig, &set, rig.positions().unwrap(), 0.02);
         let which: Vec<usize> = (0..23).filter(|i| i % 5 != 2).collect();
-        let (mut seen, mut largest) = (Vec::new(), 0);
+        let (mut received, mut largest) = (Vec::new(), 0);
         let map = |p: usize, images: usize, position: &Position| (p, images, position.values[7]);
         let take = |wave: Vec<_>| {
             largest = largest.max(wave.len());
-            seen.extend(wave);
+            received.extend(wave);
         };
         sweep.stream(&which, &Progress::none(), |n: &mut usize, _| *n += 1, map, take).unwrap();
         assert!(largest <= 2 * rayon::current_num_threads(), "{largest}");
-        assert_eq!(seen.iter().map(|s| s.0).collect::<Vec<_>>(), which);
-        // White and pattern were shown; the values are the position's own.
-        assert!(seen.iter().all(|(p, images, v)| *images == 2 && (v - 0.01 * *p as f32).abs() < 1e-6));
+        assert_eq!(received.iter().map(|s| s.0).collect::<Vec<_>>(), which);
+        // White and pattern were gathered; the values are the position's own.
+        assert!(received.iter().all(|(p, images, v)| *images == 2 && (v - 0.01 * *p as f32).abs() < 1e-6));
     }
 
     #[test]
@@ -361,17 +237,5 @@ mod tests {
         assert!(matches!(sweep.map_white_black(&stop, |_, _, _| ()), Err(CalibrationError::Cancelled)));
         let stopped = sweep.stream(&[0], &stop, |(), _| (), |_, (), _| (), |_| ());
         assert!(matches!(stopped, Err(CalibrationError::Cancelled)));
-    }
-
-    #[test]
-    fn a_block_is_what_a_larger_pixel_would_have_seen() {
-        let mut b = PositionBuilder::new(&image([0.5, 0.3, 0.1, 0.9]), image([0.0; 4]), 1, 0.02);
-        b.add(&image([0.5, 0.0, 0.1, 0.0]));
-        let p = b.finish().reduced(2);
-        assert_eq!((p.width, p.height), (1, 1));
-        assert!((p.values[0] - 0.6 / 1.8).abs() < 1e-6 && (p.contrast[0] - 0.45).abs() < 1e-6);
-        let mut b = PositionBuilder::new(&image([0.5, 0.3, 0.1, 0.9]), image([0.0; 4]), 1, 0.02);
-        b.add(&image([0.5, 1.0, 0.1, 0.0]));
-        assert_eq!(b.finish().reduced(2).contrast, [0.0]);
     }
 }

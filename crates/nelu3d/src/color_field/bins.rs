@@ -1,4 +1,4 @@
-//! The sweep, averaged in small bins: what every form of the field is fitted to.
+//! The samples of a sweep, averaged in small bins, to which every form of the field is fitted.
 
 use rayon::prelude::*;
 
@@ -6,18 +6,20 @@ use rayon::prelude::*;
 /// positions there were. A bin keeps the weighted mean of its samples' coordinates and values, so it acts as one sample
 /// at their centroid.
 pub struct Bins {
+    /// Number of bins along a, b and w.
     counts: [usize; 3],
+    /// Pattern channels.
     k: usize,
     /// Per bin `[b][a][w]`: Σω̄, Σω̄ q (3, relative to the bin's center, in bins), Σω (k), Σω L (k).
     sums: Vec<f32>,
 }
 
-/// What a filled bin stands for: one sample at its centroid.
+/// The sample that a filled bin stands for, at the centroid of its samples.
 #[derive(Clone, Copy)]
 pub(crate) struct Sample<'a> {
     /// Unit coordinates.
     pub(crate) q: [f32; 3],
-    /// Σω over the channels' mean.
+    /// Σω̄, where ω̄ is the mean weight over channels.
     pub(crate) mean: f32,
     /// Σω per channel.
     pub(crate) omegas: &'a [f32],
@@ -25,13 +27,15 @@ pub(crate) struct Sample<'a> {
     pub(crate) moments: &'a [f32],
 }
 
-/// Rows of bins that are filled together.
+/// Number of rows of bins that are filled together.
 const STRIPE: usize = 16;
 
-/// Samples on their way into [`Bins`], sorted by rows of bins so that these can be filled in parallel.
+/// Samples that were collected for [`Bins`], sorted by rows of bins so that these can be filled in parallel.
 #[derive(Clone)]
 pub struct Gathered {
+    /// Number of rows of bins.
     rows: usize,
+    /// Pattern channels.
     k: usize,
     /// Per stripe of rows and sample: coordinates, values, weights.
     stripes: Vec<Vec<f32>>,
@@ -51,30 +55,32 @@ impl Gathered {
 }
 
 impl Bins {
-    /// Empty bins over the unit cube, `counts` along a, b and w.
+    /// Makes empty bins over the unit cube, `counts` along a, b and w.
     pub fn new(counts: [usize; 3], k: usize) -> Self {
         Self { counts, k, sums: vec![0.0; counts.iter().product::<usize>() * (4 + 2 * k)] }
     }
 
-    /// Channels.
+    /// Returns the number of pattern channels.
     pub(crate) fn k(&self) -> usize {
         self.k
     }
 
-    /// Bins along a, b and w.
+    /// Returns the number of bins along a, b and w.
     pub(crate) fn counts(&self) -> [usize; 3] {
         self.counts
     }
 
-    /// Bins along b.
+    /// Returns the number of bins along b.
     pub(crate) fn n_rows(&self) -> usize {
         self.counts[1]
     }
 
+    /// Returns the number of sums per bin.
     fn stride(&self) -> usize {
         4 + 2 * self.k
     }
 
+    /// Returns the number of sums per row of bins.
     fn per_row(&self) -> usize {
         self.counts[0] * self.counts[2] * self.stride()
     }
@@ -84,7 +90,7 @@ impl Bins {
         add(&mut self.sums, self.counts, 0, q, values, omegas);
     }
 
-    /// An empty collection of samples for these bins.
+    /// Returns an empty collection of samples for these bins.
     pub fn gathered(&self) -> Gathered {
         Gathered { rows: self.counts[1], k: self.k, stripes: vec![Vec::new(); self.counts[1].div_ceil(STRIPE)] }
     }
@@ -138,7 +144,7 @@ impl Bins {
         }
     }
 
-    /// The same samples in fewer, larger bins.
+    /// Returns the same samples in fewer, larger bins.
     pub fn merged(&self, counts: [usize; 3]) -> Self {
         let mut out = Self::new(counts, self.k);
         let per_row = out.per_row();
@@ -151,7 +157,7 @@ impl Bins {
             let mut add = |s: Sample<'_>| {
                 let Some(cell) = cell_of(counts, s.q).filter(|c| c[1] == row) else { return };
                 let bin = &mut sums[(cell[0] * counts[2] + cell[2]) * stride..][..stride];
-                gather(bin, counts, cell, s.q, s.mean);
+                add_weight(bin, counts, cell, s.q, s.mean);
                 let (w, wv) = bin[4..].split_at_mut(self.k);
                 w.iter_mut().zip(s.omegas).for_each(|(to, from)| *to += from);
                 wv.iter_mut().zip(s.moments).for_each(|(to, from)| *to += from);
@@ -174,7 +180,7 @@ fn add(sums: &mut [f32], counts: [usize; 3], first: usize, q: [f32; 3], values: 
     let stride = 4 + 2 * k;
     let at = (((cell[1] - first) * counts[0] + cell[0]) * counts[2] + cell[2]) * stride;
     let bin = &mut sums[at..at + stride];
-    gather(bin, counts, cell, q, mean);
+    add_weight(bin, counts, cell, q, mean);
     let (w, wv) = bin[4..].split_at_mut(k);
     for j in 0..k {
         w[j] += omegas[j];
@@ -182,16 +188,16 @@ fn add(sums: &mut [f32], counts: [usize; 3], first: usize, q: [f32; 3], values: 
     }
 }
 
-/// The bin of a point; `None` outside the unit cube.
+/// Returns the bin of a point; `None` outside the unit cube.
 #[inline(always)]
 fn cell_of(counts: [usize; 3], q: [f32; 3]) -> Option<[usize; 3]> {
     let inside = q.iter().all(|q| (0.0..=1.0).contains(q));
     inside.then(|| std::array::from_fn(|i| ((q[i] * counts[i] as f32) as i32 as usize).min(counts[i] - 1)))
 }
 
-/// Adds a weight and where it is to a bin.
+/// Adds a weight and its position to a bin.
 #[inline(always)]
-fn gather(bin: &mut [f32], counts: [usize; 3], cell: [usize; 3], q: [f32; 3], mean: f32) {
+fn add_weight(bin: &mut [f32], counts: [usize; 3], cell: [usize; 3], q: [f32; 3], mean: f32) {
     // Coordinates relative to the bin's center: a float sum of hundreds of nearly equal numbers would lose them.
     bin[0] += mean;
     for i in 0..3 {
@@ -204,7 +210,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn collections_fill_bins_as_samples_one_by_one_do() {
+    fn collections_fill_bins_as_single_samples_do() {
         let mut one_by_one = Bins::new([7, 40, 3], 2);
         let mut together = Bins::new([7, 40, 3], 2);
         let mut parts = vec![together.gathered(), together.gathered()];

@@ -1,4 +1,4 @@
-//! The camera's rays in the field's coordinates, and where along them the field holds.
+//! The camera's rays in the field's coordinates, and the part of each that was calibrated.
 
 use nelu3d_scan::Camera;
 use rayon::prelude::*;
@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::field::ColorField;
 use super::frame::{FieldFrame, RayInFrame};
 
-/// The rays of an image, in the coordinates of a color field, and where along them the field holds.
+/// The rays of an image in the coordinates of a color field, and the part of each that was calibrated.
 pub struct CameraRays {
     /// Focal length, px (mean of x and y).
     pub focal_px: f32,
@@ -14,11 +14,12 @@ pub struct CameraRays {
     pub plane: Vec<[f32; 2]>,
     /// `[t_near, t_far]` per pixel, mm along the unit ray; empty (near > far) outside the calibrated volume.
     pub range: Vec<[f32; 2]>,
+    /// The color field's coordinates.
     frame: FieldFrame,
 }
 
 impl CameraRays {
-    /// Rays of a camera's image reduced by `f`.
+    /// Makes the rays of a camera's image reduced by a factor `f`.
     pub fn new(camera: &Camera, field: &ColorField, f: usize) -> Self {
         let (w, h) = (camera.width / f, camera.height / f);
         let half = (f as f64 - 1.0) / 2.0;
@@ -34,7 +35,7 @@ impl CameraRays {
         Self { focal_px, plane, range, frame: field.frame }
     }
 
-    /// Rays of a camera without a field.
+    /// Makes the rays of a camera without a field.
     #[cfg(test)]
     pub(crate) fn for_test(focal_px: f32, plane: Vec<[f32; 2]>) -> Self {
         let right = nalgebra::Vector3::x();
@@ -42,20 +43,20 @@ impl CameraRays {
         Self { focal_px, range: vec![[0.0, 1e9]; plane.len()], plane, frame }
     }
 
-    /// Rays of a field without a camera.
+    /// Makes the rays of a field without a camera.
     #[cfg(test)]
     pub(crate) fn of_field(focal_px: f32, plane: Vec<[f32; 2]>, range: Vec<[f32; 2]>, frame: FieldFrame) -> Self {
         Self { focal_px, plane, range, frame }
     }
 
-    /// The unit ray's z: depth = t · z.
+    /// Returns the z component of pixel `i`'s unit ray: depth = t · z.
     #[inline]
     pub fn dir_z(&self, i: usize) -> f32 {
         let [u, v] = self.plane[i];
         1.0 / (1.0 + u * u + v * v).sqrt()
     }
 
-    /// The ray of pixel `i` in the field's frame.
+    /// Returns the ray of pixel `i` in the field's frame.
     pub fn in_frame(&self, i: usize) -> RayInFrame {
         let [u, v] = self.plane[i].map(f64::from);
         self.frame.along_ray(&nalgebra::Vector3::new(u, v, 1.0).normalize())

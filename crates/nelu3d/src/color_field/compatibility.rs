@@ -1,4 +1,4 @@
-//! Whether a color field belongs to a rig, a pattern set and a scene.
+//! Checks that a color field belongs to a rig, a pattern set and a scene.
 
 use nelu3d_scan::rig::{Capture, PatternSet, Shot};
 use nelu3d_scan::{Camera, Rig};
@@ -9,18 +9,18 @@ use super::field::ColorField;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the color field was made for {what} {field}, but the rig has {rig}: {remedy}")]
 pub struct FieldMismatch {
-    /// What differs: "the camera", "the pattern set", "the image".
+    /// Name of what differs: "the camera", "the pattern set", "the image".
     pub what: &'static str,
     /// The field's value, in words.
     pub field: String,
     /// The rig's value, in words.
     pub rig: String,
-    /// What to do about it.
+    /// Remedy, in words.
     pub remedy: &'static str,
 }
 
-/// The numbers by which a color field recognizes its camera: `[width, height, fx, fy, cx, cy]`, then the distortion
-/// coefficients.
+/// Returns the numbers by which a color field recognizes its camera: `[width, height, fx, fy, cx, cy]`, then the
+/// distortion coefficients.
 pub fn camera_key(camera: &Camera) -> Vec<f64> {
     let mut key = vec![camera.width as f64, camera.height as f64, camera.fx, camera.fy, camera.cx, camera.cy];
     key.extend_from_slice(camera.distortion.coeffs());
@@ -53,7 +53,7 @@ pub fn check_field(rig: &Rig, set: &PatternSet, field: &ColorField) -> Result<()
 ///
 /// A pattern has another number of channels than it had in the sweep.
 pub fn check_mono(capture: &Capture, set: &PatternSet, shot: &Shot, field: &ColorField) -> Result<(), FieldMismatch> {
-    // A field computed from projected images has not seen any capture.
+    // A field computed from projected images does not depend on any capture.
     let made_of_captures = field.metadata.source == "sweep";
     for (name, mono) in set.images.iter().zip(&capture.mono) {
         if made_of_captures && field.metadata.mono.contains(name) != *mono {

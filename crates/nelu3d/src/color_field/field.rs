@@ -1,4 +1,4 @@
-//! The color field as a whole: its coordinates, form, validity and metadata.
+//! The color field as a whole: coordinates, form, validity and metadata.
 
 use std::borrow::Cow;
 
@@ -9,32 +9,32 @@ use super::hash::HashForm;
 use super::metadata::FieldMetadata;
 use super::validity::Validity;
 
-/// How c is stored.
+/// The form in which c is stored.
 #[derive(Clone, Debug)]
 pub enum Form {
-    /// Cubic B-spline.
+    /// Cubic B-spline, fitted by least squares.
     Grid(Grid),
-    /// Hash encoding and MLP.
+    /// Multiresolution hash encoding and a small network.
     Hash(Box<HashForm>),
-    /// Frequency encoding and MLP.
+    /// Frequency encoding and a network.
     Frequency(Box<FrequencyForm>),
 }
 
 /// A calibrated color field: everything that a reconstruction needs to know of the light source.
 #[derive(Clone, Debug)]
 pub struct ColorField {
-    /// Its coordinates.
+    /// Coordinates in which c is stored.
     pub frame: FieldFrame,
-    /// Its values.
+    /// Values of c.
     pub form: Form,
-    /// Where it holds.
+    /// Volume in which the field was supervised.
     pub validity: Validity,
-    /// What it was made from.
+    /// Metadata: what the field was made from, and how good it is.
     pub metadata: FieldMetadata,
 }
 
 impl ColorField {
-    /// Number of pattern channels k.
+    /// Returns the number of pattern channels k.
     pub fn k(&self) -> usize {
         match &self.form {
             Form::Grid(g) => g.k,
@@ -43,7 +43,7 @@ impl ColorField {
         }
     }
 
-    /// The field as a spline, which every later stage evaluates.
+    /// Returns the field as a spline, which every later stage evaluates.
     pub fn to_grid(&self) -> Cow<'_, Grid> {
         match &self.form {
             Form::Grid(g) => Cow::Borrowed(g),
@@ -52,7 +52,7 @@ impl ColorField {
         }
     }
 
-    /// Name of the form.
+    /// Returns the name of the form.
     pub fn form_name(&self) -> &'static str {
         match &self.form {
             Form::Grid(_) => "grid",

@@ -1,23 +1,23 @@
 //! The coordinates a color field lives in: a projective frame whose lines of constant (a, b) all meet in one point.
 //!
-//! Light travels in straight lines, so a point-like source throws the same codeword on every point of a ray of light (up
-//! to defocus, which changes slowly along it). In a frame centered on the light, c is therefore detailed across (a, b)
-//! and nearly constant along w: board positions far apart supervise the same coefficients, which is what makes the field
-//! interpolate between them. In the frame centered on the camera, (a, b) are pixels and w is 1/z: any light will do there,
-//! but nothing is shared between positions. Both are this one type; only the center differs. A center at infinity
-//! (parallel light) is `kappa = 0`.
+//! Light travels in straight lines, so a point-like source throws the same codeword on every point of a ray of light
+//! (up to defocus, which changes slowly along it). In a frame centered on the light, c is therefore detailed across (a,
+//! b) and nearly constant along w: board positions far apart supervise the same coefficients, so that the field
+//! interpolates between them. In the frame centered on the camera, (a, b) are pixels and w is 1/z: any light can be
+//! described there, but positions share no coefficients. Both are this one type with another center. A center at
+//! infinity (parallel light) is `kappa = 0`.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use nelu3d_field::lattice::ProjectiveFrame;
 use serde::{Deserialize, Serialize};
 
-/// Where the lines of a [`FieldFrame`] meet.
+/// The point in which the lines of a [`FieldFrame`] meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Center {
-    /// In the light source, found from the sweep itself (or from a calibrated projector).
+    /// The light source, found from the sweep itself (or from a calibrated projector).
     Light,
-    /// In the camera.
+    /// The camera's center.
     Camera,
 }
 
@@ -37,24 +37,24 @@ pub struct FieldFrame {
     pub hi: [f64; 3],
 }
 
-/// A point in a [`FieldFrame`] and how it moves.
+/// A point in a [`FieldFrame`] and its derivative along a ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Moving {
+pub struct PointOnRay {
     /// Unit coordinates.
     pub q: [f32; 3],
-    /// Their derivative, 1/mm.
+    /// Derivative of the unit coordinates along the ray, 1/mm.
     pub dq: [f32; 3],
 }
 
 impl FieldFrame {
-    /// A frame whose lines meet in `center`, with its origin at `origin`; e1 is as close to `right` as it can be.
-    /// The box is empty until [`Self::enclose`] has seen the points it must hold.
+    /// Makes a frame whose lines meet in `center`, with its origin at `origin`; e1 is as close to `right` as it can be.
+    /// The box is empty until [`Self::enclose`] has grown it.
     pub fn around(center: Point3<f64>, origin: Point3<f64>, right: Vector3<f64>) -> Self {
         let along = origin - center;
         Self::new(origin, along.normalize(), 1.0 / along.norm(), right)
     }
 
-    /// A frame with the axis `along` (unit) and the inverse distance `kappa` to the point where its lines meet.
+    /// Makes a frame with the axis `along` (unit) and the inverse distance `kappa` to the point where its lines meet.
     pub fn new(origin: Point3<f64>, along: Vector3<f64>, kappa: f64, right: Vector3<f64>) -> Self {
         let e1 = (right - along * right.dot(&along)).normalize();
         let e2 = along.cross(&e1);
@@ -63,17 +63,18 @@ impl FieldFrame {
         Self { origin, axes, kappa, lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3] }
     }
 
-    /// Where the lines meet, mm; `None` when they are parallel.
+    /// Returns the point in which the lines meet, mm; `None` when they are parallel.
     pub fn center(&self) -> Option<Point3<f64>> {
         let along = Vector3::from(self.axes[2]);
         (self.kappa != 0.0).then(|| Point3::from(self.origin) - along / self.kappa)
     }
 
+    /// Returns the rotation from the camera's axes to the frame's.
     fn rotation(&self) -> Matrix3<f64> {
         Matrix3::from_fn(|r, c| self.axes[r][c])
     }
 
-    /// (a, b, w) of a point, mm; `None` behind the center.
+    /// Returns (a, b, w) of a point, mm; `None` behind the center.
     pub fn to_abw(&self, x: &Point3<f64>) -> Option<[f64; 3]> {
         let y = self.rotation() * (x - Point3::from(self.origin));
         let s = 1.0 + self.kappa * y.z;
@@ -90,13 +91,13 @@ impl FieldFrame {
         }
     }
 
-    /// Unit coordinates of a point; `None` behind the center. Inside the box they lie in `[0, 1]^3`.
+    /// Returns the unit coordinates of a point; `None` behind the center. Inside the box they lie in `[0, 1]^3`.
     pub fn to_unit(&self, x: &Point3<f64>) -> Option<[f32; 3]> {
         let p = self.to_abw(x)?;
         Some(std::array::from_fn(|i| ((p[i] - self.lo[i]) / (self.hi[i] - self.lo[i])) as f32))
     }
 
-    /// The camera-frame point with the given unit coordinates, mm.
+    /// Returns the camera-frame point with the given unit coordinates, mm.
     pub fn from_unit(&self, q: [f64; 3]) -> Point3<f64> {
         let p: [f64; 3] = std::array::from_fn(|i| self.lo[i] + q[i] * (self.hi[i] - self.lo[i]));
         let s = 1.0 / (1.0 - self.kappa * p[2]);
@@ -104,7 +105,8 @@ impl FieldFrame {
         Point3::from(self.origin) + self.rotation().transpose() * y
     }
 
-    /// Row by row, the affine map from points (mm) to the coordinates y that this frame divides by 1 + kappa · y_z.
+    /// Returns, row by row, the affine map from points (mm) to the coordinates y that this frame divides by 1 + kappa ·
+    /// y_z.
     pub fn affine(&self) -> [[f64; 4]; 3] {
         self.axes.map(|e| {
             let offset = -(e[0] * self.origin[0] + e[1] * self.origin[1] + e[2] * self.origin[2]);
@@ -112,13 +114,13 @@ impl FieldFrame {
         })
     }
 
-    /// The map from coordinates along this frame's axes to unit coordinates.
+    /// Returns the map from coordinates along this frame's axes to unit coordinates.
     pub fn projective(&self) -> ProjectiveFrame {
         let scale = std::array::from_fn(|i| 1.0 / (self.hi[i] - self.lo[i]));
         ProjectiveFrame { kappa: self.kappa, lo: self.lo, scale }
     }
 
-    /// The line `t ↦ dir · t` of a camera ray through this frame, ready to be evaluated at many `t`.
+    /// Returns the line `t ↦ dir · t` of a camera ray through this frame, prepared for evaluation at many `t`.
     pub fn along_ray(&self, dir: &Vector3<f64>) -> RayInFrame {
         let r = self.rotation();
         let center = r * (Point3::origin() - Point3::from(self.origin));
@@ -126,7 +128,7 @@ impl FieldFrame {
     }
 }
 
-/// A camera ray seen in a [`FieldFrame`]: see [`FieldFrame::along_ray`].
+/// A camera ray in the coordinates of a [`FieldFrame`], made by [`FieldFrame::along_ray`].
 #[derive(Clone, Copy, Debug)]
 pub struct RayInFrame {
     /// The camera's center along the frame's axes, mm: the same for all rays.
@@ -138,13 +140,13 @@ pub struct RayInFrame {
 }
 
 impl RayInFrame {
-    /// Unit coordinates at `t` and their derivative by `t`.
-    pub fn at(&self, t: f64) -> Moving {
+    /// Returns the unit coordinates at distance `t`, mm, and their derivative by `t`.
+    pub fn at(&self, t: f64) -> PointOnRay {
         let ProjectiveFrame { kappa, lo, scale } = self.frame;
         let y: [f64; 3] = std::array::from_fn(|i| self.center[i] + t * self.dir[i]);
         let s = 1.0 / (1.0 + kappa * y[2]).max(1e-6);
         let ds = -kappa * self.dir[2] * s * s;
-        Moving {
+        PointOnRay {
             q: std::array::from_fn(|i| ((y[i] * s - lo[i]) * scale[i]) as f32),
             dq: std::array::from_fn(|i| ((self.dir[i] * s + y[i] * ds) * scale[i]) as f32),
         }

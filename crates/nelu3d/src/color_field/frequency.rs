@@ -1,19 +1,20 @@
-//! The `frequency` form: sines and cosines of the coordinates in octaves, and a network, over the unit cube of a
+//! Form `frequency`: sines and cosines of the coordinates in octaves, and a network, over the unit cube of a
 //! [`FieldFrame`](super::frame::FieldFrame) (paper, Fig. 3; the encoding is Eq. 4 of NeRF).
 //!
 //! The paper's 20 octaves reach 2^18 periods across the volume, far beyond what samples a pixel apart, and a few planes
-//! along the light's rays, can supervise: those octaves are noise to the network, and along w they put wiggles between the
-//! board positions. So by default an axis has only the octaves that its cells resolve. [`Octaves::Paper`] keeps all 20.
+//! along the light's rays, can supervise: those octaves are noise to the network, and along w they put wiggles between
+//! the board positions. So by default an axis has only the octaves that its cells resolve. [`Octaves::Paper`] keeps all
+//! 20.
 //!
-//! The paper gives no size for the network, and NeRF's 8 × 256 would train for an hour here. Ours is 4 × 64: with it the
-//! paper's 5,000 steps reach the quality of the other forms on `dlp` (docs/color-field-forms.md).
+//! The paper gives no size for the network, and NeRF's 8 × 256 would train for an hour here. Ours is 4 × 64: with it
+//! the paper's 5,000 steps reach the quality of the other forms on `dlp` (docs/color-field-forms.md).
 
 use nelu3d_field::{FrequencyField, FrequencyFieldConfig};
 use serde::{Deserialize, Serialize};
 
 use super::bins::Bins;
 use super::grid::Grid;
-use super::network::{Batch, Samples, spline_through};
+use super::network::{NetworkForm, NetworkShape, TrainingSamples};
 use crate::progress::Progress;
 
 /// Length of a second training relative to the first.
@@ -21,14 +22,14 @@ const AGAIN: f64 = 0.3;
 /// Learning rate of a second training relative to the first.
 const AGAIN_RATE: f64 = 0.3;
 
-/// How many octaves the coordinates are encoded in.
+/// The octaves that coordinates are encoded in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Octaves {
-    /// As many per axis as the sweep supervises.
+    /// As many octaves per axis as the sweep supervises
     Supervised,
-    /// 20 on every axis, as in the paper.
+    /// 20 octaves on every axis, as in the paper
     Paper,
 }
 
@@ -38,16 +39,16 @@ pub enum Octaves {
 pub struct FrequencySettings {
     /// Cells of the volume along a, b and w.
     pub cells: [usize; 3],
-    /// Octaves.
+    /// Octaves of the encoding.
     pub octaves: Octaves,
-    /// Steps of a training.
+    /// Number of steps of a training.
     pub steps: usize,
-    /// Points per step.
+    /// Number of points per step.
     pub batch: usize,
 }
 
 impl FrequencySettings {
-    /// Settings for a volume of that many cells: 5,000 steps, as in the paper.
+    /// Returns the settings of a volume of that many cells: 5,000 steps, as in the paper.
     pub fn for_cells(cells: [usize; 3], octaves: Octaves) -> Self {
         Self { cells, octaves, steps: 5000, batch: 2048 }
     }
@@ -65,85 +66,37 @@ impl FrequencySettings {
     }
 }
 
-/// What identifies the form in a checkpoint.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FrequencyShape {
-    /// Settings.
-    pub settings: FrequencySettings,
-    /// Pattern channels.
-    pub k: usize,
-    /// Encoding and network.
-    pub config: FrequencyFieldConfig,
-    /// Number of parameters.
-    pub n_params: usize,
-}
+/// The description of a [`FrequencyForm`] in a checkpoint.
+pub type FrequencyShape = NetworkShape<FrequencySettings, FrequencyFieldConfig>;
 
 /// A color field as frequency encoding and network.
-#[derive(Clone, Debug)]
-pub struct FrequencyForm {
-    shape: FrequencyShape,
-    field: FrequencyField,
-    trained: bool,
-}
+pub type FrequencyForm = NetworkForm<FrequencySettings, FrequencyField>;
 
 impl FrequencyForm {
-    /// An untrained form.
+    /// Initializes a form.
     pub fn new(settings: FrequencySettings, k: usize, seed: u64) -> Self {
         let config = settings.config(k);
-        let field = FrequencyField::new(config.clone(), seed).expect("settings make a valid configuration");
-        let shape = FrequencyShape { settings, k, config, n_params: field.params().len() };
-        Self { shape, field, trained: false }
-    }
-
-    /// A form from a checkpoint; `None` when shape and parameters do not fit each other.
-    pub fn from_params(shape: FrequencyShape, params: Vec<f32>) -> Option<Self> {
-        let field = FrequencyField::from_params(shape.config.clone(), params).ok()?;
-        (field.n_outputs() == shape.k).then_some(Self { shape, field, trained: true })
-    }
-
-    /// Pattern channels.
-    pub fn k(&self) -> usize {
-        self.shape.k
-    }
-
-    /// What identifies it.
-    pub fn shape(&self) -> &FrequencyShape {
-        &self.shape
-    }
-
-    /// All parameters.
-    pub fn params(&self) -> &[f32] {
-        self.field.params()
+        Self::untrained(settings, config, k, seed)
     }
 
     /// Trains on the samples that the bins stand for, in random order, each weighed by its precision relative to the
     /// others. A form that was trained before goes on from its parameters, with a shorter schedule and a lower rate.
     pub fn train(&mut self, bins: &Bins, seed: u64, progress: &Progress) {
-        let Some(mut samples) = Samples::of(bins, 1, seed) else { return };
-        let (length, rate) = if self.trained { (AGAIN, AGAIN_RATE) } else { (1.0, 1.0) };
-        let steps = (self.shape.settings.steps as f64 * length).ceil() as usize;
-        let mut config = self.shape.config.clone();
+        let Some(mut samples) = TrainingSamples::new(bins, 1, seed) else { return };
+        let (length, rate) = if self.is_trained() { (AGAIN, AGAIN_RATE) } else { (1.0, 1.0) };
+        let FrequencySettings { steps, batch, .. } = self.shape().settings;
+        let steps = (steps as f64 * length).ceil() as usize;
+        let mut config = self.shape().config.clone();
         config.schedule.n_steps = steps as u64;
         config.learning_rate *= rate;
-        self.field =
-            FrequencyField::from_params(config, self.field.params().to_vec()).expect("the layout did not change");
-        let mut drawn = Batch::default();
-        for step in 0..steps {
-            if progress.cancelled() {
-                break;
-            }
-            progress.tick(step, steps);
-            samples.draw(self.shape.settings.batch, &mut drawn);
-            self.field.train_step(&drawn.points, &drawn.targets, &drawn.weights);
-        }
-        self.field.finish_training();
-        self.trained = true;
+        self.begin_training(config);
+        self.train_on_cpu(&mut samples, batch, steps, progress);
+        self.finish_training();
     }
 
-    /// The spline through the form's values at the corners of the volume's cells.
+    /// Returns the spline through the form's values at the corners of the volume's cells.
     pub fn to_grid(&self) -> Grid {
-        spline_through(self.shape.settings.cells, self.shape.k, |points, values| self.field.query(points, values))
+        self.spline(self.shape().settings.cells)
     }
 }
 
@@ -153,7 +106,7 @@ mod tests {
 
     const CELLS: [usize; 3] = [32, 24, 4];
 
-    fn truth(q: [f32; 3]) -> [f32; 2] {
+    fn expected(q: [f32; 3]) -> [f32; 2] {
         [0.5 + 0.3 * (12.0 * q[0] + 3.0 * q[1]).sin(), 0.5 + (0.2 + 0.1 * q[2]) * (10.0 * q[1]).cos()]
     }
 
@@ -162,14 +115,14 @@ mod tests {
         for w in (0..12).map(|i| (i as f32 + 0.5) / 12.0).filter(|w| !(0.45..0.55).contains(w)) {
             for i in 0..96 * 72 {
                 let q = [((i % 96) as f32 + 0.5) / 96.0, ((i / 96) as f32 + 0.5) / 72.0, w];
-                bins.add(q, &truth(q), &[1.0; 2]);
+                bins.add(q, &expected(q), &[1.0; 2]);
             }
         }
         bins
     }
 
     #[test]
-    fn octaves_that_are_supervised_interpolate_a_left_out_slab() {
+    fn octaves_that_are_supervised_interpolate_a_held_out_slab() {
         let settings =
             FrequencySettings { steps: 2500, batch: 512, ..FrequencySettings::for_cells(CELLS, Octaves::Supervised) };
         assert_eq!(settings.config(2).n_frequencies, [5, 4, 2]);
@@ -181,7 +134,7 @@ mod tests {
             let at = |step: f32| 0.03 + 0.94 * (i as f32 * step).fract();
             let q = [at(0.618_034), at(0.754_878), 0.45 + 0.1 * at(0.569_84)];
             grid.eval(q, &mut v);
-            sum += v.iter().zip(truth(q)).map(|(v, t)| (v - t) * (v - t)).sum::<f32>() / 2000.0;
+            sum += v.iter().zip(expected(q)).map(|(v, t)| (v - t) * (v - t)).sum::<f32>() / 2000.0;
         }
         // The signal's own deviation from its mean is about 0.2.
         assert!(sum.sqrt() < 0.03, "{}", sum.sqrt());

@@ -1,4 +1,5 @@
-//! The `grid` form: a cubic B-spline over the unit cube of a [`FieldFrame`](super::frame::FieldFrame), fitted by least squares.
+//! Form `grid`: a cubic B-spline over the unit cube of a [`FieldFrame`](super::frame::FieldFrame), fitted by least
+//! squares.
 
 use nelu3d_field::lattice::Lattice;
 use rayon::prelude::*;
@@ -8,37 +9,37 @@ use rayon::prelude::*;
 pub struct Grid {
     /// Cells along a, b and w.
     pub cells: [usize; 3],
-    /// Channels.
+    /// Pattern channels.
     pub k: usize,
-    /// `(cells_b + 3) × (cells_a + 3) × (cells_w + 3) × k` coefficients.
+    /// Coefficients, `(cells_b + 3) × (cells_a + 3) × (cells_w + 3) × k`.
     pub coeffs: Vec<f32>,
 }
 
 impl Grid {
-    /// A grid of zeros.
+    /// Makes a grid of zeros.
     pub fn new(cells: [usize; 3], k: usize) -> Self {
         let n: usize = cells.iter().map(|c| c + 3).product();
         Self { cells, k, coeffs: vec![0.0; n * k] }
     }
 
-    /// Nodes along a, b and w.
+    /// Returns the number of nodes along a, b and w.
     pub fn nodes(&self) -> [usize; 3] {
         self.cells.map(|c| c + 3)
     }
 
-    /// The grid as a spline to be evaluated.
+    /// Returns the grid as a spline to be evaluated.
     #[inline(always)]
     pub fn lattice(&self) -> Lattice<'_> {
         Lattice { cells: self.cells, k: self.k, nodes: &self.coeffs }
     }
 
-    /// c at unit coordinates `q` (clamped to the cube), into `out` (k values).
+    /// Evaluates c at unit coordinates `q` (clamped to the cube), into `out` (k values).
     #[inline]
     pub fn eval(&self, q: [f32; 3], out: &mut [f32]) {
         self.lattice().eval(q, out);
     }
 
-    /// c and its derivative in the direction `dq`, into `out` and `dout` (k values each).
+    /// Evaluates c and its derivative in the direction `dq`, into `out` and `dout` (k values each).
     pub fn eval_along(&self, q: [f32; 3], dq: [f32; 3], out: &mut [f32], dout: &mut [f32]) {
         self.lattice().eval_along(q, dq, out, dout);
     }
@@ -56,7 +57,7 @@ impl Grid {
         }
     }
 
-    /// The same function on a grid with other numbers of cells (sampled at the new nodes; a start for a fit).
+    /// Returns the same function on a grid with other numbers of cells, sampled at the new nodes: a start for a fit.
     pub fn resampled(&self, cells: [usize; 3]) -> Self {
         let mut out = Self::new(cells, self.k);
         let [na, _, nw] = out.nodes();

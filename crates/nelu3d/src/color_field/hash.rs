@@ -1,4 +1,4 @@
-//! The `hash` form: a multiresolution hash encoding and a small network over the unit cube of a
+//! Form `hash`: a multiresolution hash encoding and a small network over the unit cube of a
 //! [`FieldFrame`](super::frame::FieldFrame).
 //!
 //! The published form uses isotropic levels up to 2048 cells in camera coordinates; levels finer than the sweep's step
@@ -12,17 +12,19 @@ use serde::{Deserialize, Serialize};
 
 use super::bins::Bins;
 use super::grid::Grid;
-use super::network::{Batch, Samples, spline_through};
+#[cfg(feature = "gpu")]
+use super::network::SampleBatch;
+use super::network::{NetworkForm, NetworkShape, TrainingSamples};
 use crate::progress::Progress;
 
-/// Samples drawn together: neighbors share cache lines of the table, but more than two of them say too much the same for
-/// the batch to count as its size (groups of 8 cost 1 dB at the same number of samples on `dlp`).
+/// Number of neighboring samples that are drawn together, because they share cache lines of the table. More than two
+/// are too alike for a batch to count as its size (groups of 8 cost 1 dB at the same number of samples on `dlp`).
 const GROUP: usize = 2;
-/// Length of a second training relative to the first: the parameters only have to take up what is new.
+/// Length of a second training relative to the first: the parameters have to take up only what is new.
 const AGAIN: f64 = 0.4;
 /// Learning rates of a second training relative to the first.
 const AGAIN_RATE: f64 = 0.3;
-/// Fewest steps: small volumes have few samples, and the network needs some time whatever they are.
+/// Fewest steps of a training: small volumes have few samples, and the network needs some time whatever they are.
 const MIN_STEPS: usize = 1000;
 
 /// Settings of a [`HashForm`].
@@ -33,25 +35,25 @@ pub struct HashSettings {
     pub cells: [usize; 3],
     /// Cells of the volume per cell of the finest level, across: levels as fine as the samples learn their noise.
     pub coarsening: usize,
-    /// Levels.
+    /// Number of levels.
     pub n_levels: usize,
     /// log2 of the table's entries per level.
     pub log2_hashmap_size: u32,
-    /// Units of a hidden layer.
+    /// Number of units of a hidden layer.
     pub width: usize,
-    /// How often a training goes through the samples; fewer than a thousand steps are never done.
+    /// Number of times that a training goes through the samples; it takes a thousand steps at least.
     pub epochs: f64,
-    /// Points per step.
+    /// Number of points per step.
     pub batch: usize,
 }
 
 impl HashSettings {
-    /// Settings for a volume of that many cells.
+    /// Returns the settings of a volume of that many cells.
     pub fn for_cells(cells: [usize; 3]) -> Self {
         Self { cells, coarsening: 2, n_levels: 8, log2_hashmap_size: 18, width: 32, epochs: 4.0, batch: 1 << 11 }
     }
 
-    /// Cells of the finest level.
+    /// Returns the cells of the finest level along a, b and w.
     pub(super) fn finest(&self) -> [u32; 3] {
         let across = |cells: usize| cells.div_ceil(self.coarsening.max(1)) as u32;
         [across(self.cells[0]), across(self.cells[1]), self.cells[2] as u32]
@@ -74,114 +76,61 @@ impl HashSettings {
     }
 }
 
-/// What identifies the form in a checkpoint.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct HashShape {
-    /// Settings.
-    pub settings: HashSettings,
-    /// Pattern channels.
-    pub k: usize,
-    /// Encoding and network.
-    pub config: HashFieldConfig<3>,
-    /// Number of parameters.
-    pub n_params: usize,
-}
-
-impl HashShape {
-    /// Number of parameters.
-    pub fn n_params(&self) -> usize {
-        self.n_params
-    }
-}
+/// The description of a [`HashForm`] in a checkpoint.
+pub type HashShape = NetworkShape<HashSettings, HashFieldConfig<3>>;
 
 /// A color field as hash encoding and network.
-#[derive(Clone, Debug)]
-pub struct HashForm {
-    shape: HashShape,
-    field: HashField<3>,
-    trained: bool,
-}
+pub type HashForm = NetworkForm<HashSettings, HashField<3>>;
 
 impl HashForm {
-    /// An untrained form.
+    /// Initializes a form.
     pub fn new(settings: HashSettings, k: usize, seed: u64) -> Self {
         let config = settings.config(k);
-        let field = HashField::new(config.clone(), seed).expect("settings make a valid configuration");
-        let shape = HashShape { settings, k, config, n_params: field.params().len() };
-        Self { shape, field, trained: false }
-    }
-
-    /// A form from a checkpoint; `None` when shape and parameters do not fit each other.
-    pub fn from_params(shape: HashShape, params: Vec<f32>) -> Option<Self> {
-        let field = HashField::from_params(shape.config.clone(), params).ok()?;
-        (field.n_outputs() == shape.k).then_some(Self { shape, field, trained: true })
-    }
-
-    /// Pattern channels.
-    pub fn k(&self) -> usize {
-        self.shape.k
-    }
-
-    /// What identifies it.
-    pub fn shape(&self) -> &HashShape {
-        &self.shape
-    }
-
-    /// All parameters.
-    pub fn params(&self) -> &[f32] {
-        self.field.params()
+        Self::untrained(settings, config, k, seed)
     }
 
     /// Trains on the samples that the bins stand for, in random order, each weighed by its precision relative to the
     /// others. A form that was trained before goes on from its parameters, with a shorter schedule and lower rates.
     ///
-    /// A device that fails is left for the CPU, which begins again.
+    /// If the device fails, training begins again on the CPU.
     pub fn train(&mut self, bins: &Bins, seed: u64, device: &Device, progress: &Progress) {
-        let Some(mut samples) = Samples::of(bins, GROUP, seed) else { return };
-        let s = &self.shape.settings;
+        let Some(mut samples) = TrainingSamples::new(bins, GROUP, seed) else { return };
+        let s = &self.shape().settings;
         let n = samples.len();
         let batch = s.batch.clamp(GROUP, n.max(GROUP));
-        let (length, rate) = if self.trained { (AGAIN, AGAIN_RATE) } else { (1.0, 1.0) };
+        let (length, rate) = if self.is_trained() { (AGAIN, AGAIN_RATE) } else { (1.0, 1.0) };
         let steps = (s.epochs * n as f64 / batch as f64).max(MIN_STEPS as f64) * length;
-        let mut config = self.shape.config.clone();
-        config.training.schedule.n_steps = steps.ceil() as u64;
+        let steps = steps.ceil() as usize;
+        let mut config = self.shape().config.clone();
+        config.training.schedule.n_steps = steps as u64;
         config.training.encoding_learning_rate *= rate;
         config.training.network_learning_rate *= rate;
-        self.field = HashField::from_params(config, self.field.params().to_vec()).expect("the layout did not change");
-
-        let mut drawn = Batch::default();
-        let steps = steps.ceil() as usize;
-        let go_on = |step: usize| {
-            progress.tick(step, steps);
-            !progress.cancelled()
-        };
+        self.begin_training(config);
         match device {
             #[cfg(feature = "gpu")]
             Device::Gpu(gpu) => {
-                // All of them once in random order, and that order again and again.
-                samples.draw(n, &mut drawn);
-                let Batch { points, targets, weights } = &drawn;
+                // Every sample once in random order, and that order again and again.
+                let mut all = SampleBatch::default();
+                samples.draw(n, &mut all);
+                let SampleBatch { points, targets, weights } = &all;
                 let all = nelu3d_field::gpu::Samples { points, targets, weights };
-                if let Err(e) = self.field.train_on(gpu, &all, batch, steps, go_on) {
+                let go_on = |step: usize| {
+                    progress.tick(step, steps);
+                    !progress.cancelled()
+                };
+                if let Err(e) = self.network().train_on(gpu, &all, batch, steps, go_on) {
                     progress.warn(format!("{e}; the field is trained on the CPU instead"));
                     return self.train(bins, seed, &Device::Cpu, progress);
                 }
             }
-            Device::Cpu => {
-                for _ in (0..steps).take_while(|step| go_on(*step)) {
-                    samples.draw(batch, &mut drawn);
-                    self.field.train_step(&drawn.points, &drawn.targets, &drawn.weights);
-                }
-            }
+            Device::Cpu => self.train_on_cpu(&mut samples, batch, steps, progress),
         }
-        self.field.finish_training();
-        self.trained = true;
+        self.finish_training();
     }
 
-    /// The spline through the form's values at the corners of the volume's cells.
+    /// Returns the spline through the form's values at the corners of the volume's cells.
     pub fn to_grid(&self) -> Grid {
-        spline_through(self.shape.settings.cells, self.shape.k, |points, values| self.field.query(points, values))
+        self.spline(self.shape().settings.cells)
     }
 }
 
@@ -190,7 +139,7 @@ mod tests {
     use super::*;
 
     /// Fringes across, a slow change of their contrast along w.
-    fn truth(q: [f32; 3]) -> [f32; 2] {
+    fn expected(q: [f32; 3]) -> [f32; 2] {
         let contrast = 0.25 + 0.1 * q[2];
         [0.5 + contrast * (30.0 * q[0] + 4.0 * q[1]).sin(), 0.5 + contrast * (25.0 * q[1]).cos()]
     }
@@ -204,7 +153,7 @@ mod tests {
             for b in 0..80 {
                 for a in 0..96 {
                     let q = [(a as f32 + 0.5) / 96.0, (b as f32 + 0.5) / 80.0, w];
-                    bins.add(q, &truth(q), &[1.0; 2]);
+                    bins.add(q, &expected(q), &[1.0; 2]);
                 }
             }
         }
@@ -222,7 +171,7 @@ mod tests {
                 w.start + (w.end - w.start) * unit(0.569_84),
             ];
             grid.eval(q, &mut v);
-            for (v, t) in v.iter().zip(truth(q)) {
+            for (v, t) in v.iter().zip(expected(q)) {
                 sum += (v - t) * (v - t);
                 n += 1;
             }
@@ -231,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn it_interpolates_a_left_out_slab() {
+    fn it_interpolates_a_held_out_slab() {
         let mut form = HashForm::new(HashSettings::for_cells(CELLS), 2, 3);
         form.train(&bins(0.4..0.6), 3, &Device::Cpu, &Progress::none());
         let error = rmse(&form, 0.4..0.6);
@@ -239,7 +188,7 @@ mod tests {
         assert!(error < 0.01, "{error}");
     }
 
-    /// On a GPU, if there is one: held out as well as on the CPU.
+    /// Training on a GPU, if there is one, interpolates as well as on the CPU.
     #[cfg(feature = "gpu")]
     #[test]
     fn it_interpolates_on_a_gpu_too() {
@@ -266,14 +215,15 @@ mod tests {
         let (known, unknown) = (rmse(&form, 0.05..0.4), rmse(&form, 0.85..1.0));
         let before = form.params().to_vec();
         form.train(&bins(0.0..0.0), 4, &Device::Cpu, &Progress::none());
-        let (kept, learned) = (rmse(&form, 0.05..0.4), rmse(&form, 0.85..1.0));
+        let (still_known, learned) = (rmse(&form, 0.05..0.4), rmse(&form, 0.85..1.0));
         let norm = |x: &mut dyn Iterator<Item = f32>| x.map(|x| x * x).sum::<f32>().sqrt();
-        let moved = norm(&mut before.iter().zip(form.params()).map(|(a, b)| a - b)) / norm(&mut before.iter().copied());
-        assert!(known < 0.01 && kept < 0.01, "{known} {kept}");
+        let change =
+            norm(&mut before.iter().zip(form.params()).map(|(a, b)| a - b)) / norm(&mut before.iter().copied());
+        assert!(known < 0.01 && still_known < 0.01, "{known} {still_known}");
         // Two fifths of the volume at once is far more than the positions held out of a sweep, and at its end.
         assert!(learned < 0.5 * unknown, "{unknown} {learned}");
         // Parameters drawn anew would be about as far away as they are large.
-        assert!(moved > 0.0 && moved < 0.7, "{moved}");
+        assert!(change > 0.0 && change < 0.7, "{change}");
     }
 
     #[test]
@@ -285,7 +235,7 @@ mod tests {
         for (a, b, w) in (0..=48).flat_map(|a| (0..=40).step_by(5).flat_map(move |b| (0..=4).map(move |w| (a, b, w)))) {
             let q = [a as f32 / 48.0, b as f32 / 40.0, w as f32 / 4.0];
             grid.eval(q, &mut v);
-            form.field.query(&[q], &mut expected);
+            form.network().query(&[q], &mut expected);
             for (v, e) in v.iter().zip(expected) {
                 assert!((v - e).abs() < 1e-5, "{q:?}: {v} {e}");
             }

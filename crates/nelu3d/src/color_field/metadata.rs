@@ -1,11 +1,11 @@
-//! What a color field was made from, and how good it is; stored with it.
+//! Metadata of a color field: what it was made from, and how good it is.
 
 use serde::{Deserialize, Serialize};
 
 use super::frame::Center;
 use crate::sensor::{CrosstalkMatrix, DarkLevel, NoiseModel};
 
-/// What a field was made from; stored with it.
+/// Metadata of a color field, stored with it: what it was made from, and how good it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FieldMetadata {
     /// Version of nelu3d that made it.
@@ -16,39 +16,40 @@ pub struct FieldMetadata {
     pub set: String,
     /// File names of the set's images, in order.
     pub images: Vec<String>,
-    /// Those of them that are mono images of a color camera.
+    /// File names of the set's images that are mono images of a color camera.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mono: Vec<String>,
-    /// Channels of an image: 1 or 3.
+    /// Number of channels of an image: 1 or 3.
     pub channels: usize,
-    /// Where the frame is centered.
+    /// Center of the frame.
     pub center: Center,
-    /// "sweep" or "projector".
+    /// Source of the field: "sweep" or "projector".
     pub source: String,
-    /// Camera: `[width, height, fx, fy, cx, cy]`, then the distortion coefficients.
+    /// Key of the camera: `[width, height, fx, fy, cx, cy]`, then the distortion coefficients.
     pub camera: Vec<f64>,
-    /// The sensor's noise.
+    /// Noise of the sensor.
     pub noise: NoiseModel,
-    /// What is seen without the light source, per channel; for scenes without a black image.
+    /// Dark level per channel, for scenes without a black image.
     pub dark: Vec<DarkLevel>,
-    /// The camera's crosstalk, if it was measured: scenes then need not be asked for it.
+    /// Crosstalk of the camera, if it was measured: it then need not be estimated from scenes.
     #[serde(default, rename = "mixing", alias = "crosstalk")]
     pub crosstalk: Option<CrosstalkMatrix>,
-    /// Cells (for a network: of the spline it is read as) per pixel across; 1 unless the codes are finer than pixels.
+    /// Number of cells (for a network, of the spline that it is read as) per pixel across; 1 unless the codes are finer
+    /// than pixels.
     #[serde(default = "one", rename = "fineness", alias = "cells_per_pixel")]
     pub cells_per_pixel: usize,
     /// Typical distance between board positions along a ray, mm.
     pub step_mm: f64,
-    /// How well it predicts positions it was not made from.
+    /// Quality of its predictions at held-out positions.
     pub quality: Option<Quality>,
-    /// The settings it was made with.
+    /// Settings that it was made with.
     pub settings: serde_json::Value,
 }
 
 impl FieldMetadata {
-    /// Standard deviation of what the color field itself gets wrong, normalized intensity: what the held-out positions
-    /// show beyond their own noise, and at least `min`, because interreflection, nonlinearity of the sensor and the like
-    /// never vanish.
+    /// Returns the standard deviation of the color field's own error, normalized intensity: the error at held-out
+    /// positions beyond their noise, and at least `min`, because interreflection, nonlinearity of the sensor and the
+    /// like never vanish.
     pub fn model_sigma(&self, min: f32) -> f32 {
         let q = self.quality.as_ref();
         let excess = q.map_or(1e-4, |q| (10f64.powf(-q.psnr_db / 10.0) - 10f64.powf(-q.ceiling_db / 10.0)).max(0.0));
@@ -60,21 +61,22 @@ fn one() -> usize {
     1
 }
 
-/// How well a field predicts board positions that were held out.
+/// The quality of a field's predictions at board positions that were held out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// Names of the held-out positions.
     pub held_out: Vec<String>,
-    /// Samples compared.
+    /// Number of samples that were compared.
     pub n: usize,
-    /// PSNR over well-lit samples (white − black of at least 10 % of full scale, or half of what the position's best-lit
-    /// tenth has, if that is less), peak 1, dB.
+    /// PSNR over well-lit samples (white − black of at least 10 % of full scale, or half of what the position's
+    /// best-lit tenth has, if that is less), peak 1, dB.
     #[serde(deserialize_with = "or_nan")]
     pub psnr_db: f64,
     /// PSNR over every usable sample (dim ones, on black ink, are mostly noise), dB.
     #[serde(deserialize_with = "or_nan")]
     pub psnr_all_db: f64,
-    /// PSNR of a perfect field over the same well-lit samples, by the estimated noise of the held-out images, dB. An estimate: a good field can exceed it by a few tenths.
+    /// PSNR of a perfect field over the same well-lit samples, by the estimated noise of the held-out images, dB. A
+    /// good field can exceed this estimate by a few tenths.
     #[serde(deserialize_with = "or_nan")]
     pub ceiling_db: f64,
     /// Median depth error that the field's error implies: |error| / |∂c/∂t|, mm.
@@ -82,7 +84,8 @@ pub struct Quality {
     pub depth_mm: f64,
 }
 
-/// JSON has no NaN or infinity: both are written as null, and what was never measured must not make a field unreadable.
+/// Reads a number that may be null. JSON has no NaN or infinity: both are written as null, and what was never measured
+/// must not make a field unreadable.
 fn or_nan<'de, D: serde::Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
     Ok(Option::<f64>::deserialize(d)?.unwrap_or(f64::NAN))
 }

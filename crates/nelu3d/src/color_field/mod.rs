@@ -1,10 +1,10 @@
 //! The color field c(x): position → normalized intensities of the k patterns (paper, Sec. 3.1).
 //!
-//! A field is a [`frame::FieldFrame`] (coordinates in which c is easy to interpolate), a form (how c is stored there) and
-//! a [`validity::Validity`] volume (where it was supervised). Forms: [`grid`] (cubic B-spline, least squares), [`hash`]
-//! (multiresolution hash encoding and a small network) and [`frequency`] (sines and cosines and a network). To add a
-//! form: a variant of [`Form`], its file, its tensors in [`checkpoint`], and [`ColorField::to_grid`], through which
-//! everything downstream reads it.
+//! A field is a [`frame::FieldFrame`] (coordinates in which c is easy to interpolate), a form (how c is stored there)
+//! and a [`validity::Validity`] volume (where it was supervised). Forms: [`grid`] (cubic B-spline, least squares),
+//! [`hash`] (multiresolution hash encoding and a small network) and [`frequency`] (sines and cosines and a network). To
+//! add a form: a variant of [`Form`], its file, its tensors in [`checkpoint`], and [`ColorField::to_grid`], through
+//! which everything downstream reads it.
 
 pub mod bins;
 mod camera_rays;

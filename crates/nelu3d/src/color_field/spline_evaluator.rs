@@ -4,41 +4,42 @@ use nelu3d_field::lattice::{Lattice, LatticeEvaluator};
 
 use super::grid::Grid;
 
-/// The color field's spline, ready to be evaluated at many points, and how fine it is.
+/// The color field's spline, prepared for evaluation at many points, and its resolution.
 pub struct SplineEvaluator<'a> {
     spline: LatticeEvaluator<'a>,
-    /// Cells per pixel.
+    /// Number of cells per pixel across.
     cells_per_pixel: f32,
 }
 
 impl<'a> SplineEvaluator<'a> {
-    /// For the given spline of a field with `cells_per_pixel` cells per pixel across.
+    /// Prepares the spline of a field with `cells_per_pixel` cells per pixel across.
     pub fn new(grid: &'a Grid, cells_per_pixel: usize) -> Self {
         Self { spline: LatticeEvaluator::new(grid.lattice()), cells_per_pixel: cells_per_pixel as f32 }
     }
 
-    /// Channels.
+    /// Returns the number of pattern channels.
     pub fn k(&self) -> usize {
         self.lattice().k
     }
 
-    /// The spline itself.
+    /// Returns the spline itself.
     pub(crate) fn lattice(&self) -> Lattice<'a> {
         self.spline.lattice()
     }
 
-    /// Pixels across the field along a and b: what disparities are measured in, however fine its cells are.
+    /// Returns the number of pixels across the field along a and b: the unit of disparities, however fine the cells
+    /// are.
     pub fn pixels(&self) -> [f32; 2] {
         [0, 1].map(|i| self.lattice().cells[i] as f32 / self.cells_per_pixel)
     }
 
-    /// c at unit coordinates `q` (clamped to the cube), into `out` (k values).
+    /// Evaluates c at unit coordinates `q` (clamped to the cube), into `out` (k values).
     #[inline]
     pub fn eval(&self, q: [f32; 3], out: &mut [f32]) {
         self.spline.eval(q, out);
     }
 
-    /// c and its derivative in the direction `dq`, into `out` and `dout` (k values each).
+    /// Evaluates c and its derivative in the direction `dq`, into `out` and `dout` (k values each).
     #[inline]
     pub fn eval_along(&self, q: [f32; 3], dq: [f32; 3], out: &mut [f32], dout: &mut [f32]) {
         self.spline.eval_along(q, dq, out, dout);

@@ -1,4 +1,4 @@
-//! How long work tells its caller where it stands, how the caller stops it, and how long each stage took.
+//! Progress of long work: reports to the caller, cancellation by the caller, and the time that each stage took.
 
 mod sink;
 mod stages;

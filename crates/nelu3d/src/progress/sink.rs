@@ -1,15 +1,15 @@
-//! How long work tells its caller where it stands, and how the caller tells it to stop. The library never prints.
+//! Reports of long work to its caller, and cancellation by the caller. The library never prints.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Receives what happens during long work. Called from the thread that runs the work, and from its workers.
+/// Receives the reports of long work. It is called from the thread that runs the work, and from its workers.
 pub trait Sink: Send + Sync {
-    /// A new stage begins; the one before it is done.
+    /// Receives that a new stage begins; the one before it is done.
     fn stage(&self, name: &str);
-    /// `done` of `total` parts of the current stage are done.
+    /// Receives that `done` of `total` parts of the current stage are done.
     fn tick(&self, done: usize, total: usize);
-    /// Something the user should know that does not stop the work: one sentence.
+    /// Receives one sentence that the user should know and that does not stop the work.
     fn warn(&self, message: &str);
 }
 
@@ -21,38 +21,39 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Reports to `sink`; the work stops soon after somebody sets `cancel`.
+    /// Makes a handle that reports to `sink`; the work stops soon after `cancel` is set.
     pub fn new(sink: Arc<dyn Sink>, cancel: Arc<AtomicBool>) -> Self {
         Self { sink: Some(sink), cancel }
     }
 
-    /// Reports to nobody.
+    /// Makes a handle that reports to nobody.
     pub fn none() -> Self {
         Self::default()
     }
 
-    /// A new stage begins. Short and lower case: `read images`, `fit the field`.
+    /// Reports that a new stage begins. Names are short and lower case: `read images`, `fit the field`.
     pub fn stage(&self, name: &str) {
         if let Some(sink) = &self.sink {
             sink.stage(name);
         }
     }
 
-    /// `done` of `total` parts of the current stage are done.
+    /// Reports that `done` of `total` parts of the current stage are done.
     pub fn tick(&self, done: usize, total: usize) {
         if let Some(sink) = &self.sink {
             sink.tick(done, total);
         }
     }
 
-    /// Something the user should know that does not stop the work: one sentence.
+    /// Reports one sentence that the user should know and that does not stop the work.
     pub fn warn(&self, message: impl AsRef<str>) {
         if let Some(sink) = &self.sink {
             sink.warn(message.as_ref());
         }
     }
 
-    /// Whether to stop. Work that sees `true` returns its module's `Cancelled` error and leaves nothing half written.
+    /// Returns whether to stop. Work that has to stop returns its module's `Cancelled` error and leaves nothing half
+    /// written.
     pub fn cancelled(&self) -> bool {
         self.cancel.load(Ordering::Relaxed)
     }

@@ -6,10 +6,10 @@ use cpu_time::ProcessTime;
 
 use super::sink::Progress;
 
-/// How long one stage took.
+/// The time that one stage took.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct StageTime {
-    /// Its name.
+    /// Name of the stage.
     pub name: String,
     /// Elapsed time, s.
     pub wall_secs: f64,
@@ -25,15 +25,16 @@ pub struct StageClock<'a> {
     current: Option<Current>,
 }
 
+/// The stage that runs.
 #[derive(Debug)]
 struct Current {
     time: StageTime,
-    /// Since when it runs, unless it is paused.
+    /// Start of the running interval; `None` while the stage is paused.
     since: Option<(Instant, ProcessTime)>,
 }
 
 impl<'a> StageClock<'a> {
-    /// A clock that announces its stages to `progress`.
+    /// Makes a clock that announces its stages to `progress`.
     pub fn new(progress: &'a Progress) -> Self {
         Self { progress, done: Vec::new(), current: None }
     }

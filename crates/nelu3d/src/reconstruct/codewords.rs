@@ -1,4 +1,4 @@
-//! Decoded points and their codewords, without refinement: what a projector's blur and response are estimated from.
+//! Decoded points and their codewords, without refinement, for the estimation of a projector's blur and response.
 
 use nelu3d_field::device::Device;
 use nelu3d_scan::Camera;
@@ -11,21 +11,24 @@ use super::settings::FastSettings;
 use crate::color_field::{CameraRays, ColorField, SplineEvaluator};
 use crate::sensor::Measurements;
 
-/// What a pixel measured, and where its decoded surface point is.
+/// A decoded surface point and the codeword that its pixel measured.
 pub(crate) struct Codeword {
     /// Camera-frame point, mm.
     pub(crate) point: [f64; 3],
-    /// k normalized intensities; NaN where a channel is unusable.
+    /// The k normalized intensities; NaN where a channel is unusable.
     pub(crate) intensities: Vec<f32>,
 }
 
 /// Largest number of pixels that are decoded: a sample is enough.
 const MAX_PIXELS: usize = 100_000;
 
-/// Decodes a capture; only pixels in surroundings that agree are returned.
+/// Standard deviation of a color field whose blur and response are not known yet, normalized intensity.
+const MODEL_SIGMA: f32 = 0.05;
+
+/// Decodes a capture, and returns the pixels whose surroundings agree with them.
 pub(crate) fn decode_codewords(capture: &Capture, camera: &Camera, field: &ColorField) -> Vec<Codeword> {
-    let about = &field.metadata;
-    let mut m = Measurements::new(capture, &about.noise, &about.dark, 0.05);
+    let metadata = &field.metadata;
+    let mut m = Measurements::new(capture, &metadata.noise, &metadata.dark, MODEL_SIGMA);
     let settings = FastSettings {
         light_fractions: LightFractionPrior { sigma_ambient: 0.03, sigma_indirect: 0.1 },
         min_component: 50,
@@ -33,7 +36,7 @@ pub(crate) fn decode_codewords(capture: &Capture, camera: &Camera, field: &Color
         ..FastSettings::new(&ReconstructionOptions::default())
     };
     let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1));
-    let spline = SplineEvaluator::new(&grid, about.cells_per_pixel);
+    let spline = SplineEvaluator::new(&grid, metadata.cells_per_pixel);
     let decoder = Decoder { camera, field, rays: &rays, spline: &spline, settings: &settings, device: &Device::Cpu };
     let inv_z = decoder.decode(&mut m).inv_z;
     let k = m.k;

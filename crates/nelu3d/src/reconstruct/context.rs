@@ -1,4 +1,4 @@
-//! What accompanies a reconstruction without deciding its result.
+//! The context of a reconstruction: progress, clock, observer and device.
 
 use nelu3d_field::device::{Choice, Device, DeviceError};
 
@@ -12,13 +12,13 @@ pub struct Context<'a> {
     pub progress: &'a Progress,
     /// Times the stages.
     pub clock: StageClock<'a>,
-    /// Where the heavy work is done.
+    /// Device of the heavy work.
     pub device: Device,
     observer: Option<&'a mut (dyn Observer + 'a)>,
 }
 
 impl<'a> Context<'a> {
-    /// Opens the device; nobody observes.
+    /// Opens the device; no observer receives surfaces yet.
     ///
     /// # Errors
     ///
@@ -32,7 +32,7 @@ impl<'a> Context<'a> {
         Self { observer, ..self }
     }
 
-    /// Whether somebody observes.
+    /// Returns whether an observer receives surfaces.
     pub fn is_observed(&self) -> bool {
         self.observer.is_some()
     }
@@ -47,7 +47,7 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// Fails if the caller asked to stop.
+    /// Fails if the caller stopped the work.
     pub fn stop_if_cancelled(&self) -> Result<(), Failure> {
         if self.progress.cancelled() { Err(Failure::Cancelled) } else { Ok(()) }
     }

@@ -1,4 +1,4 @@
-//! What a reconstruction puts on record, typed: `result/` makes JSON of it.
+//! Diagnostics of a reconstruction, typed; `result/` makes JSON of them.
 
 use serde::Serialize;
 
@@ -8,22 +8,22 @@ use super::settings::FastSettings;
 use crate::color_field::ColorField;
 use crate::sensor::CrosstalkMatrix;
 
-/// What a reconstruction puts on record besides the surface and the times.
+/// Diagnostics of a reconstruction: everything on record besides the surface and the times.
 #[derive(Clone, Debug, Serialize)]
 pub struct Diagnostics {
-    /// The settings it was asked for.
+    /// The settings that were asked for.
     pub settings: ReconstructionOptions,
-    /// Where the heavy work was done.
+    /// Name of the device that did the heavy work.
     pub device: String,
     /// The color field that was used.
     pub field: FieldOrigin,
-    /// What only one recipe knows.
+    /// Diagnostics of the recipe that was used.
     #[serde(flatten)]
     pub recipe: RecipeDiagnostics,
 }
 
 impl Diagnostics {
-    /// The crosstalk that was corrected; `None` where none can be (gray cameras, recipe `paper`).
+    /// Returns the crosstalk that was corrected; `None` where none can be (gray cameras, recipe `paper`).
     pub fn crosstalk(&self) -> Option<CrosstalkMatrix> {
         match &self.recipe {
             RecipeDiagnostics::Fast(fast) => fast.crosstalk,
@@ -32,63 +32,63 @@ impl Diagnostics {
     }
 }
 
-/// Which color field was used.
+/// The color field that was used.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct FieldOrigin {
     /// Name of its rig.
     pub rig: String,
     /// Name of its pattern set.
     pub set: String,
-    /// "grid", "hash" or "frequency".
+    /// Form of the field: "grid", "hash" or "frequency".
     pub form: &'static str,
-    /// "sweep" or "projector".
+    /// What the field was made from: "sweep" or "projector".
     pub source: String,
 }
 
 impl From<&ColorField> for FieldOrigin {
     fn from(field: &ColorField) -> Self {
-        let about = &field.metadata;
-        let (rig, set, source) = (about.rig.clone(), about.set.clone(), about.source.clone());
+        let metadata = &field.metadata;
+        let (rig, set, source) = (metadata.rig.clone(), metadata.set.clone(), metadata.source.clone());
         Self { rig, set, form: field.form_name(), source }
     }
 }
 
-/// What only one recipe knows.
+/// Diagnostics that belong to one recipe.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
 pub enum RecipeDiagnostics {
-    /// Recipe `fast`.
+    /// Diagnostics of recipe `fast`.
     Fast(Box<FastDiagnostics>),
-    /// Recipe `paper`.
+    /// Diagnostics of recipe `paper`.
     Paper(PaperDiagnostics),
 }
 
-/// What recipe `fast` puts on record.
+/// Diagnostics of recipe `fast`.
 #[derive(Clone, Debug, Serialize)]
 pub struct FastDiagnostics {
-    /// Every number that the recipe used.
+    /// All settings of the recipe.
     pub fast: FastSettings,
-    /// Where the initial surface came from.
+    /// The origin of the initial surface.
     pub start: Start,
     /// The crosstalk matrix that was corrected; `None` for gray cameras and where it was not asked for.
     #[serde(rename = "mixing")]
     pub crosstalk: Option<CrosstalkMatrix>,
     /// Mean robust χ² per measurement after every step of the refinement.
     pub losses: Vec<f32>,
-    /// Albedo per color channel, as far as interreflection tells it; 0 without gathered light.
+    /// Albedo per color channel, as far as interreflection determines it; 0 without gathered light.
     pub albedo: Vec<f32>,
     /// Median over the valid pixels of the median absolute residual, normalized intensity.
     pub median_residual: f32,
 }
 
-/// Where the initial surface came from.
+/// The origin of the initial surface.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "from")]
 pub enum Start {
-    /// From the scene alone.
+    /// The surface was decoded from the scene alone.
     #[serde(rename = "nothing")]
     Scene,
-    /// From the previous frame's surface.
+    /// The surface was propagated from the previous frame's.
     #[serde(rename = "the frame before")]
     PreviousFrame {
         /// Fraction of the pixels that were decoded in the whole volume all the same.
@@ -97,10 +97,10 @@ pub enum Start {
     },
 }
 
-/// What recipe `paper` puts on record.
+/// Diagnostics of recipe `paper`.
 #[derive(Clone, Debug, Serialize)]
 pub struct PaperDiagnostics {
-    /// Iterations of the training.
+    /// Number of iterations of the training.
     pub iterations: usize,
     /// Length of one unit of the field's cube, mm.
     pub unit_mm: f64,

@@ -1,13 +1,14 @@
-//! How much work a reconstruction puts in.
+//! The amount of work of a reconstruction.
 
 use serde::{Deserialize, Serialize};
 
-/// How much work a reconstruction puts in. Nothing depends on the clock: the same effort gives the same result everywhere.
+/// The amount of work of a reconstruction. Nothing depends on the clock: the same effort gives the same result
+/// everywhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Effort {
-    /// Soonest usable: decoded in a smaller picture, few steps
+    /// Fastest: decoded in a reduced image, few steps
     Quick,
     /// Nearly all of the accuracy
     #[default]
@@ -19,9 +20,10 @@ pub enum Effort {
 /// The amounts of work that an [`Effort`] stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct EffortSettings {
-    /// Largest number of pixels that are decoded; an image with more valid ones is decoded reduced, and refined in full.
+    /// Largest number of pixels that are decoded; an image with more valid ones is decoded reduced, and refined in
+    /// full.
     pub decoded_pixels: usize,
-    /// Steps of the refinement.
+    /// Number of steps of the refinement.
     pub steps: usize,
     /// Number of times that interreflection is gathered from the surface.
     pub gathers: usize,
@@ -30,14 +32,14 @@ pub struct EffortSettings {
 }
 
 impl Effort {
-    /// The work of a refinement that begins at the previous frame's surface.
+    /// Returns the work of a refinement that begins at the previous frame's surface.
     pub fn after_previous_frame(self) -> EffortSettings {
         let cold = self.settings();
         let steps = cold.steps.min(8);
         EffortSettings { steps, gathers: cold.gathers.min(2), ..cold }
     }
 
-    /// The work of a refinement that begins at a decoded surface.
+    /// Returns the work of a refinement that begins at a decoded surface.
     pub fn settings(self) -> EffortSettings {
         match self {
             Effort::Quick => EffortSettings { decoded_pixels: 30_000, steps: 5, gathers: 2, patches: 1000 },

@@ -1,4 +1,4 @@
-//! Why a reconstruction has no result.
+//! Errors of a reconstruction.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use nelu3d_scan::rig::RigError;
 
 use crate::color_field::FieldMismatch;
 
-/// Why the reconstruction of a rig's scene failed.
+/// The error of a rig's scene that could not be reconstructed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReconstructionError {
     /// The rig folder or one of its images cannot be used.
@@ -32,7 +32,7 @@ pub enum ReconstructionError {
     Cancelled,
 }
 
-/// Why a capture that belongs to no folder has no surface.
+/// The error of a capture that could not be reconstructed, whatever folder it belongs to.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
     /// Every pixel was rejected; the text says why.

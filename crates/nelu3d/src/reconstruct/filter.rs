@@ -9,10 +9,10 @@ use super::refine::Refined;
 use super::scene::Scene;
 use crate::surface::{Links, MAX_SLOPE, PixelStatus, reject_small_components};
 
-/// When a pixel is rejected.
+/// Settings of the rejection of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FilterSettings {
-    /// Mean χ² per measurement over 5 × 5 pixels above which a codeword is not explained by any surface here.
+    /// Mean χ² per measurement over 5 × 5 pixels above which no surface explains the codeword.
     pub max_chi2: f32,
     /// χ² per measurement of a pixel at a depth discontinuity above which its codeword is a mixture of two surfaces.
     pub max_edge_chi2: f32,
@@ -64,7 +64,7 @@ pub(crate) fn filter(
     reject_small_components(&mut depth, &mut m.status, camera, settings.min_component);
     for i in 0..m.n() {
         if depth[i].is_nan() && m.status[i] == PixelStatus::Valid {
-            // A reduced decoding does not know which of its pixels' rays miss the volume.
+            // Decoding at reduced resolution does not tell which of the full image's rays miss the volume.
             let [near, far] = rays.range[i];
             m.status[i] = if near > far { PixelStatus::OutsideVolume } else { PixelStatus::Ambiguous };
         }
@@ -75,7 +75,7 @@ pub(crate) fn filter(
     Ok(depth)
 }
 
-/// The failure of a scene in which every pixel is rejected.
+/// Returns the failure of a scene in which every pixel is rejected.
 pub(crate) fn nothing_left(status: &[PixelStatus]) -> Failure {
     let rejected = PixelStatus::describe_rejections(status, "the calibrated volume");
     Failure::Nothing(format!("{rejected}; check the exposure and that the object stands where the board was swept"))

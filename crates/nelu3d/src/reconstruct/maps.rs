@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use crate::surface::PixelStatus;
 
-/// Interpolates a `height × width` map at (x, y), px, where the four values around differ by no more than `max_difference`;
-/// elsewhere returns the nearest value.
+/// Interpolates a `height × width` map at (x, y), px, where the four values around it differ by at most
+/// `max_difference`; elsewhere returns the nearest value.
 pub(crate) fn interpolate_within(map: &[f32], width: usize, height: usize, x: f32, y: f32, max_difference: f32) -> f32 {
     let (x0, y0) = (x as usize, y as usize);
     let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
@@ -40,7 +40,8 @@ pub(crate) fn fill_from_neighbors(values: &mut [f32], status: &[PixelStatus], wi
     }
 }
 
-/// Mean over the finite values in a square of `2 radius + 1` pixels around each finite pixel; NaN elsewhere.
+/// Returns the mean over the finite values in a square of `2 radius + 1` pixels around each finite pixel; NaN
+/// elsewhere.
 pub(crate) fn local_mean(v: &[f32], width: usize, height: usize, radius: usize) -> Vec<f32> {
     (0..v.len())
         .into_par_iter()

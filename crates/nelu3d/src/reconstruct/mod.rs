@@ -1,4 +1,4 @@
-//! From a color field and the captures of a scene to a surface.
+//! Reconstruction: from a color field and the captures of a scene to a surface.
 //!
 //! Recipe `fast`, in five stages: measure (normalize, reject unusable pixels) → initialize (cost volume and semi-global
 //! matching, or the previous frame) → refine (narrow-band volume rendering) → filter (reject what is not supported) →
@@ -22,9 +22,9 @@ mod refine;
 mod scene;
 mod settings;
 
-use nelu3d_scan::Camera;
-use nelu3d_scan::Rig;
 use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
+use nelu3d_scan::statistics::median;
+use nelu3d_scan::{Camera, Rig};
 
 use crate::color_field::{ColorField, check_field, check_mono};
 use crate::progress::{Progress, StageTime};
@@ -55,7 +55,7 @@ pub use settings::FastSettings;
 pub struct Reconstruction {
     /// The surface.
     pub surface: Surface,
-    /// What the method puts on record.
+    /// Diagnostics of the method.
     pub diagnostics: Diagnostics,
     /// Wall and CPU time of each stage, in order.
     pub stages: Vec<StageTime>,
@@ -78,12 +78,12 @@ pub fn reconstruct(
     reconstruct_observed(rig, set, shot, field, opts, progress, None)
 }
 
-/// Reconstructs a scene of a rig and shows the observer every intermediate surface. The result is that of
+/// Reconstructs a scene of a rig, and shows every intermediate surface to an observer. The result is that of
 /// [`reconstruct`].
 ///
 /// # Errors
 ///
-/// Those of [`reconstruct`].
+/// The errors are those of [`reconstruct`].
 pub fn reconstruct_observed<'a>(
     rig: &Rig,
     set: &PatternSet,
@@ -147,18 +147,17 @@ fn fast(
     Ok((build_surface(scene, refined, depth), RecipeDiagnostics::Fast(Box::new(diagnostics))))
 }
 
-/// What recipe `fast` puts on record.
+/// Returns what recipe `fast` puts on record.
 fn diagnose(initial: &Initial, refined: &Refined, depth: &[f32], fast: FastSettings) -> FastDiagnostics {
     let mut residuals: Vec<f32> =
         (0..depth.len()).filter(|i| depth[*i].is_finite()).map(|i| refined.abs_residual[i]).collect();
-    let middle = residuals.len() / 2;
     FastDiagnostics {
         fast,
         start: initial.decoded.map_or(Start::Scene, |decoded| Start::PreviousFrame { decoded }),
         crosstalk: initial.crosstalk,
         losses: refined.losses.clone(),
         albedo: refined.albedo.clone(),
-        median_residual: *residuals.select_nth_unstable_by(middle, f32::total_cmp).1,
+        median_residual: median(&mut residuals).expect("a surface has valid pixels"),
     }
 }
 

@@ -1,20 +1,20 @@
-//! Watching a surface while it is being found.
+//! Observation of a surface while it is being reconstructed.
 
-/// Sees every intermediate surface of a reconstruction. It cannot change anything, and its own time is not counted as the
-/// reconstruction's.
+/// Receives every intermediate surface of a reconstruction. It cannot change the result, and its own time does not
+/// count as the reconstruction's.
 pub trait Observer {
-    /// The surface after `iteration` of a stage: camera z per pixel, mm; NaN where there is none.
+    /// Receives the surface after `iteration` of a stage: camera z per pixel, mm; NaN where there is none.
     fn surface(&mut self, stage: Stage, iteration: usize, depth: &[f32]);
 }
 
-/// Where a surface comes from.
+/// The stage that an intermediate surface comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Stage {
-    /// Decoded from the cost volume.
+    /// The surface was decoded from the cost volume.
     Decode,
-    /// After a step of the refinement.
+    /// The surface is that after a step of the refinement.
     Refine,
-    /// Finished: what has no consistent code is left out.
+    /// The surface is finished: pixels without support are rejected.
     Result,
 }

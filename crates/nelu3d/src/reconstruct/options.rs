@@ -1,4 +1,4 @@
-//! What a caller chooses about a reconstruction.
+//! Options of a reconstruction.
 
 use nelu3d_field::device::Choice;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::effort::Effort;
 use super::neural::PaperOptions;
 
-/// How the surface is found.
+/// The recipe by which a surface is reconstructed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
@@ -18,7 +18,7 @@ pub enum Recipe {
     Paper,
 }
 
-/// What is done about channels of the camera that respond to each other's light.
+/// Ways to handle camera channels that respond to each other's light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
@@ -26,7 +26,7 @@ pub enum CrosstalkMode {
     /// Corrected in color images; the matrix comes from the color field or, without one there, from the scene
     #[default]
     Auto,
-    /// Left as it is
+    /// Not corrected
     Off,
 }
 

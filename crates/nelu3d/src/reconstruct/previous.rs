@@ -1,4 +1,4 @@
-//! What is known of a scene from a moment earlier.
+//! The previous frame of a moving scene.
 
 use crate::sensor::CrosstalkMatrix;
 

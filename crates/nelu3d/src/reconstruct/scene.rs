@@ -21,15 +21,15 @@ pub(crate) struct Scene<'a> {
     pub(crate) white: &'a Image,
     /// The color field as a spline.
     pub(crate) grid: Cow<'a, Grid>,
-    /// The ray of every pixel, and where along it the field holds.
+    /// The ray of every pixel, and the part of it that was calibrated.
     pub(crate) rays: CameraRays,
     /// Normalized intensities, their variances, and the status of every pixel so far.
     pub(crate) measurements: Measurements,
 }
 
 impl<'a> Scene<'a> {
-    /// Normalizes a capture. `min_model_sigma` is the least standard deviation that the field itself is granted,
-    /// normalized intensity.
+    /// Normalizes a capture. `min_model_sigma` is the smallest standard deviation of the color field itself, normalized
+    /// intensity.
     pub(crate) fn measure(
         capture: &'a Capture,
         camera: &'a Camera,
@@ -38,19 +38,21 @@ impl<'a> Scene<'a> {
         cx: &mut Context<'_>,
     ) -> Result<Self, Failure> {
         cx.clock.begin("prepare");
-        let about = &field.metadata;
-        let measurements = Measurements::new(capture, &about.noise, &about.dark, about.model_sigma(min_model_sigma));
+        let metadata = &field.metadata;
+        let measurements =
+            Measurements::new(capture, &metadata.noise, &metadata.dark, metadata.model_sigma(min_model_sigma));
         let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1));
         cx.stop_if_cancelled()?;
         Ok(Self { camera, field, white: &capture.white, grid, rays, measurements })
     }
 
-    /// Evaluates the color field.
+    /// Returns the color field as the inner loops evaluate it.
     pub(crate) fn spline(&self) -> SplineEvaluator<'_> {
         SplineEvaluator::new(&self.grid, self.field.metadata.cells_per_pixel)
     }
 
-    /// White − black of the board per channel, for images of three channels; `None` where the field does not know it.
+    /// Returns white − black of the board per channel, for images of three channels; `None` where the field does not
+    /// know it.
     pub(crate) fn board_white(&self) -> Option<[f32; 3]> {
         let light: Vec<f32> = self.field.metadata.dark.iter().map(|d| d.light).collect();
         let m = &self.measurements;

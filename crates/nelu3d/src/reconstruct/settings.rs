@@ -1,8 +1,8 @@
-//! Every number that recipe `fast` uses, in one place: `result.json` records them whole.
+//! All settings of recipe `fast` in one struct, which `result.json` records whole.
 
 use serde::Serialize;
 
-use super::cost_volume::CostVolumeSettings;
+use super::cost_volume::{CostVolumeSettings, HYPOTHESIS_PX};
 use super::effort::EffortSettings;
 use super::filter::FilterSettings;
 use super::initialize::{CrosstalkSettings, PropagationSettings};
@@ -10,21 +10,19 @@ use super::light_fractions::LightFractionPrior;
 use super::options::ReconstructionOptions;
 use super::refine::RefineSettings;
 
-/// Pixels of disparity between two depth hypotheses: the unit of the refinement.
-const HYPOTHESIS_PX: f32 = 0.7;
-
 /// Settings of recipe `fast`, resolved from [`ReconstructionOptions`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FastSettings {
-    /// Least standard deviation granted to the color field itself, normalized intensity.
+    /// Smallest standard deviation of the color field itself, normalized intensity.
     pub min_model_sigma: f32,
-    /// Largest number of pixels that are decoded; an image with more valid ones is decoded reduced, and refined in full.
+    /// Largest number of pixels that are decoded; an image with more valid ones is decoded reduced, and refined in
+    /// full.
     pub max_decoded_pixels: usize,
     /// Smallest connected component that initialization accepts, px.
     pub min_component: usize,
     /// Cost volume and semi-global matching.
     pub cost_volume: CostVolumeSettings,
-    /// Start from the previous frame's surface.
+    /// Propagation of the previous frame's surface.
     pub propagation: PropagationSettings,
     /// Estimation of the crosstalk matrix from the scene.
     pub crosstalk: CrosstalkSettings,
@@ -37,7 +35,7 @@ pub struct FastSettings {
 }
 
 impl FastSettings {
-    /// The settings of a scene of which nothing is known.
+    /// Returns the settings of a scene without a previous frame.
     pub fn new(opts: &ReconstructionOptions) -> Self {
         let EffortSettings { decoded_pixels, steps, gathers, patches } = opts.effort.settings();
         Self {
@@ -64,8 +62,8 @@ impl FastSettings {
         }
     }
 
-    /// The settings of a refinement that begins at the previous frame's surface: fewer steps, which end when the surface
-    /// has settled, and a prior that is loosened at first.
+    /// Returns the settings of a refinement that begins at the previous frame's surface: fewer steps, which end when
+    /// the surface has settled, and a prior that is loosened at first.
     pub fn after_previous_frame(self, opts: &ReconstructionOptions) -> Self {
         let EffortSettings { steps, gathers, patches, .. } = opts.effort.after_previous_frame();
         let steps = opts.steps.unwrap_or(steps);

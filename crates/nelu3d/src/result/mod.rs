@@ -1,4 +1,4 @@
-//! The folder that a result is written to. JSON is made here and nowhere else.
+//! Result folders: writing and reading. JSON of results is made here and nowhere else.
 
 pub mod picture;
 mod read;

@@ -1,13 +1,13 @@
-//! Maps as pictures for people.
+//! Pictures of maps.
 
 use colorous::Gradient;
 use nelu3d_scan::Image;
 use nelu3d_scan::image::encode_rgb8;
-
-use crate::surface::{PixelStatus, Surface};
 use nelu3d_scan::statistics::percentile;
 
-/// What is shown where there is nothing to show.
+use crate::surface::{PixelStatus, Surface};
+
+/// The color of pixels without a value.
 const EMPTY: [u8; 3] = [24, 26, 31];
 
 /// The colors of depth: perceptually uniform, and readable without seeing red or green apart.
@@ -23,12 +23,12 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// From a function of the pixel's index, row by row.
+    /// Makes a picture from a function of the pixel's index, row by row.
     pub fn from_fn(width: usize, height: usize, color: impl Fn(usize) -> [u8; 3]) -> Self {
         Self { width, height, pixels: (0..width * height).map(color).collect() }
     }
 
-    /// A map in the colors of `gradient`, from `range[0]` to `range[1]`; values that are not finite stay dark.
+    /// Draws a map in the colors of `gradient`, from `range[0]` to `range[1]`; values that are not finite stay dark.
     pub fn of_map(map: &[f32], width: usize, height: usize, range: [f64; 2], gradient: Gradient) -> Self {
         Self::from_fn(width, height, |i| match f64::from(map[i]) {
             v if v.is_finite() => color_at(gradient, v, range),
@@ -36,7 +36,7 @@ impl Picture {
         })
     }
 
-    /// Normals as a clay surface lit from the upper left behind the camera, times a color per pixel.
+    /// Draws normals as a clay surface lit from the upper left behind the camera, times a color per pixel.
     pub fn shaded(normals: &[[f32; 3]], width: usize, height: usize, color: impl Fn(usize) -> [u8; 3]) -> Self {
         Self::from_fn(width, height, |i| match shade(normals[i]) {
             Some(s) => color(i).map(|c| (f32::from(c) * s).min(255.0) as u8),
@@ -44,7 +44,7 @@ impl Picture {
         })
     }
 
-    /// A capture: linear light to sRGB, its 99.5th percentile as white.
+    /// Draws a capture: linear light to sRGB, its 99.5th percentile as white.
     pub fn of_image(capture: &Image) -> Self {
         let white = percentile(&mut capture.data.iter().step_by(7).map(|&v| f64::from(v)).collect::<Vec<_>>(), 99.5);
         let gain = if white > 0.0 { 1.0 / white as f32 } else { 1.0 };
@@ -55,12 +55,12 @@ impl Picture {
         })
     }
 
-    /// Why pixels were rejected; see [`status_color`].
+    /// Draws the status of pixels in the colors of [`status_color`].
     pub fn of_status(status: &[PixelStatus], width: usize, height: usize) -> Self {
         Self::from_fn(width, height, |i| status_color(status[i]))
     }
 
-    /// Shrunk to at most `max_width` pixels across, averaging; never enlarged.
+    /// Shrinks to at most `max_width` pixels across, averaging; never enlarged.
     pub fn at_most(self, max_width: usize) -> Self {
         if self.width <= max_width {
             return self;
@@ -85,15 +85,16 @@ impl Picture {
         })
     }
 
-    /// The part `[x, y, width, height]`, which lies inside.
+    /// Returns the part `[x, y, width, height]`, which lies inside.
     pub fn part(&self, [x, y, width, height]: [usize; 4]) -> Self {
         Self::from_fn(width, height, |i| self.pixels[(y + i / width) * self.width + x + i % width])
     }
 
-    /// Side by side, of equal height.
+    /// Joins pictures of equal height side by side.
     ///
     /// # Panics
-    /// When the heights differ, or there is none.
+    ///
+    /// If the heights differ, or there is no picture.
     pub fn beside(panels: &[Picture]) -> Self {
         let height = panels[0].height;
         assert!(panels.iter().all(|p| p.height == height), "panels of different heights");
@@ -105,32 +106,32 @@ impl Picture {
         }
     }
 
-    /// Width and height, pixels.
+    /// Returns width and height, pixels.
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
-    /// The color of a pixel by its index, row by row.
+    /// Returns the color of a pixel by its index, row by row.
     pub fn rgb(&self, i: usize) -> [u8; 3] {
         self.pixels[i]
     }
 
-    /// As a PNG file.
+    /// Encodes the picture as a PNG file.
     pub fn png(&self) -> Vec<u8> {
         encode_rgb8(self.width, self.height, self.pixels.as_flattened())
     }
 }
 
-/// The color of a value, clamped to `range`.
+/// Returns the color of a value, clamped to `range`.
 pub fn color_at(gradient: Gradient, value: f64, range: [f64; 2]) -> [u8; 3] {
     let t = (value - range[0]) / (range[1] - range[0]);
     let c = gradient.eval_continuous(if t.is_finite() { t.clamp(0.0, 1.0) } else { 0.5 });
     [c.r, c.g, c.b]
 }
 
-/// The color of a reason in [`Picture::of_left`].
-pub fn status_color(left: PixelStatus) -> [u8; 3] {
-    match left {
+/// Returns the color of a status in [`Picture::of_status`].
+pub fn status_color(status: PixelStatus) -> [u8; 3] {
+    match status {
         PixelStatus::Valid => [222, 226, 230],
         PixelStatus::OutsideVolume => [90, 97, 110],
         PixelStatus::Saturated => [230, 159, 0],
@@ -140,8 +141,8 @@ pub fn status_color(left: PixelStatus) -> [u8; 3] {
     }
 }
 
-/// Robust limits of a map, for its colors: the `low`-th and `high`-th percentile of its finite values; `[0, 1]` when it
-/// has none.
+/// Returns robust limits of a map, for its colors: the `low`-th and `high`-th percentile of its finite values; `[0, 1]`
+/// when it has none.
 pub fn limits(map: &[f32], low: f64, high: f64) -> [f64; 2] {
     let mut finite: Vec<f64> = map.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).collect();
     if finite.is_empty() {
@@ -151,7 +152,7 @@ pub fn limits(map: &[f32], low: f64, high: f64) -> [f64; 2] {
     if b > a { [a, b] } else { [a - 0.5, a + 0.5] }
 }
 
-/// The preview of a result: the capture, the surface as clay, and the surface in the colors of its depth.
+/// Draws the preview of a result: the capture, the surface as clay, and the surface in the colors of its depth.
 pub fn preview(r: &Surface) -> Picture {
     let range = limits(&r.depth, 1.0, 99.0);
     // Near is bright: depth seen from the camera.
@@ -165,12 +166,12 @@ pub fn preview(r: &Surface) -> Picture {
     Picture::beside(&panels.map(|p| p.part(part).at_most(640)))
 }
 
-/// The rectangle `[x, y, width, height]` around the pixels that have depth, with a margin; the whole image when there
-/// are none.
+/// Returns the rectangle `[x, y, width, height]` around the pixels that have depth, with a margin; the whole image when
+/// there are none.
 fn surroundings(r: &Surface) -> [usize; 4] {
-    let kept = || (0..r.depth.len()).filter(|&i| r.depth[i].is_finite());
+    let valid = || (0..r.depth.len()).filter(|&i| r.depth[i].is_finite());
     let along = |coordinate: &dyn Fn(usize) -> usize, size: usize| -> [usize; 2] {
-        let (Some(low), Some(high)) = (kept().map(coordinate).min(), kept().map(coordinate).max()) else {
+        let (Some(low), Some(high)) = (valid().map(coordinate).min(), valid().map(coordinate).max()) else {
             return [0, size];
         };
         let margin = 4 + (high - low) / 12;
@@ -181,7 +182,8 @@ fn surroundings(r: &Surface) -> [usize; 4] {
     [x, y, width, height]
 }
 
-/// Brightness of a clay surface: a key light over the left shoulder, a weak fill from the right, some ambient.
+/// Returns the brightness of a clay surface: a key light over the left shoulder, a weak fill from the right, some
+/// ambient.
 fn shade(n: [f32; 3]) -> Option<f32> {
     const KEY: [f32; 3] = [-0.45, -0.55, -0.70];
     const FILL: [f32; 3] = [0.77, 0.10, -0.63];
@@ -192,7 +194,7 @@ fn shade(n: [f32; 3]) -> Option<f32> {
     Some(0.16 + 0.80 * dot(KEY) + 0.22 * dot(FILL))
 }
 
-/// The sRGB transfer function, IEC 61966-2-1.
+/// Applies the sRGB transfer function, IEC 61966-2-1.
 fn srgb(linear: f32) -> u8 {
     let v = linear.clamp(0.0, 1.0);
     let s = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };

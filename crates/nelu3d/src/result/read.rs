@@ -8,16 +8,19 @@ use super::summary::CameraJson;
 use crate::sensor::CrosstalkMatrix;
 use crate::sequence::{FrameState, PatternTime};
 
-/// A result folder that cannot be used.
+/// The error of a result folder that cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// No result here.
-    #[error("{}: is no result folder: it has no result.json; give the folder that a reconstruction wrote", path.display())]
+    /// The folder is no result folder.
+    #[error(
+        "{}: is no result folder: it has no result.json; give the folder that a reconstruction wrote",
+        path.display()
+    )]
     NotAResult {
         /// The path given.
         path: PathBuf,
     },
-    /// result.json is broken.
+    /// result.json cannot be used.
     #[error("{}: {problem}; write the result again", path.display())]
     Summary {
         /// The file.
@@ -25,10 +28,10 @@ pub enum ReadError {
         /// What is wrong.
         problem: String,
     },
-    /// An array.
+    /// An array cannot be read.
     #[error(transparent)]
     Array(#[from] npy::NpyError),
-    /// A map of another size than the camera's images.
+    /// A map has another size than the camera's images.
     #[error(
         "{}: has shape {found:?}, but the result's camera has {height} rows of {width} pixels; write the result again",
         path.display()
@@ -45,7 +48,7 @@ pub enum ReadError {
     },
 }
 
-/// What was read back from a result folder. SurfaceMaps are `height × width` of the camera.
+/// The content of a result folder. Maps are `height × width` of the camera.
 #[derive(Clone, Debug)]
 pub struct SavedResult {
     /// The camera of the maps.
@@ -58,6 +61,7 @@ pub struct SavedResult {
     pub sigma: Option<Vec<f32>>,
 }
 
+/// The part of result.json that every evaluation needs.
 #[derive(serde::Deserialize)]
 struct Head {
     camera: CameraJson,
@@ -84,33 +88,35 @@ impl SavedResult {
     }
 }
 
-/// What a frame's result.json says of its method, as far as the next frame starts from it.
+/// The part of a frame's result.json from which the next frame starts.
 #[derive(serde::Deserialize)]
 struct FrameRecord {
     method: FrameMethod,
 }
 
+/// The part of `method` in a frame's result.json.
 #[derive(serde::Deserialize)]
 struct FrameMethod {
-    #[serde(default)]
-    mixing: Option<CrosstalkMatrix>,
+    #[serde(default, rename = "mixing", alias = "crosstalk")]
+    crosstalk: Option<CrosstalkMatrix>,
     motion: FrameMotion,
 }
 
+/// The part of `motion` in a frame's result.json.
 #[derive(serde::Deserialize)]
 struct FrameMotion {
     pattern_time: Option<PatternTime>,
 }
 
-/// Reads what a frame of a sequence left for the next one from its result folder.
+/// Reads, from its result folder, what a frame of a sequence left for the next one.
 ///
 /// # Errors
 ///
 /// It is no result folder, one of its files is broken, or it is no frame of a sequence.
 pub fn read_frame_state(dir: &Path) -> Result<FrameState, ReadError> {
     let depth = SavedResult::read(dir)?.depth;
-    let FrameMethod { mixing, motion } = read_json::<FrameRecord>(dir)?.method;
-    Ok(FrameState { depth, pattern_time: motion.pattern_time, crosstalk: mixing })
+    let FrameMethod { crosstalk, motion } = read_json::<FrameRecord>(dir)?.method;
+    Ok(FrameState { depth, pattern_time: motion.pattern_time, crosstalk })
 }
 
 /// Reads a part of a result folder's result.json.

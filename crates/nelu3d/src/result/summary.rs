@@ -1,20 +1,20 @@
-//! `result.json`: what a result folder says about itself.
+//! `result.json`: the machine-readable description of a result folder.
 
 use std::path::{Path, PathBuf};
 
 use nelu3d_scan::Camera;
 use nelu3d_scan::camera::Distortion;
+use nelu3d_scan::statistics::percentile;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::progress::StageTime;
 use crate::surface::{PixelStatus, Surface};
-use nelu3d_scan::statistics::percentile;
 
 /// Version of the keys of `result.json`.
 pub const FORMAT: u32 = 1;
 
-/// What a result was made from.
+/// The origin of a result, and its evaluation.
 #[derive(Clone, Debug, Default)]
 pub struct ResultMetadata {
     /// Folder of the rig.
@@ -50,11 +50,11 @@ impl ResultMetadata {
 /// A file that was read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Input {
-    /// Its path as it was given.
+    /// Path of the file as it was given.
     pub path: PathBuf,
-    /// Its size.
+    /// Size of the file, bytes.
     pub bytes: u64,
-    /// SHA-256 of its content, hexadecimal.
+    /// SHA-256 of the file's content, hexadecimal.
     pub sha256: String,
 }
 
@@ -68,7 +68,7 @@ impl Input {
 }
 
 /// The content of `result.json`. Keys are stable: they are added to, never renamed, while `format` stays. Lengths are
-/// mm, times s, shares in [0, 1]; a number that does not exist is `null`.
+/// mm, times s, fractions in [0, 1]; a number that does not exist is `null`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
     /// Version of these keys: 1.
@@ -87,13 +87,13 @@ pub struct Summary {
     pub camera: CameraJson,
     /// Files that were read, with their SHA-256.
     pub inputs: Vec<Input>,
-    /// How many pixels have a depth, and why the others have none.
+    /// Number of valid pixels, and why the others were rejected.
     pub pixels: PixelCounts,
     /// Range of the depth.
     pub depth_mm: DepthRange,
     /// Size of the surface.
     pub mesh: MeshSize,
-    /// What the method put on record: its settings, seed, losses, counts.
+    /// Diagnostics of the method: its settings, seed, losses, counts.
     pub method: serde_json::Value,
     /// Seconds of each stage, in order.
     pub stages: Vec<StageTime>,
@@ -101,11 +101,11 @@ pub struct Summary {
     pub wall_secs: f64,
     /// Processor time of all stages, all threads, s.
     pub cpu_secs: f64,
-    /// The most memory the process ever held; `null` where the system does not tell.
+    /// Peak memory of the process; `null` where the system does not tell.
     pub peak_memory_bytes: Option<u64>,
-    /// Where it ran.
+    /// Machine that the result was computed on.
     pub machine: Machine,
-    /// Errors against the truth; `null` when none was given.
+    /// Errors against the ground truth; `null` when none was given.
     pub metrics: Option<serde_json::Value>,
     /// Errors of the intermediate surfaces, in order; `null` unless they were traced.
     pub trace: Option<serde_json::Value>,
@@ -137,7 +137,7 @@ impl From<&Camera> for CameraJson {
 }
 
 impl CameraJson {
-    /// The camera; `None` when OpenCV knows no such list of coefficients.
+    /// Returns the camera; `None` if OpenCV knows no such list of coefficients.
     pub fn camera(&self) -> Option<Camera> {
         Some(Camera {
             width: self.resx,
@@ -151,15 +151,15 @@ impl CameraJson {
     }
 }
 
-/// How many pixels have a depth, and why the others have none.
+/// The number of valid pixels, and why the others were rejected.
 #[derive(Clone, Debug, Serialize)]
 pub struct PixelCounts {
-    /// All.
+    /// Number of all pixels.
     pub total: usize,
-    /// Those with a depth.
+    /// Number of pixels with a depth.
     #[serde(rename = "kept")]
     pub valid: usize,
-    /// Pixels without one, by [`PixelStatus::key`].
+    /// Number of rejected pixels, by [`PixelStatus::key`].
     #[serde(rename = "left")]
     pub rejected: serde_json::Map<String, serde_json::Value>,
 }
@@ -167,38 +167,38 @@ pub struct PixelCounts {
 /// Range of the depth, mm; `null` when there is none.
 #[derive(Clone, Debug, Serialize)]
 pub struct DepthRange {
-    /// Nearest.
+    /// Smallest depth, mm.
     pub min: f64,
-    /// Median.
+    /// Median depth, mm.
     pub median: f64,
-    /// Farthest.
+    /// Largest depth, mm.
     pub max: f64,
-    /// Median 1σ.
+    /// Median standard deviation of the depth, mm.
     pub median_sigma: f64,
 }
 
 /// Size of the surface.
 #[derive(Clone, Debug, Serialize)]
 pub struct MeshSize {
-    /// Vertices.
+    /// Number of vertices.
     pub vertices: usize,
-    /// Triangles.
+    /// Number of triangles.
     pub faces: usize,
 }
 
-/// Where it ran.
+/// The machine that a result was computed on.
 #[derive(Clone, Debug, Serialize)]
 pub struct Machine {
     /// Operating system.
     pub os: &'static str,
     /// Processor architecture.
     pub arch: &'static str,
-    /// Threads used.
+    /// Number of threads.
     pub threads: usize,
 }
 
 impl Summary {
-    /// The summary of a surface. `method` is what the method puts on record (its diagnostics), `stages` its times.
+    /// Makes the summary of a surface. `method` is the method's diagnostics, `stages` are its times.
     ///
     /// # Panics
     ///
@@ -208,7 +208,7 @@ impl Summary {
         method: &impl Serialize,
         stages: &[StageTime],
         camera: &Camera,
-        about: &ResultMetadata,
+        metadata: &ResultMetadata,
     ) -> Self {
         let finite = |map: &[f32]| map.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).collect::<Vec<_>>();
         let mut depth = finite(&r.depth);
@@ -217,12 +217,12 @@ impl Summary {
         Self {
             format: FORMAT,
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            rig: about.rig.clone(),
-            rig_name: about.rig_name.clone(),
-            scene: about.scene.clone(),
-            set: about.set.clone(),
+            rig: metadata.rig.clone(),
+            rig_name: metadata.rig_name.clone(),
+            scene: metadata.scene.clone(),
+            set: metadata.set.clone(),
             camera: camera.into(),
-            inputs: about.inputs.clone(),
+            inputs: metadata.inputs.clone(),
             pixels: PixelCounts { total: r.depth.len(), valid: depth.len(), rejected },
             depth_mm: DepthRange {
                 min: percentile(&mut depth, 0.0),
@@ -241,13 +241,13 @@ impl Summary {
                 arch: std::env::consts::ARCH,
                 threads: rayon::current_num_threads(),
             },
-            metrics: about.metrics.clone(),
-            trace: about.trace.clone(),
+            metrics: metadata.metrics.clone(),
+            trace: metadata.trace.clone(),
         }
     }
 }
 
-/// The most memory this process ever held (`VmHWM` of Linux); `None` elsewhere.
+/// Returns the peak memory of this process, bytes (`VmHWM` of Linux); `None` elsewhere.
 pub fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let kib: u64 =

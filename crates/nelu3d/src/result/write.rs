@@ -1,4 +1,4 @@
-//! The result folder.
+//! Writing a result folder.
 
 use std::io;
 use std::path::Path;
@@ -12,13 +12,13 @@ use super::picture::{Picture, preview};
 use super::summary::Summary;
 use crate::surface::Surface;
 
-/// A result folder that could not be written.
+/// The error of a result folder that could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// The folder or one of its files; the message names it.
+    /// The folder or one of its files could not be written; the message names it.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// A mesh file.
+    /// A mesh file could not be written.
     #[error(transparent)]
     Mesh(#[from] MeshFileError),
 }
@@ -34,8 +34,8 @@ pub struct MeshFiles {
     pub glb: bool,
 }
 
-/// Writes a result folder, whole or not at all; an earlier result of that name is replaced. Everything but
-/// `report.html`, which the program adds:
+/// Writes a result folder, whole or not at all; an earlier result of that name is replaced. The folder then holds, but
+/// for `report.html`, which the program adds:
 ///
 /// | file | content |
 /// |---|---|
@@ -58,8 +58,8 @@ pub fn write(r: &Surface, summary: &Summary, mesh_files: MeshFiles, dir: &Path) 
     Ok(folder.commit()?)
 }
 
-/// Writes the files of a result into a folder that exists, for callers that add files of their own before it is put into
-/// place.
+/// Writes the files of a result into a folder that exists, for callers that add files of their own before it is renamed
+/// to its final name.
 ///
 /// # Errors
 ///
@@ -67,7 +67,7 @@ pub fn write(r: &Surface, summary: &Summary, mesh_files: MeshFiles, dir: &Path) 
 ///
 /// # Panics
 ///
-/// When the maps differ in size.
+/// If the maps differ in size.
 pub fn write_into(dir: &Path, r: &Surface, summary: &Summary, mesh_files: MeshFiles) -> Result<(), WriteError> {
     let (w, h) = (r.width, r.height);
     let lengths = [r.depth.len(), r.normals.len(), r.sigma.len(), r.status.len(), r.residual.len(), r.ambient.len()];
@@ -96,19 +96,19 @@ pub fn write_into(dir: &Path, r: &Surface, summary: &Summary, mesh_files: MeshFi
     Ok(())
 }
 
-/// One point per pixel that has depth: position, normal, and its color in the white image.
+/// Writes one point per pixel that has depth: position, normal, and its color in the white image.
 fn write_point_cloud(path: &Path, r: &Surface, summary: &Summary) -> io::Result<()> {
     let camera = summary.camera.camera().expect("made from a camera");
     let color = Picture::of_image(&r.white);
-    let kept: Vec<usize> = (0..r.depth.len()).filter(|&i| r.depth[i].is_finite()).collect();
+    let valid: Vec<usize> = (0..r.depth.len()).filter(|&i| r.depth[i].is_finite()).collect();
     let position = |&i: &usize| {
         let ray = camera.ray([(i % r.width) as f64, (i / r.width) as f64]);
         let p = ray.at(f64::from(r.depth[i]) / ray.dir.z);
         [p.x as f32, p.y as f32, p.z as f32]
     };
-    let positions: Vec<[f32; 3]> = kept.par_iter().map(position).collect();
-    let normals: Vec<[f32; 3]> = kept.iter().map(|&i| r.normals[i]).collect();
-    let colors: Vec<[u8; 3]> = kept.iter().map(|&i| color.rgb(i)).collect();
+    let positions: Vec<[f32; 3]> = valid.par_iter().map(position).collect();
+    let normals: Vec<[f32; 3]> = valid.iter().map(|&i| r.normals[i]).collect();
+    let colors: Vec<[u8; 3]> = valid.iter().map(|&i| color.rgb(i)).collect();
     write_points(path, &positions, &normals, &colors)
 }
 
@@ -151,10 +151,10 @@ mod tests {
         (result, camera)
     }
 
-    fn summary(result: &Surface, camera: &Camera, about: &ResultMetadata) -> Summary {
+    fn summary(result: &Surface, camera: &Camera, metadata: &ResultMetadata) -> Summary {
         let stage = |name: &str, wall_secs, cpu_secs| StageTime { name: name.into(), wall_secs, cpu_secs };
         let stages = [stage("a", 1.0, 2.0), stage("b", 0.5, 0.25)];
-        Summary::new(result, &serde_json::json!({ "seed": 7 }), &stages, camera, about)
+        Summary::new(result, &serde_json::json!({ "seed": 7 }), &stages, camera, metadata)
     }
 
     #[test]
@@ -162,10 +162,10 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let (result, camera) = plane();
         let target = dir.path().join("results/plane");
-        let about = ResultMetadata { scene: "plane".into(), ..ResultMetadata::default() };
+        let metadata = ResultMetadata { scene: "plane".into(), ..ResultMetadata::default() };
         // Twice: an earlier result is replaced.
         for mesh_files in [MeshFiles { obj: true, stl: true, glb: true }, MeshFiles::default()] {
-            write(&result, &summary(&result, &camera, &about), mesh_files, &target).unwrap();
+            write(&result, &summary(&result, &camera, &metadata), mesh_files, &target).unwrap();
             for (name, wanted) in
                 [("mesh.obj", mesh_files.obj), ("mesh.stl", mesh_files.stl), ("mesh.glb", mesh_files.glb)]
             {
@@ -192,8 +192,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("abc");
         std::fs::write(&file, "abc").unwrap();
-        let about = ResultMetadata { inputs: vec![Input::of(&file).unwrap()], ..ResultMetadata::default() };
-        let json = serde_json::to_value(summary(&result, &camera, &about)).unwrap();
+        let metadata = ResultMetadata { inputs: vec![Input::of(&file).unwrap()], ..ResultMetadata::default() };
+        let json = serde_json::to_value(summary(&result, &camera, &metadata)).unwrap();
         assert_eq!(json["format"], 1);
         assert_eq!((&json["wall_secs"], &json["cpu_secs"]), (&1.5.into(), &2.25.into()));
         assert_eq!((&json["pixels"]["total"], &json["pixels"]["kept"]), (&48.into(), &42.into()));
@@ -218,9 +218,9 @@ mod tests {
         std::fs::write(dir.path().join("result.json"), "{}").unwrap();
         assert!(read().contains("result.json") && read().contains("camera"), "{}", read());
         let (result, camera) = plane();
-        let about = ResultMetadata::default();
+        let metadata = ResultMetadata::default();
         let target = dir.path().join("r");
-        write(&result, &summary(&result, &camera, &about), MeshFiles::default(), &target).unwrap();
+        write(&result, &summary(&result, &camera, &metadata), MeshFiles::default(), &target).unwrap();
         npy::write(&target.join("sigma.npy"), &[3, 2], &[0.0; 6]).unwrap();
         let e = SavedResult::read(&target).unwrap_err().to_string();
         assert!(e.contains("sigma.npy") && e.contains("[3, 2]"), "{e}");

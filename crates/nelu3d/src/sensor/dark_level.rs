@@ -1,31 +1,34 @@
-//! How much light there is without the light source, from the sweep: for scenes that come without a black image.
+//! The dark level: light that is there without the light source, estimated from the sweep for scenes without a black
+//! image.
 
 use nelu3d_scan::Image;
 use serde::{Deserialize, Serialize};
 
-/// What a pixel shows without the light source, as `offset + share · white`: light that does not depend on what is seen
-/// (sensor, veiling glare) and ambient light, which an object reflects as it reflects the flash.
+/// The intensity of a pixel without the light source, as `offset + ambient · white`: light that does not depend on the
+/// object (sensor, veiling glare), and ambient light, which an object reflects as it does the white (flash) image's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DarkLevel {
-    /// Linear intensity.
+    /// Linear intensity that does not depend on the object.
     pub offset: f32,
-    /// Share of the white image.
-    pub share: f32,
-    /// Mean white − black of what is lit in all channels: the color of the flash on the board. 0 if that is unknown.
+    /// Fraction of the white image that is ambient light.
+    #[serde(rename = "share", alias = "ambient")]
+    pub ambient: f32,
+    /// Mean white − black of the pixels that are lit in all channels: the color of the light on the board. 0 if
+    /// unknown.
     #[serde(default)]
     pub light: f32,
 }
 
 impl DarkLevel {
-    /// Expected black level of a pixel whose white is `white`.
+    /// Returns the expected black level of a pixel whose white is `white`.
     pub fn at(&self, white: f32) -> f32 {
-        (self.offset + self.share * white).clamp(0.0, white.max(0.0))
+        (self.offset + self.ambient * white).clamp(0.0, white.max(0.0))
     }
 }
 
-/// Regression of black on white, per channel, over the lit pixels of a sweep. Paper and ink of the board tell offset and
-/// share apart.
+/// Regression of black on white, per channel, over the lit pixels of a sweep. Paper and ink of the board separate
+/// offset from ambient fraction.
 #[derive(Clone, Default)]
 pub struct DarkEstimator {
     /// Per channel: n, Σw, Σb, Σw², Σwb.
@@ -35,7 +38,8 @@ pub struct DarkEstimator {
 }
 
 impl DarkEstimator {
-    /// Adds a position's white and black images; pixels with less contrast than `min_contrast` or clipped are left out.
+    /// Adds a position's white and black images. Clipped pixels and those with less contrast than `min_contrast` are
+    /// skipped.
     pub fn add(&mut self, white: &Image, black: &Image, min_contrast: f32) {
         self.sums.resize(white.channels, [0.0; 5]);
         self.light.resize(white.channels, [0.0; 2]);
@@ -68,7 +72,7 @@ impl DarkEstimator {
         }
     }
 
-    /// The level per channel. Neither part is negative.
+    /// Returns the level per channel. Neither part is negative.
     pub fn finish(&self) -> Vec<DarkLevel> {
         self.sums
             .iter()
@@ -80,9 +84,9 @@ impl DarkEstimator {
                 }
                 let var = ww / n - (w / n).powi(2);
                 let slope = if var > 1e-6 { (wb / n - w / n * b / n) / var } else { 0.0 };
-                let share = slope.clamp(0.0, 0.9);
-                let offset = (b / n - share * w / n).max(0.0);
-                DarkLevel { offset: offset as f32, share: share as f32, light }
+                let ambient = slope.clamp(0.0, 0.9);
+                let offset = (b / n - ambient * w / n).max(0.0);
+                DarkLevel { offset: offset as f32, ambient: ambient as f32, light }
             })
             .collect()
     }
@@ -103,7 +107,7 @@ mod tests {
         let mut e = DarkEstimator::default();
         e.add(&white, &black, 0.02);
         let d = e.finish()[0];
-        assert!((d.offset - 0.01).abs() < 1e-4 && (d.share - 0.05).abs() < 1e-3, "{d:?}");
+        assert!((d.offset - 0.01).abs() < 1e-4 && (d.ambient - 0.05).abs() < 1e-3, "{d:?}");
         let light = white.data.iter().zip(&black.data).map(|(w, b)| w - b).sum::<f32>() / white.data.len() as f32;
         assert!((d.light - light).abs() < 1e-4, "{d:?}");
     }

@@ -1,4 +1,4 @@
-//! What the camera measured in a scene: normalized intensities, their variances, and which pixels cannot be used.
+//! The measurements of a scene: normalized intensities, their variances, and which pixels cannot be used.
 
 use nelu3d_scan::image::box_mean;
 use nelu3d_scan::rig::Capture;
@@ -14,30 +14,30 @@ pub struct Measurements {
     pub width: usize,
     /// Height in pixels.
     pub height: usize,
-    /// Pattern channels.
+    /// Number of pattern channels.
     pub k: usize,
-    /// How many of them are measured independently of each other: mono images of a color camera stand in three, and are
+    /// Number of pattern channels that are measured independently: the three of a mono image of a color camera count as
     /// one.
     pub independent: f32,
     /// Normalized intensity, `n × k`: (pattern − black) / (white − black).
     pub p: Vec<f32>,
-    /// One over its variance, `n × k`; 0 where a channel is unusable.
+    /// One over the variance of `p`, `n × k`; 0 where a channel is unusable.
     pub inv_var: Vec<f32>,
-    /// Codeword of a pixel's surroundings, `n × k`: what light that comes from there (interreflection) carries.
+    /// Codeword of a pixel's surroundings, `n × k`: that of the light that comes from there (interreflection).
     pub surround: Vec<f32>,
-    /// Why a pixel is left out, so far: kept, clipped or dark.
+    /// Status of each pixel so far: valid, saturated or underexposed.
     pub status: Vec<PixelStatus>,
     /// Mean white − black over channels.
     pub contrast: Vec<f32>,
     /// White − black of every channel, `n × channels`.
     pub light: Vec<f32>,
-    /// Whether ambient light was subtracted with a black image of the scene itself.
+    /// True if ambient light was subtracted by means of a black image of the scene itself.
     pub has_black: bool,
 }
 
 impl Measurements {
-    /// Normalizes a capture. Without a black image, the sweep's dark level stands in. `model_sigma` is the error of the
-    /// color field itself, added to the sensor's noise.
+    /// Normalizes a capture. Without a black image, the sweep's dark level replaces it. `model_sigma` is the standard
+    /// deviation of the color field itself, which is added to the sensor's noise.
     pub fn new(capture: &Capture, noise: &NoiseModel, dark: &[DarkLevel], model_sigma: f32) -> Self {
         let white = &capture.white;
         let (n, c) = (white.width * white.height, white.channels);
@@ -56,7 +56,7 @@ impl Measurements {
             has_black: capture.black.is_some(),
         };
         for i in 0..n {
-            let (mut usable, mut clipped) = (0, 0);
+            let (mut usable, mut saturated) = (0, 0);
             for ch in 0..c {
                 let w = white.data[i * c + ch];
                 let b = match &capture.black {
@@ -69,7 +69,7 @@ impl Measurements {
                 for (m, pattern) in capture.patterns.iter().enumerate() {
                     let raw = pattern.data[i * c + ch];
                     if w >= 1.0 || raw >= 1.0 {
-                        clipped += 1;
+                        saturated += 1;
                         continue;
                     }
                     if contrast <= 0.0 {
@@ -80,7 +80,7 @@ impl Measurements {
                         continue;
                     }
                     let mut var = noise.normalized_variance(l.clamp(0.0, 1.0), contrast, b) + model_sigma * model_sigma;
-                    // One value stands in all channels: together they weigh as much as one.
+                    // All channels hold one value: together they weigh as much as one.
                     if capture.mono[m] {
                         var *= c as f32;
                     }
@@ -91,7 +91,7 @@ impl Measurements {
             }
             // A pixel needs most of its channels: with fewer the code is not the one that was calibrated.
             if usable * 3 < k * 2 {
-                out.status[i] = if clipped > 0 { PixelStatus::Saturated } else { PixelStatus::Underexposed };
+                out.status[i] = if saturated > 0 { PixelStatus::Saturated } else { PixelStatus::Underexposed };
                 out.inv_var[i * k..(i + 1) * k].fill(0.0);
             }
         }
@@ -99,7 +99,7 @@ impl Measurements {
         out
     }
 
-    /// Perfect measurements of mid gray under full light, one color channel.
+    /// Makes perfect measurements of mid gray under full light, one color channel.
     #[cfg(test)]
     pub(crate) fn for_test(width: usize, height: usize, k: usize) -> Self {
         let n = width * height;
@@ -118,7 +118,7 @@ impl Measurements {
         }
     }
 
-    /// Mean codeword around every pixel, weighted by how much light there is to come from there.
+    /// Returns the mean codeword around every pixel, weighted by contrast.
     pub(super) fn surroundings(&self) -> Vec<f32> {
         let (n, k) = (self.n(), self.k);
         let radius = (self.width.max(self.height) / 24).max(2);
@@ -138,13 +138,13 @@ impl Measurements {
         out
     }
 
-    /// Number of pixels.
+    /// Returns the number of pixels.
     pub fn n(&self) -> usize {
         self.width * self.height
     }
 
-    /// Means over blocks of `f × f` pixels, weighted by contrast and inverse variance: a smaller picture to decode
-    /// first.
+    /// Returns the means over blocks of `f × f` pixels, weighted by inverse variance, as measurements of a reduced
+    /// image.
     pub fn reduced(&self, f: usize) -> Self {
         if f == 1 {
             return self.clone();
@@ -166,14 +166,14 @@ impl Measurements {
         for y in 0..h {
             for x in 0..w {
                 let o = y * w + x;
-                let mut kept = 0;
+                let mut n_valid = 0;
                 for dy in 0..f {
                     for dx in 0..f {
                         let i = (y * f + dy) * self.width + x * f + dx;
                         if self.status[i] != PixelStatus::Valid {
                             continue;
                         }
-                        kept += 1;
+                        n_valid += 1;
                         out.contrast[o] += self.contrast[i];
                         for j in 0..k {
                             let iv = self.inv_var[i * k + j];
@@ -182,9 +182,9 @@ impl Measurements {
                         }
                     }
                 }
-                if kept > 0 {
+                if n_valid > 0 {
                     out.status[o] = PixelStatus::Valid;
-                    out.contrast[o] /= kept as f32;
+                    out.contrast[o] /= n_valid as f32;
                     for j in 0..k {
                         let iv = out.inv_var[o * k + j];
                         out.p[o * k + j] = if iv > 0.0 { out.p[o * k + j] / iv } else { 0.0 };

@@ -1,4 +1,4 @@
-//! What is known of the sensor, and what it measured: noise, dark level, crosstalk, and normalized captures.
+//! The sensor and its measurements: noise, dark level, crosstalk, and normalized captures.
 //!
 //! The facts are stored with a color field; the stages that estimate them (`calibrate`, `reconstruct`) lie above.
 

@@ -14,13 +14,13 @@ pub struct NoiseModel {
 }
 
 impl NoiseModel {
-    /// Variance of an intensity.
+    /// Returns the variance of an intensity.
     pub fn variance(&self, intensity: f32) -> f32 {
         self.read + self.gain * intensity.max(0.0)
     }
 
-    /// Variance of the normalized intensity `L = (pattern − black) / (white − black)` at contrast `white − black`, by
-    /// first-order propagation.
+    /// Returns the variance of the normalized intensity `L = (pattern − black) / (white − black)` at contrast `white −
+    /// black`, by first-order propagation.
     pub fn normalized_variance(&self, l: f32, contrast: f32, black: f32) -> f32 {
         let pattern = self.variance(black + l * contrast);
         let white = self.variance(black + contrast);
@@ -39,7 +39,9 @@ impl NoiseModel {
 /// The largest standard deviation of the normalized intensity with which a channel still tells something.
 const MAX_SIGMA: f32 = 0.12;
 
+/// Number of intensity levels.
 const LEVELS: usize = 24;
+/// Number of buckets of a histogram.
 const BUCKETS: usize = 512;
 
 /// Gathers noise statistics over many images; see [`NoiseEstimator::finish`].
@@ -47,6 +49,7 @@ const BUCKETS: usize = 512;
 pub struct NoiseEstimator {
     /// Per intensity level, a histogram of |high-pass| on a logarithmic scale.
     histograms: Vec<[u32; BUCKETS]>,
+    /// Per intensity level, sum of intensities and their number.
     intensity: Vec<(f64, u64)>,
 }
 
@@ -64,7 +67,7 @@ pub fn estimate_scene_noise(white: &Image, patterns: &[Image], lsb: f32) -> Nois
     estimator.finish(lsb)
 }
 
-/// Histogram range of the absolute high-pass response: 1e-6 to 1, logarithmic.
+/// Returns the bucket of an absolute high-pass response: logarithmic, from 1e-6 to 1.
 fn bucket(r: f32) -> usize {
     let t = (r.max(1e-6).log10() + 6.0) / 6.0;
     ((t * BUCKETS as f32) as usize).min(BUCKETS - 1)
@@ -72,7 +75,7 @@ fn bucket(r: f32) -> usize {
 
 impl NoiseEstimator {
     /// Adds an image. Each pixel's response to the mask [1 −2 1; −2 4 −2; 1 −2 1] (blind to any quadratic surface;
-    /// Immerkær 1996) goes to its intensity level; clipped neighborhoods are left out.
+    /// Immerkær 1996) goes to its intensity level; neighborhoods with a clipped pixel are skipped.
     pub fn add(&mut self, image: &Image) {
         let (w, h, k) = (image.width, image.height, image.channels);
         // Every other row: neighboring rows' responses share two thirds of their pixels.
@@ -120,14 +123,14 @@ impl NoiseEstimator {
             if *n < 400 {
                 continue;
             }
-            let keep = (*n as f64 * 0.8) as u64;
-            let (mut seen, mut total) = (0u64, 0.0);
+            let used = (*n as f64 * 0.8) as u64;
+            let (mut counted, mut total) = (0u64, 0.0);
             for (i, c) in h.iter().enumerate() {
-                let take = u64::from(*c).min(keep - seen);
+                let take = u64::from(*c).min(used - counted);
                 total += take as f64 * 10f64.powf((i as f64 + 0.5) / BUCKETS as f64 * 6.0 - 6.0);
-                seen += take;
+                counted += take;
             }
-            let sigma = total / keep as f64 / TRIMMED / MASK;
+            let sigma = total / used as f64 / TRIMMED / MASK;
             let var = (sigma * sigma).max(floor);
             let (x, weight) = (sum / *n as f64, (*n as f64).sqrt() / (var * var));
             s += weight;
@@ -153,7 +156,7 @@ impl NoiseEstimator {
     }
 }
 
-/// One step of the sensor's code in linear intensity, of a camera with these levels.
+/// Returns one step of the sensor's code in linear intensity, for a camera with these levels.
 pub fn quantization_step(black_level: f64, saturation: f64) -> f32 {
     (1.0 / (saturation - black_level).max(1e-9)) as f32
 }
@@ -166,20 +169,20 @@ mod tests {
     #[test]
     fn finds_declared_noise_under_edges_and_shading() {
         let mut rng = rand::rngs::StdRng::seed_from_u64(1);
-        let truth = NoiseModel { read: 4e-6, gain: 1e-4 };
+        let expected = NoiseModel { read: 4e-6, gain: 1e-4 };
         let mut image = Image::new(400, 300, 1);
         for y in 0..300 {
             for x in 0..400 {
                 let clean = 0.05 + 0.8 * (x as f32 / 400.0) * if (y / 40) % 2 == 0 { 1.0 } else { 0.3 };
                 let n: f32 = (0..12).map(|_| rng.random::<f32>()).sum::<f32>() - 6.0;
-                image.data[y * 400 + x] = clean + n * truth.variance(clean).sqrt();
+                image.data[y * 400 + x] = clean + n * expected.variance(clean).sqrt();
             }
         }
         let mut e = NoiseEstimator::default();
         e.add(&image);
         let m = e.finish(1.0 / 4095.0);
         for i in [0.1, 0.4, 0.8] {
-            let ratio = m.variance(i) / truth.variance(i);
+            let ratio = m.variance(i) / expected.variance(i);
             assert!((0.8..1.25).contains(&ratio), "at {i}: {ratio}");
         }
     }

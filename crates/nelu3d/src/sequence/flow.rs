@@ -1,23 +1,24 @@
-//! Dense motion between two images: coarse to fine, each pixel's motion from the gradients in its surroundings (Lucas and
-//! Kanade 1981), held to that of its neighbors where they say little.
+//! Dense optical flow between two images, coarse to fine: each pixel's motion follows from the gradients in its
+//! surroundings (Lucas and Kanade 1981), and from its neighbors' motion where these say little.
 
+use nelu3d_scan::image::{bilinear, box_mean};
+use nelu3d_scan::statistics::median;
 use rayon::prelude::*;
 
-use nelu3d_scan::image::box_mean;
-
-/// Images are reduced until they have no more than so many pixels: motion changes slowly over an image.
-const MOST_PIXELS: usize = 60_000;
-/// The coarsest image is no smaller than this, px.
-const LEAST_SIDE: usize = 20;
+/// Number of pixels to which images are reduced before the flow is estimated: motion changes slowly over an image.
+const MAX_PIXELS: usize = 60_000;
+/// Smallest side of the coarsest image, px.
+const MIN_SIDE: usize = 20;
 /// Linearizations per level.
 const ITERATIONS: usize = 4;
-/// Radius of the squares (passed over twice) whose pixels move alike, px.
+/// Radius of the squares, averaged over twice, whose pixels move alike, px.
 const RADIUS: usize = 3;
-/// How far a pixel's motion strays from that of its surroundings, px (one standard deviation).
-const STRAY_PX: f32 = 0.25;
+/// Standard deviation of a pixel's motion from that of its surroundings, px.
+const SIGMA_PX: f32 = 0.25;
 
-/// The motion u that takes the pixels of `a` to those of `b`: `b(p + u(p)) = a(p)`, px. Both are channels of `height × width` values: a surface
-/// may differ from place to place in color alone. Noise should not depend on brightness (the square root of the light does that).
+/// Estimates the motion u that takes the pixels of `a` to those of `b`: `b(p + u(p)) = a(p)`, px. Both are channels of
+/// `height × width` values, because a surface may vary in color alone. Noise should not depend on brightness, as that
+/// of the square root of light does not.
 ///
 /// # Panics
 ///
@@ -26,11 +27,11 @@ pub(super) fn flow(a: &[Vec<f32>], b: &[Vec<f32>], width: usize, height: usize) 
     assert!(!a.is_empty() && a.len() == b.len(), "images of the same channels");
     assert!(a.iter().chain(b).all(|v| v.len() == width * height), "images of one size");
     let mut levels = vec![Level { width, height, a: a.to_vec(), b: b.to_vec() }];
-    while levels.last().is_some_and(|l| l.width.min(l.height) >= 2 * LEAST_SIDE) {
+    while levels.last().is_some_and(|l| l.width.min(l.height) >= 2 * MIN_SIDE) {
         let half = levels.last().expect("there is one").half();
         levels.push(half);
     }
-    let finest = levels.iter().position(|l| l.width * l.height <= MOST_PIXELS).unwrap_or(levels.len() - 1);
+    let finest = levels.iter().position(|l| l.width * l.height <= MAX_PIXELS).unwrap_or(levels.len() - 1);
     let coarsest = levels.last().expect("there is one");
     let mut size = [coarsest.width, coarsest.height];
     let mut u = vec![[0.0f32; 2]; size[0] * size[1]];
@@ -54,7 +55,7 @@ struct Level {
 }
 
 impl Level {
-    /// Means of 2 × 2 pixels.
+    /// Returns the level of half the size, of means over 2 × 2 pixels.
     fn half(&self) -> Self {
         let (w, h) = (self.width / 2, self.height / 2);
         let reduce = |v: &Vec<f32>| -> Vec<f32> {
@@ -67,32 +68,29 @@ impl Level {
         Self { width: w, height: h, a: self.a.iter().map(reduce).collect(), b: self.b.iter().map(reduce).collect() }
     }
 
-    /// Variance of the noise of one pixel in a channel, from the second differences in the quieter half of the image.
+    /// Returns the noise variance of one pixel in a channel, from the second differences in the quieter half of the
+    /// image.
     fn noise(&self, channel: usize) -> f32 {
         let rows = self.a[channel].chunks_exact(self.width);
         let mut d: Vec<f32> =
             rows.flat_map(|r| r.windows(3).step_by(3).map(|v| (v[0] - 2.0 * v[1] + v[2]).powi(2) / 6.0)).collect();
-        if d.is_empty() {
-            return 1e-6;
-        }
-        let mid = d.len() / 2;
         // The median of a squared normal variable is 0.455 of its mean.
-        (*d.select_nth_unstable_by(mid, f32::total_cmp).1 / 0.455).max(1e-7)
+        median(&mut d).map_or(1e-6, |middle| (middle / 0.455).max(1e-7))
     }
 
-    /// One linearization about the present motion.
+    /// Improves the motion by one linearization about it.
     fn improve(&self, u: &mut [[f32; 2]], noise: &[f32]) {
         let (w, h) = (self.width, self.height);
-        // Σ gx², gx gy, gy², gx r, gy r over channels, with g the mean gradient of both images; in units of the noise, so that channels
-        // count for what they are worth.
+        // Σ gx², gx gy, gy², gx r, gy r over channels, with g the mean gradient of both images; in units of the noise,
+        // so that channels weigh by their precision.
         let mut sums: [Vec<f32>; 5] = std::array::from_fn(|_| vec![0.0; w * h]);
         for ((a, b), noise) in self.a.iter().zip(&self.b).zip(noise) {
             // Both images have noise.
             let variance = 2.0 * noise;
-            let moved: Vec<f32> = (0..w * h)
+            let warped: Vec<f32> = (0..w * h)
                 .into_par_iter()
                 .with_min_len(w)
-                .map(|i| bilinear(b, [w, h], (i % w) as f32 + u[i][0], (i / w) as f32 + u[i][1]))
+                .map(|i| bilinear(b, [w, h], warped_position(i, w, u[i])))
                 .collect();
             let n = w.saturating_sub(2);
             for y in 1..h - 1 {
@@ -100,40 +98,40 @@ impl Level {
                 let at = y * w + 1;
                 let [xx, xy, yy, xr, yr] = sums.each_mut().map(|s| &mut s[at..at + n]);
                 let [a0, a1, a2, a3, a4] = [at, at - 1, at + 1, at - w, at + w].map(|i| &a[i..i + n]);
-                let [b0, b1, b2, b3, b4] = [at, at - 1, at + 1, at - w, at + w].map(|i| &moved[i..i + n]);
+                let [b0, b1, b2, b3, b4] = [at, at - 1, at + 1, at - w, at + w].map(|i| &warped[i..i + n]);
                 for i in 0..n {
                     let gx = 0.25 * (a2[i] - a1[i] + b2[i] - b1[i]);
                     let gy = 0.25 * (a4[i] - a3[i] + b4[i] - b3[i]);
                     let r = a0[i] - b0[i];
-                    // What is there in one image only (covered, or in a highlight) does not tell motion.
-                    let trust = 1.0 / (variance * (1.0 + r * r / (25.0 * variance)));
-                    xx[i] += trust * (gx * gx);
-                    xy[i] += trust * (gx * gy);
-                    yy[i] += trust * (gy * gy);
-                    xr[i] += trust * (gx * r);
-                    yr[i] += trust * (gy * r);
+                    // What one image alone shows (covered, or in a highlight) does not tell motion.
+                    let weight = 1.0 / (variance * (1.0 + r * r / (25.0 * variance)));
+                    xx[i] += weight * (gx * gx);
+                    xy[i] += weight * (gx * gy);
+                    yy[i] += weight * (gy * gy);
+                    xr[i] += weight * (gx * r);
+                    yr[i] += weight * (gy * r);
                 }
             }
         }
-        let mut around: [Vec<f32>; 2] = [0, 1].map(|c| u.iter().map(|u| u[c]).collect());
-        sums.par_iter_mut().chain(&mut around).for_each(|v| {
+        let mut means: [Vec<f32>; 2] = [0, 1].map(|c| u.iter().map(|u| u[c]).collect());
+        sums.par_iter_mut().chain(&mut means).for_each(|v| {
             for _ in 0..2 {
                 box_mean(v, w, h, RADIUS);
             }
         });
-        let mut here = vec![1.0f32; w * h];
+        let mut inside = vec![1.0f32; w * h];
         for _ in 0..2 {
-            box_mean(&mut here, w, h, RADIUS);
+            box_mean(&mut inside, w, h, RADIUS);
         }
         // Two passes of a box average over about as many pixels as one box of √2 times its side.
         let pixels = 2.0 * ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32;
-        let hold = 1.0 / (pixels * STRAY_PX * STRAY_PX);
+        let stiffness = 1.0 / (pixels * SIGMA_PX * SIGMA_PX);
         u.par_iter_mut().enumerate().with_min_len(w).for_each(|(i, u)| {
-            let mean = [around[0][i] / here[i], around[1][i] / here[i]];
+            let mean = [means[0][i] / inside[i], means[1][i] / inside[i]];
             let [xx, xy, yy, xr, yr] = [0, 1, 2, 3, 4].map(|j| sums[j][i]);
-            let (p, q) = (xx + hold, yy + hold);
-            // (G + hold) (u' − u) = g r + hold (mean − u)
-            let (f, g) = (xr + hold * (mean[0] - u[0]), yr + hold * (mean[1] - u[1]));
+            let (p, q) = (xx + stiffness, yy + stiffness);
+            // (G + stiffness) (u′ − u) = g r + stiffness (mean − u)
+            let (f, g) = (xr + stiffness * (mean[0] - u[0]), yr + stiffness * (mean[1] - u[1]));
             let det = p * q - xy * xy;
             let step = [(q * f - xy * g) / det, (p * g - xy * f) / det];
             for c in 0..2 {
@@ -144,17 +142,12 @@ impl Level {
     }
 }
 
-/// An image's value between pixels; outside, that of its border.
-pub(super) fn bilinear(v: &[f32], [w, h]: [usize; 2], x: f32, y: f32) -> f32 {
-    let (x, y) = (x.clamp(0.0, w as f32 - 1.0), y.clamp(0.0, h as f32 - 1.0));
-    let (x0, y0) = ((x as usize).min(w.saturating_sub(2)), (y as usize).min(h.saturating_sub(2)));
-    let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
-    let (fx, fy) = (x - x0 as f32, y - y0 as f32);
-    let row = |y: usize| v[y * w + x0] * (1.0 - fx) + v[y * w + x1] * fx;
-    row(y0) * (1.0 - fy) + row(y1) * fy
+/// Returns where pixel `i` of an image of width `width` lies after a motion `u`, px.
+pub(super) fn warped_position(i: usize, width: usize, u: [f32; 2]) -> [f64; 2] {
+    [f64::from((i % width) as f32 + u[0]), f64::from((i / width) as f32 + u[1])]
 }
 
-/// A motion field at another scale, in pixels of that scale.
+/// Returns a motion field at another scale, in pixels of that scale.
 fn resized(u: &[[f32; 2]], from: [usize; 2], to: [usize; 2]) -> Vec<[f32; 2]> {
     if from == to {
         return u.to_vec();
@@ -167,7 +160,7 @@ fn resized(u: &[[f32; 2]], from: [usize; 2], to: [usize; 2]) -> Vec<[f32; 2]> {
         .map(|i| {
             let at = |p: usize, c: usize| (p as f32 + 0.5) / scale[c] - 0.5;
             let (x, y) = (at(i % to[0], 0), at(i / to[0], 1));
-            [0, 1].map(|c| bilinear(&parts[c], from, x, y))
+            [0, 1].map(|c| bilinear(&parts[c], from, [x, y].map(f64::from)))
         })
         .collect()
 }
@@ -176,8 +169,8 @@ fn resized(u: &[[f32; 2]], from: [usize; 2], to: [usize; 2]) -> Vec<[f32; 2]> {
 mod tests {
     use super::*;
 
-    /// A smooth texture under a known motion is found to a few hundredths of a pixel, also where it is larger than the
-    /// surroundings that a pixel looks at.
+    /// The known motion of a smooth texture is found to a few hundredths of a pixel, also where it is larger than the
+    /// surroundings that decide on a pixel.
     #[test]
     fn known_motion_is_found() {
         let (w, h) = (200, 150);
@@ -209,7 +202,7 @@ mod tests {
         }
     }
 
-    /// A surface that differs in color alone is seen to move.
+    /// The motion of a surface that varies in color alone is found.
     #[test]
     fn color_alone_tells_motion() {
         let (w, h) = (120, 90);
@@ -228,7 +221,7 @@ mod tests {
 
     /// Noise alone moves an empty image by less than a pixel.
     #[test]
-    fn nothing_hardly_moves() {
+    fn an_empty_image_hardly_moves() {
         use rand::{RngExt, SeedableRng};
         let (w, h) = (90, 70);
         let mut rng = rand::rngs::StdRng::seed_from_u64(3);

@@ -3,10 +3,12 @@
 use nelu3d_scan::rig::Capture;
 use nelu3d_scan::{Camera, Image};
 
-use super::motion::{Motion, PatternTime, blend_white, pattern_time};
+use super::motion::Motion;
 use super::neighbors::Neighbors;
 use super::options::{MotionMode, MotionOptions};
+use super::pattern_time::{PatternTime, PatternTimeProblem};
 use super::state::{FrameDiagnostics, FrameState, MotionDiagnostics};
+use super::white_blend::blend_white;
 use crate::color_field::{CameraRays, ColorField};
 use crate::progress::StageTime;
 use crate::reconstruct::{
@@ -14,19 +16,25 @@ use crate::reconstruct::{
 };
 use crate::surface::Surface;
 
-/// Speed below which motion does not tell when a pattern was taken, px per frame.
+/// Median speed below which motion does not tell when a pattern was taken, px per frame.
 const STILL_PX: f32 = 0.2;
 
-/// Least part of the misfit that a time must explain to be accepted below that speed.
+/// Fraction of χ² that a time must explain to be accepted below that speed.
 const MIN_EXPLAINED: f32 = 0.02;
 
-/// A white image at the pattern's time that explains this much less than the one that was taken is wrong.
+/// Explained fraction of χ² below which a white image at the pattern's time is worse than the one that was taken.
 const HARMFUL: f32 = -0.02;
 
-/// What a frame is reconstructed from.
+/// Mean intensity above which a pixel counts for the speed.
+const MIN_LIT: f32 = 0.02;
+
+/// Time of the patterns that interpolation assumes, frames from their white image.
+const DEFAULT_PATTERN_TIME: f32 = -0.5;
+
+/// The input of a frame's reconstruction, besides its capture.
 #[derive(Clone, Copy)]
 pub struct FrameInput<'a> {
-    /// What the previous frame left; `None` for a keyframe.
+    /// The state that the previous frame left; `None` for a keyframe.
     pub state: Option<&'a FrameState>,
     /// White images of the neighboring frames.
     pub neighbors: &'a Neighbors,
@@ -36,7 +44,7 @@ pub struct FrameInput<'a> {
     pub field: &'a ColorField,
     /// Settings of the reconstruction.
     pub options: &'a ReconstructionOptions,
-    /// What to do about motion.
+    /// Settings of motion between a pattern and its white image.
     pub motion: &'a MotionOptions,
 }
 
@@ -45,14 +53,14 @@ pub struct FrameInput<'a> {
 pub struct FrameReconstruction {
     /// The surface.
     pub surface: Surface,
-    /// What the method puts on record.
+    /// Diagnostics of the frame.
     pub diagnostics: FrameDiagnostics,
     /// Wall and CPU time of each stage, in order.
     pub stages: Vec<StageTime>,
 }
 
 impl FrameReconstruction {
-    /// What the next frame starts from.
+    /// Returns the state that the next frame starts from.
     pub fn state(&self) -> FrameState {
         FrameState {
             depth: self.surface.depth.clone(),
@@ -75,49 +83,44 @@ pub fn reconstruct_frame(
     let taken = capture.white.clone();
     let auto = input.motion.motion == MotionMode::Auto;
     if input.motion.motion == MotionMode::Interpolate {
-        let time = input.motion.pattern_time.unwrap_or(-0.5);
-        let other = if time <= 0.0 { &input.neighbors.before } else { &input.neighbors.after };
-        if let Some(other) = other {
-            capture.white = blend_white(&taken, other, time.abs().min(1.0));
-        }
+        interpolate_white(input, &mut capture);
     }
     // The surface of the previous frame moves along with the image, whatever is done about the white image.
-    let seen = if auto || input.state.is_some() {
+    let motion = if auto || input.state.is_some() {
         cx.clock.begin("find the motion");
         input.neighbors.motion(&taken)
     } else {
         None
     };
-    let speed = seen.map_or(0.0, |s| s.median_px(|i| mean_over_channels(&taken, i) > 0.02));
-    let moving = seen.filter(|seen| speed >= STILL_PX || seen.tells_light());
+    let speed = motion.map_or(0.0, |m| m.median_px(|i| mean_over_channels(&taken, i) > MIN_LIT));
+    let motion = motion.filter(|m| speed >= STILL_PX || m.has_brightness());
     let mut found = None;
-    if let Some(moving) = moving.filter(|_| auto) {
-        found = first_pattern_time(input, moving, speed, &capture, &mut cx)?;
+    if let Some(motion) = motion.filter(|_| auto) {
+        found = first_pattern_time(input, motion, speed, &capture, &mut cx)?;
         if let Some(time) = found {
-            capture.white = moving.flash_at(&taken, time.frames);
+            capture.white = motion.white_at(&taken, time.frames);
         }
     }
     let time = found.map_or(0.0, |t| t.frames);
     let previous = input.state.map(|state| PreviousFrame {
-        depth: moving.map_or_else(|| state.depth.clone(), |moving| moving.carried(&state.depth, time)),
+        depth: motion.map_or_else(|| state.depth.clone(), |motion| motion.warp_depth(&state.depth, time)),
         crosstalk: state.crosstalk,
     });
     let mut out = run(input, previous.as_ref(), &capture, &mut cx)?;
-    if let (Some(moving), None, true) = (moving, input.motion.pattern_time, auto) {
+    if let (Some(motion), None, true) = (motion, input.motion.pattern_time, auto) {
         // Once more with the better surface: what the next frame begins with.
         cx.clock.begin("find the motion");
         capture.white = taken;
-        let rays = CameraRays::new(input.camera, input.field, 1);
-        let better = pattern_time(moving, found.map(|t| t.frames), &capture, &out.0.depth, &rays, input.field);
+        let better = solve_pattern_time(input, motion, found.map(|t| t.frames), &capture, &out.0.depth);
         if better.is_some_and(|t| t.explained < HARMFUL) {
             // What looked like motion is none: pattern and white image are believed as they were taken.
             out = run(input, previous.as_ref(), &capture, &mut cx)?;
             found = None;
         } else {
-            found = better.filter(|t| tells(speed, t)).or(found);
+            found = better.filter(|t| is_credible(speed, t)).or(found);
         }
     }
-    // A frame that stands still hands on what it was told.
+    // A frame that stands still hands on the time that it started from.
     let pattern_time = found.or(input.state.and_then(|s| s.pattern_time));
     let motion = MotionDiagnostics { settings: input.motion.clone(), speed_px: speed, pattern_time };
     let (surface, reconstruction) = out;
@@ -125,16 +128,37 @@ pub fn reconstruct_frame(
     Ok(FrameReconstruction { surface, diagnostics, stages: cx.finish() })
 }
 
-/// Whether a pattern time is believed: what hardly moves says little about when.
-fn tells(speed: f32, time: &PatternTime) -> bool {
+/// Replaces the white image by its mean with the previous or the next frame's, weighted by the pattern's time.
+fn interpolate_white(input: &FrameInput<'_>, capture: &mut Capture) {
+    let time = input.motion.pattern_time.unwrap_or(DEFAULT_PATTERN_TIME);
+    let other = if time <= 0.0 { &input.neighbors.before } else { &input.neighbors.after };
+    if let Some(other) = other {
+        capture.white = blend_white(&capture.white, other, time.abs().min(1.0));
+    }
+}
+
+/// Estimates when the patterns of a capture were taken from a surface, camera z per pixel, mm.
+fn solve_pattern_time(
+    input: &FrameInput<'_>,
+    motion: &Motion,
+    near: Option<f32>,
+    capture: &Capture,
+    depth: &[f32],
+) -> Option<PatternTime> {
+    let rays = CameraRays::new(input.camera, input.field, 1);
+    PatternTimeProblem { motion, capture, depth, rays: &rays, field: input.field }.solve(near)
+}
+
+/// Returns whether a pattern time is credible: a scene that hardly moves determines no time.
+fn is_credible(speed: f32, time: &PatternTime) -> bool {
     speed >= STILL_PX || time.explained >= MIN_EXPLAINED
 }
 
-/// When this frame's patterns were taken: as asked, as the previous frame found, or as a quick surface of pattern and white
-/// image as they were taken tells.
+/// Returns when this frame's patterns were taken: as asked, as the previous frame found, or as it follows from a quick
+/// surface of pattern and white image as they were taken.
 fn first_pattern_time(
     input: &FrameInput<'_>,
-    moving: &Motion,
+    motion: &Motion,
     speed: f32,
     capture: &Capture,
     cx: &mut Context<'_>,
@@ -147,11 +171,11 @@ fn first_pattern_time(
         ReconstructionOptions { effort: Effort::Quick, steps: None, recipe: Recipe::Fast, ..input.options.clone() };
     let (surface, _) = reconstruct_capture(capture, input.camera, input.field, None, &quick, cx)?;
     cx.clock.begin("find the motion");
-    let rays = CameraRays::new(input.camera, input.field, 1);
-    let found = pattern_time(moving, None, capture, &surface.depth, &rays, input.field);
-    Ok(found.filter(|t| tells(speed, t)))
+    let found = solve_pattern_time(input, motion, None, capture, &surface.depth);
+    Ok(found.filter(|t| is_credible(speed, t)))
 }
 
+/// Reconstructs a capture with the settings of a frame.
 fn run(
     input: &FrameInput<'_>,
     previous: Option<&PreviousFrame>,
@@ -161,7 +185,7 @@ fn run(
     reconstruct_capture(capture, input.camera, input.field, previous, input.options, cx)
 }
 
-/// Mean over the channels of pixel `i`.
+/// Returns the mean over the channels of pixel `i`.
 fn mean_over_channels(image: &Image, i: usize) -> f32 {
     let c = image.channels;
     image.data[i * c..(i + 1) * c].iter().sum::<f32>() / c as f32

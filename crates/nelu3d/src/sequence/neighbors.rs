@@ -6,7 +6,7 @@ use nelu3d_scan::Image;
 
 use super::motion::Motion;
 
-/// White (flash) images of the frames before and after.
+/// White (flash) images of the previous and the next frame, and the motion that they show.
 #[derive(Default)]
 pub struct Neighbors {
     pub(super) before: Option<Image>,
@@ -20,8 +20,9 @@ impl Neighbors {
         Self { before, after, motion: OnceLock::new() }
     }
 
-    /// How the points of the flash `taken` between them move; `None` if neither neighbor tells. It takes nothing but flashes, so a caller may
-    /// find it while the frame before is computed: it is found once, at the first call.
+    /// Returns how the points of the white image `taken` between them move; `None` if neither neighbor determines it.
+    /// Motion is estimated once, at the first call. It needs white images alone, so a caller may ask for it while the
+    /// previous frame is still being computed.
     pub fn motion(&self, taken: &Image) -> Option<&Motion> {
         self.motion.get_or_init(|| Motion::around(self.before.as_ref(), taken, self.after.as_ref())).as_ref()
     }

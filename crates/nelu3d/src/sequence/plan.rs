@@ -1,15 +1,15 @@
-//! Which frames are computed where.
+//! The division of a sequence into keyframes' stretches and into parts that are computed separately.
 
 use std::fmt;
 use std::ops::Range;
 use std::str::FromStr;
 
-/// One of n parts of a sequence, as `2/8`.
+/// One of n parts of a sequence, written as `2/8`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
-    /// From 1.
+    /// Number of the part, from 1.
     pub index: usize,
-    /// How many there are.
+    /// Number of parts.
     pub of: usize,
 }
 
@@ -34,24 +34,25 @@ impl fmt::Display for Shard {
 /// A sequence of `frames` frames with a keyframe every `keyframe` frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
-    /// Frames in all.
+    /// Number of frames.
     pub frames: usize,
     /// Frames from one keyframe to the next; at least 1.
     pub keyframe: usize,
 }
 
 impl Plan {
-    /// Whether a frame begins anew.
+    /// Returns whether a frame is a keyframe, which begins anew.
     pub fn is_key(&self, frame: usize) -> bool {
         frame.is_multiple_of(self.keyframe)
     }
 
-    /// Stretches between keyframes.
+    /// Returns the number of stretches, each of which begins with a keyframe.
     pub fn stretches(&self) -> usize {
         self.frames.div_ceil(self.keyframe)
     }
 
-    /// The frames of one part: whole stretches, as evenly as they go. Empty if there are more parts than stretches.
+    /// Returns the frames of one part: whole stretches, as evenly as possible. Empty if there are more parts than
+    /// stretches.
     pub fn part(&self, shard: Shard) -> Range<usize> {
         let edge = |i: usize| (i * self.stretches() / shard.of * self.keyframe).min(self.frames);
         edge(shard.index - 1)..edge(shard.index)

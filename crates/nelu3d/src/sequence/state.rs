@@ -1,40 +1,40 @@
-//! What a frame leaves for the next one.
+//! The state that a frame leaves for the next one, and its diagnostics.
 
 use serde::Serialize;
 
-use super::motion::PatternTime;
 use super::options::MotionOptions;
+use super::pattern_time::PatternTime;
 use crate::reconstruct::Diagnostics;
 use crate::sensor::CrosstalkMatrix;
 
-/// What a frame leaves for the next one.
+/// The state of a sequence after a frame: all of it that the next frame starts from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameState {
     /// Camera z per pixel, mm; NaN where there is none.
     pub depth: Vec<f32>,
-    /// When patterns were taken, if that is known.
+    /// Time of the patterns relative to their white images, if it is known.
     pub pattern_time: Option<PatternTime>,
     /// The camera's crosstalk, if it is known.
     pub crosstalk: Option<CrosstalkMatrix>,
 }
 
-/// What the reconstruction of a frame puts on record.
+/// Diagnostics of a frame's reconstruction.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameDiagnostics {
-    /// Those of the reconstruction.
+    /// The diagnostics of the reconstruction.
     #[serde(flatten)]
     pub reconstruction: Diagnostics,
-    /// What was found about motion.
+    /// Diagnostics of motion.
     pub motion: MotionDiagnostics,
 }
 
-/// What was found about motion between a pattern and its white image.
+/// Diagnostics of motion between a pattern and its white image.
 #[derive(Clone, Debug, Serialize)]
 pub struct MotionDiagnostics {
-    /// What was asked for.
+    /// The settings that were asked for.
     pub settings: MotionOptions,
     /// Median speed of lit pixels, px per frame.
     pub speed_px: f32,
-    /// When patterns were taken, if that is known: handed on to the next frame.
+    /// Time of the patterns relative to their white images, if it is known: handed on to the next frame.
     pub pattern_time: Option<PatternTime>,
 }

@@ -10,7 +10,7 @@ use super::{PixelStatus, Surface, SurfaceMaps};
 /// Slope (depth per lateral distance, both mm) up to which neighboring pixels always belong to one surface.
 pub const MAX_SLOPE: f32 = 4.0;
 
-/// Undistorted image-plane coordinates (x/z, y/z) of every pixel, row by row.
+/// Returns the undistorted image-plane coordinates (x/z, y/z) of every pixel, row by row.
 pub fn image_plane(camera: &Camera) -> Vec<[f32; 2]> {
     let w = camera.width;
     (0..camera.n_pixels())
@@ -31,7 +31,7 @@ pub fn reject_small_components(depth: &mut [f32], status: &mut [PixelStatus], ca
     }
 }
 
-/// Links neighbors, computes normals, builds the mesh. `plane` is [`image_plane`]'s.
+/// Links neighbors, computes normals and builds the mesh. `plane` is that of [`image_plane`].
 ///
 /// # Panics
 ///
@@ -73,10 +73,10 @@ mod tests {
         let ones = vec![1.0; n];
         let maps = SurfaceMaps { depth, sigma: ones.clone(), status, residual: ones.clone(), ambient: ones };
         let r = assemble(maps, &camera, &image_plane(&camera), &Image::new(20, 10, 1));
-        for (i, why) in
+        for (i, status) in
             [(3, PixelStatus::Ambiguous), (4, PixelStatus::DepthDiscontinuity), (199, PixelStatus::Ambiguous)]
         {
-            assert_eq!(r.status[i], why);
+            assert_eq!(r.status[i], status);
             assert!(r.depth[i].is_nan() && r.sigma[i].is_nan() && r.residual[i].is_nan() && r.ambient[i].is_nan());
         }
         assert_eq!(r.n_valid(), n - 3);

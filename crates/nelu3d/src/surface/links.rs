@@ -1,14 +1,15 @@
-//! Which neighboring pixels of a depth map belong to one surface, and its connected components.
+//! Links between neighboring pixels of a depth map that belong to one surface, and its connected components.
 
 use nelu3d_scan::Camera;
 
-/// Where neighbors belong to one surface, per pixel: bit 0 to the right neighbor, bit 1 to the one below.
+/// Links between neighboring pixels that belong to one surface: per pixel, bit 0 to the right neighbor, bit 1 to the
+/// one below.
 pub struct Links(Vec<u8>);
 
 impl Links {
-    /// Links neighbors whose depths differ by no more than the surface's own slope explains. A step is a jump when it is
-    /// larger than `max_slope` (depth per lateral distance, both mm) and also larger than four times the steps next to it
-    /// in the same direction.
+    /// Links neighbors whose depths differ by no more than the surface's own slope explains. A step is a jump when it
+    /// is larger than `max_slope` (depth per lateral distance, both mm) and also larger than four times the steps next
+    /// to it in the same direction.
     pub fn new(depth: &[f32], camera: &Camera, max_slope: f32) -> Self {
         let (w, h) = (camera.width, camera.height);
         let lateral = 1.0 / (0.5 * (camera.fx + camera.fy)) as f32;
@@ -43,15 +44,17 @@ impl Links {
         Self(links)
     }
 
+    /// Returns whether pixel `i` is linked to its right neighbor.
     pub(super) fn right(&self, i: usize) -> bool {
         self.0[i] & 1 != 0
     }
 
+    /// Returns whether pixel `i` is linked to the one below.
     pub(super) fn down(&self, i: usize) -> bool {
         self.0[i] & 2 != 0
     }
 
-    /// Pixels with a depth that are next to one of another surface.
+    /// Returns the pixels with a depth that are next to one of another surface.
     pub fn at_jumps(&self, depth: &[f32], width: usize) -> Vec<usize> {
         let mut at = vec![false; depth.len()];
         for i in 0..depth.len() {
@@ -72,31 +75,31 @@ impl Links {
         (0..depth.len()).filter(|i| at[*i]).collect()
     }
 
-    /// Sizes of connected components per pixel (0 where there is no surface).
+    /// Returns the size of each pixel's connected component (0 where there is no surface).
     pub fn component_sizes(&self, depth: &[f32], width: usize) -> Vec<u32> {
-        let (label, sizes) = self.components(depth, width);
-        label.iter().map(|l| if *l == u32::MAX { 0 } else { sizes[*l as usize] }).collect()
+        let (component, sizes) = self.components(depth, width);
+        component.iter().map(|c| if *c == u32::MAX { 0 } else { sizes[*c as usize] }).collect()
     }
 
-    /// The connected component of each pixel (`u32::MAX` where there is no surface), and their sizes.
+    /// Returns the connected component of each pixel (`u32::MAX` where there is no surface), and the components' sizes.
     pub fn components(&self, depth: &[f32], width: usize) -> (Vec<u32>, Vec<u32>) {
         let n = depth.len();
-        let mut label = vec![u32::MAX; n];
+        let mut component = vec![u32::MAX; n];
         let mut sizes = Vec::new();
         let mut stack = Vec::new();
         for seed in 0..n {
-            if !depth[seed].is_finite() || label[seed] != u32::MAX {
+            if !depth[seed].is_finite() || component[seed] != u32::MAX {
                 continue;
             }
             let id = sizes.len() as u32;
             let mut size = 0;
-            label[seed] = id;
+            component[seed] = id;
             stack.push(seed);
             while let Some(i) = stack.pop() {
                 size += 1;
                 let mut visit = |j: usize| {
-                    if label[j] == u32::MAX {
-                        label[j] = id;
+                    if component[j] == u32::MAX {
+                        component[j] = id;
                         stack.push(j);
                     }
                 };
@@ -115,6 +118,6 @@ impl Links {
             }
             sizes.push(size);
         }
-        (label, sizes)
+        (component, sizes)
     }
 }

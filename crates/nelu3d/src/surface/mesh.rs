@@ -1,15 +1,16 @@
 //! Normals and triangles of a depth map.
 
+use nelu3d_scan::statistics::order_statistic;
 use nelu3d_scan::{Image, Mesh};
 
 use super::links::Links;
 
-/// Camera-frame point of a pixel center at depth z.
+/// Returns the camera-frame point of a pixel center at depth z.
 fn point(dirs: &[[f32; 2]], i: usize, z: f32) -> [f32; 3] {
     [dirs[i][0] * z, dirs[i][1] * z, z]
 }
 
-/// Unit normals facing the camera from the points of linked neighbors; NaN where there are too few.
+/// Returns unit normals that face the camera, from the points of linked neighbors; NaN where there are too few.
 pub(super) fn normals_from_links(
     depth: &[f32],
     links: &Links,
@@ -46,7 +47,7 @@ pub(super) fn normals_from_links(
         .collect()
 }
 
-/// Triangles between linked pixels: one sheet, open at its border and at depth jumps, nothing behind it.
+/// Returns the triangles between linked pixels: one sheet, open at its border and at depth jumps.
 pub(super) fn triangulate(
     depth: &[f32],
     normals: &[[f32; 3]],
@@ -81,14 +82,14 @@ pub(super) fn triangulate(
             }
         }
     }
-    // The brightest percent may clip in the picture; the rest of the range shows the surface.
+    // The brightest percent may clip in the colors; the rest of the range shows the surface.
     let peak = {
         let mut v: Vec<f32> = (0..depth.len())
             .filter(|i| depth[*i].is_finite())
             .flat_map(|i| white.pixel(i % width, i / width).to_vec())
             .collect();
         let at = v.len().saturating_sub(1) * 99 / 100;
-        if v.is_empty() { 1.0 } else { v.select_nth_unstable_by(at, f32::total_cmp).1.max(1e-6) }
+        if v.is_empty() { 1.0 } else { order_statistic(&mut v, at).max(1e-6) }
     };
     for f in &faces {
         for i in f {

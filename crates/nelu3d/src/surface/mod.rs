@@ -1,6 +1,6 @@
 //! A reconstructed surface as a type: per-pixel maps, why a pixel has no depth, connectivity, normals, triangles.
 //!
-//! Every method, ours and the baselines alike, ends here: it fills [`SurfaceMaps`] and calls [`assemble`].
+//! Every method, ours and the baselines alike, ends here: it fills [`SurfaceMaps`] and calls [`assemble()`].
 
 mod assemble;
 mod links;

@@ -1,8 +1,8 @@
-//! Why a pixel has a depth or none.
+//! The status of a pixel: valid, or why it was rejected.
 
 use serde::Serialize;
 
-/// Why a pixel has no depth, or that it has one.
+/// The status of a pixel: valid, or why it has no depth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[repr(u8)]
@@ -32,7 +32,7 @@ impl PixelStatus {
         PixelStatus::DepthDiscontinuity,
     ];
 
-    /// The key of `result.json`, which is stable.
+    /// Returns the status's key in `result.json`, which is stable.
     pub fn key(self) -> &'static str {
         match self {
             PixelStatus::Valid => "kept",
@@ -44,7 +44,7 @@ impl PixelStatus {
         }
     }
 
-    /// The status in words, for people.
+    /// Returns the status in words.
     pub fn label(self) -> &'static str {
         match self {
             PixelStatus::Valid => "has a depth",
@@ -56,8 +56,8 @@ impl PixelStatus {
         }
     }
 
-    /// Shares of saturated, underexposed, outside and ambiguous pixels in words, for a message that says why nothing was
-    /// reconstructed; `volume` names what the pixels are outside of.
+    /// Returns the percentages of underexposed, saturated, outside and ambiguous pixels in words, for a message that
+    /// says why nothing was reconstructed; `volume` names what the pixels are outside of.
     pub fn describe_rejections(status: &[PixelStatus], volume: &str) -> String {
         let percent = |s: PixelStatus| status.iter().filter(|v| **v == s).count() as f64 / status.len() as f64 * 100.0;
         format!(

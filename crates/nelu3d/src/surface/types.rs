@@ -4,18 +4,18 @@ use nelu3d_scan::{Image, Mesh};
 
 use super::PixelStatus;
 
-/// What a method found, one value per pixel, row by row. Only `depth` and `status` decide which pixels are valid: where
-/// either says that there is no depth, the other maps are taken for NaN.
+/// The maps that a method finds, one value per pixel, row by row. Only `depth` and `status` decide which pixels are
+/// valid: where either says that there is no depth, the other maps are taken for NaN.
 #[derive(Clone, Debug)]
 pub struct SurfaceMaps {
     /// Camera z, mm; NaN where there is none.
     pub depth: Vec<f32>,
     /// One standard deviation of the depth, mm.
     pub sigma: Vec<f32>,
-    /// Why a pixel has no depth. A pixel without a depth that is [`PixelStatus::Valid`] here becomes
+    /// Status of each pixel. A pixel without a depth that is [`PixelStatus::Valid`] here becomes
     /// [`PixelStatus::Ambiguous`].
     pub status: Vec<PixelStatus>,
-    /// RMS over the patterns of what the surface leaves unexplained, normalized intensity.
+    /// RMS residual over the patterns, normalized intensity.
     pub residual: Vec<f32>,
     /// Fraction of ambient light, in [0, 1]; NaN for methods that do not estimate it.
     pub ambient: Vec<f32>,
@@ -34,7 +34,7 @@ pub struct Surface {
     pub normals: Vec<[f32; 3]>,
     /// One standard deviation of the depth, mm; NaN where there is no depth.
     pub sigma: Vec<f32>,
-    /// Why a pixel has no depth.
+    /// Status of each pixel.
     pub status: Vec<PixelStatus>,
     /// RMS over the patterns of the residual in normalized intensity; NaN where there is no depth.
     pub residual: Vec<f32>,
@@ -47,12 +47,12 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// Number of pixels that have a depth.
+    /// Returns the number of pixels that have a depth.
     pub fn n_valid(&self) -> usize {
         self.depth.iter().filter(|z| z.is_finite()).count()
     }
 
-    /// Number of pixels of each status, in the order of [`PixelStatus::ALL`].
+    /// Returns the number of pixels of each status, in the order of [`PixelStatus::ALL`].
     pub fn status_counts(&self) -> [usize; 6] {
         let mut counts = [0; 6];
         for &status in &self.status {
@@ -61,7 +61,7 @@ impl Surface {
         counts
     }
 
-    /// Replaces normals by those of a method that knows better ones (the gradient of its distance field), where both the
+    /// Replaces normals by those of a method that has better ones (the gradient of its distance field), where both the
     /// surface and `own` have one. `own` is empty or one per pixel.
     pub fn replace_normals(&mut self, own: &[[f32; 3]]) {
         for (normal, own) in self.normals.iter_mut().zip(own) {

@@ -1,39 +1,40 @@
 //! The samples' part of the normal equations, Bᵀ Ω B, applied without being formed: B evaluates the spline at the bins.
 //!
-//! A sample touches 64 nodes: 16 runs of four neighbors along w, which with their channels are 4 k consecutive numbers. All
-//! work is on whole runs: 16 multiply-adds of runs to evaluate, 16 to spread. Both loops read and write what the cache
-//! holds, as bins are in the order of the nodes.
+//! A sample touches 64 nodes: 16 runs of four neighbors along w, which with their channels are 4 k consecutive numbers.
+//! All work is on whole runs: 16 multiply-adds of runs to evaluate, 16 to spread. Both loops read and write what the
+//! cache holds, as bins are in the order of the nodes.
 
 use nelu3d_field::lattice::{self, weights_by_product};
 use rayon::prelude::*;
 
-use super::super::bins::{Bins, Sample};
-use super::super::grid::Grid;
+use crate::color_field::bins::{Bins, Sample};
+use crate::color_field::grid::Grid;
 
-/// Rows of cells that one task owns; neighbors of the same parity never touch the same nodes.
+/// Number of rows of cells that one task owns; stripes of the same parity never touch the same nodes.
 const STRIPE: usize = 16;
 
-/// The samples seen from a grid.
+/// The samples' part of the normal equations of a grid.
 pub(super) struct Normal<'a> {
     bins: &'a Bins,
     cells: [usize; 3],
     k: usize,
-    /// What a product needs of the samples, by stripes of cells: found once, used in every product.
+    /// The samples by stripes of cells, located once for all products.
     located: Vec<Located>,
 }
 
 /// The samples in the cells of a stripe.
 #[derive(Default)]
 struct Located {
-    /// Per sample: where the first of its runs begins, counted from the stripe's, and its place in the cell, 0..1.
-    places: Vec<(u32, [f32; 3])>,
-    /// Σω, `[sample][channel]`.
+    /// Per sample: the beginning of the first of its runs, counted from the stripe's, and its position in the cell,
+    /// 0..1.
+    positions: Vec<(u32, [f32; 3])>,
+    /// Weights Σω, `[sample][channel]`.
     omegas: Vec<f32>,
 }
 
 /// The nodes that a sample touches.
 struct Support {
-    /// Where the first of the 16 runs begins.
+    /// Beginning of the first of the 16 runs.
     base: usize,
     /// Weights of the runs, `[b][a]`.
     across: [[f32; 4]; 4],
@@ -41,21 +42,21 @@ struct Support {
     along: [f32; 4],
 }
 
-/// How runs lie in memory: from one node to the next along b and a.
+/// Distances in memory from one node to the next along b and a.
 #[derive(Clone, Copy)]
 struct Strides {
     row: usize,
     column: usize,
 }
 
-/// The spline weights at a place in a cell: four arrays, one a weight, of one lane an axis, so that the three axes lie side
-/// by side in vector registers; the fourth lane is idle. See [`weights_by_product`].
+/// Returns the spline weights at a position in a cell: four arrays, one per weight, of one lane per axis, so that the
+/// three axes lie side by side in vector registers; the fourth lane is idle. See [`weights_by_product`].
 #[inline(always)]
-fn lanes(place: [f32; 3]) -> [[f32; 4]; 4] {
-    let place = [place[0], place[1], place[2], 0.0];
+fn lanes(position: [f32; 3]) -> [[f32; 4]; 4] {
+    let position = [position[0], position[1], position[2], 0.0];
     let mut w = [[0.0f32; 4]; 4];
     for i in 0..4 {
-        let weights = weights_by_product(place[i]);
+        let weights = weights_by_product(position[i]);
         for j in 0..4 {
             w[j][i] = weights[j];
         }
@@ -65,8 +66,9 @@ fn lanes(place: [f32; 3]) -> [[f32; 4]; 4] {
 
 impl Support {
     #[inline(always)]
-    fn at(base: usize, place: [f32; 3]) -> Self {
-        let weights = lanes(place);
+    /// Returns the support of a sample.
+    fn at(base: usize, position: [f32; 3]) -> Self {
+        let weights = lanes(position);
         let (mut along, mut across) = ([0.0; 4], [[0.0; 4]; 4]);
         for i in 0..4 {
             along[i] = weights[i][2];
@@ -78,7 +80,7 @@ impl Support {
     }
 }
 
-/// `run = Σ weight · run of x`. `R` is the length of a run, known to the compiler, or 0.
+/// Computes `run = Σ weight · run of x`. `R` is the length of a run, known to the compiler, or 0.
 #[inline(never)]
 fn gather<const R: usize>(x: &[f32], strides: Strides, support: &Support, run: &mut [f32]) {
     let len = if R > 0 { R } else { run.len() };
@@ -94,7 +96,7 @@ fn gather<const R: usize>(x: &[f32], strides: Strides, support: &Support, run: &
     }
 }
 
-/// `run of y += weight · run`.
+/// Adds `weight · run` to the runs of y.
 #[inline(never)]
 fn spread<const R: usize>(y: &mut [f32], strides: Strides, support: &Support, run: &[f32]) {
     let len = if R > 0 { R } else { run.len() };
@@ -125,6 +127,7 @@ macro_rules! with_run {
 }
 
 impl<'a> Normal<'a> {
+    /// Locates the samples in a grid.
     pub(super) fn new(grid: &Grid, bins: &'a Bins) -> Self {
         let mut normal = Self { bins, cells: grid.cells, k: grid.k, located: Vec::new() };
         let n_stripes = grid.cells[1].div_ceil(STRIPE);
@@ -132,22 +135,23 @@ impl<'a> Normal<'a> {
         normal
     }
 
+    /// Returns the distances between neighboring nodes.
     fn strides(&self) -> Strides {
         let [na, _, nw] = self.cells.map(|c| c + 3);
         Strides { row: na * nw * self.k, column: nw * self.k }
     }
 
-    /// The samples in the cells of a stripe, in the order of their bins.
+    /// Locates the samples in the cells of a stripe, in the order of their bins.
     fn locate(&self, stripe: usize) -> Located {
         let mut located = Located::default();
-        self.for_each_in(stripe, |s, base, place| {
-            located.places.push((base as u32, place));
+        self.for_each_in(stripe, |s, base, position| {
+            located.positions.push((base as u32, position));
             located.omegas.extend_from_slice(s.omegas);
         });
         located
     }
 
-    /// Calls `f(sample, base, place in its cell)` for every sample in the cells of a stripe.
+    /// Calls `f(sample, base, position in its cell)` for every sample in the cells of a stripe.
     fn for_each_in(&self, stripe: usize, mut f: impl FnMut(&Sample<'_>, usize, [f32; 3])) {
         let Strides { row, column } = self.strides();
         let cells = stripe * STRIPE..((stripe + 1) * STRIPE).min(self.cells[1]);
@@ -156,17 +160,17 @@ impl<'a> Normal<'a> {
         let first = ((cells.start as f64 * ratio) as usize).saturating_sub(1);
         let last = ((cells.end as f64 * ratio) as usize + 2).min(self.bins.n_rows());
         let mut visit = |s: Sample<'_>| {
-            let (cell, place) = lattice::locate(self.cells, s.q);
+            let (cell, position) = lattice::locate(self.cells, s.q);
             if cells.contains(&cell[1]) {
                 let base = (cell[1] - cells.start) * row + cell[0] * column + cell[2] * self.k;
-                f(&s, base, place);
+                f(&s, base, position);
             }
         };
         (first..last).for_each(|b| self.bins.for_each_in_row(b, &mut visit));
     }
 
-    /// Calls `f(stripe, its part of out, where that begins)` by stripes, of which those of the same parity touch disjoint
-    /// rows of nodes, so each parity runs in parallel and the order of additions is fixed.
+    /// Calls `f(stripe, part of out, beginning of the part)` for every stripe. Stripes of the same parity touch
+    /// disjoint rows of nodes, so each parity runs in parallel and the order of additions is fixed.
     fn by_stripes(&self, out: &mut [f32], f: impl Fn(usize, &mut [f32], usize) + Sync) {
         let row = self.strides().row;
         for parity in 0..2 {
@@ -180,7 +184,8 @@ impl<'a> Normal<'a> {
         }
     }
 
-    /// Σ ω b² per coefficient. Precisions of channels differ as their intensities do, at the scale of the pattern.
+    /// Returns Σ ω b² per coefficient. Precisions of channels differ as their intensities do, at the scale of the
+    /// pattern.
     pub(super) fn diagonal(&self) -> Vec<f32> {
         let mut diag = vec![0.0; (self.cells[1] + 3) * self.strides().row];
         with_run!(self.k, self.add_diagonal(&mut diag));
@@ -191,9 +196,9 @@ impl<'a> Normal<'a> {
         let (k, strides) = (self.k, self.strides());
         self.by_stripes(out, |stripe, chunk, _| {
             let mut run = vec![0.0; 4 * k];
-            let Located { places, omegas } = &self.located[stripe];
-            for (&(base, place), omegas) in places.iter().zip(omegas.chunks_exact(k)) {
-                let mut support = Support::at(base as usize, place);
+            let Located { positions, omegas } = &self.located[stripe];
+            for (&(base, position), omegas) in positions.iter().zip(omegas.chunks_exact(k)) {
+                let mut support = Support::at(base as usize, position);
                 for (node, w) in run.chunks_exact_mut(k).zip(support.along) {
                     node.iter_mut().zip(omegas).for_each(|(v, o)| *v = w * w * o);
                 }
@@ -203,7 +208,7 @@ impl<'a> Normal<'a> {
         });
     }
 
-    /// Bᵀ Ω L, added.
+    /// Adds Bᵀ Ω L.
     pub(super) fn add_rhs(&self, out: &mut [f32]) {
         with_run!(self.k, self.add_rhs_run(out));
     }
@@ -212,8 +217,8 @@ impl<'a> Normal<'a> {
         let (k, strides) = (self.k, self.strides());
         self.by_stripes(out, |stripe, chunk, _| {
             let mut run = vec![0.0; 4 * k];
-            self.for_each_in(stripe, |s, base, place| {
-                let support = Support::at(base, place);
+            self.for_each_in(stripe, |s, base, position| {
+                let support = Support::at(base, position);
                 for (node, w) in run.chunks_exact_mut(k).zip(support.along) {
                     node.iter_mut().zip(s.moments).for_each(|(v, m)| *v = w * m);
                 }
@@ -222,7 +227,7 @@ impl<'a> Normal<'a> {
         });
     }
 
-    /// y += Bᵀ Ω B x.
+    /// Adds Bᵀ Ω B x to y.
     pub(super) fn apply(&self, x: &[f32], y: &mut [f32]) {
         with_run!(self.k, self.apply_run(x, y));
     }
@@ -233,9 +238,9 @@ impl<'a> Normal<'a> {
         self.by_stripes(y, |stripe, chunk, first| {
             let (mut run, mut value) = (vec![0.0; 4 * k], vec![0.0; k]);
             let (run, value) = (&mut run[..4 * k], &mut value[..k]);
-            let Located { places, omegas } = &self.located[stripe];
-            for (&(base, place), omegas) in places.iter().zip(omegas.chunks_exact(k)) {
-                let support = Support::at(base as usize, place);
+            let Located { positions, omegas } = &self.located[stripe];
+            for (&(base, position), omegas) in positions.iter().zip(omegas.chunks_exact(k)) {
+                let support = Support::at(base as usize, position);
                 gather::<R>(&x[first..], strides, &support, run);
                 for c in 0..k {
                     let v = (0..4).map(|l| support.along[l] * run[l * k + c]).sum::<f32>();

@@ -1,21 +1,21 @@
-//! The penalty on second differences, Σ over axes of λ DᵀD.
+//! The penalty on second differences of the spline's coefficients, Σ over axes of λ DᵀD.
 
 use rayon::prelude::*;
 
-use super::super::grid::Grid;
-use super::Smoothness;
+use super::smoothness::Smoothness;
+use crate::color_field::grid::Grid;
 
-/// DᵀD along each axis of a grid, with its strengths.
+/// The operator λ DᵀD of a grid, with D the second differences along each axis.
 pub(super) struct Penalty {
     nodes: [usize; 3],
     k: usize,
-    /// Per axis and index, coefficients of the neighbors −2 … 2; strengths of the axes included.
+    /// Per axis and index, coefficients of the neighbors −2 … 2, multiplied by the weight of the axis.
     stencils: [Vec<[f32; 5]>; 3],
     /// λ of every value of a column of nodes.
     lambda: Vec<f32>,
 }
 
-/// Rows of DᵀD for a chain of `n`, where D has a row per inner node.
+/// Returns the rows of DᵀD for a chain of `n` nodes, where D has a row per inner node.
 fn stencil(n: usize, strength: f32) -> Vec<[f32; 5]> {
     let mut rows = vec![[0.0; 5]; n];
     for mid in 1..n.saturating_sub(1) {
@@ -30,6 +30,7 @@ fn stencil(n: usize, strength: f32) -> Vec<[f32; 5]> {
 }
 
 impl Penalty {
+    /// Prepares the penalty of a grid with `lambda` per channel.
     pub(super) fn new(grid: &Grid, smooth: Smoothness, lambda: &[f32]) -> Self {
         let nodes @ [na, nb, nw] = grid.nodes();
         let stencils = [stencil(na, smooth.across), stencil(nb, smooth.across), stencil(nw, smooth.along)];
@@ -37,7 +38,7 @@ impl Penalty {
         Self { nodes, k: grid.k, stencils, lambda }
     }
 
-    /// y = Σ λ DᵀD x.
+    /// Computes y = Σ λ DᵀD x.
     pub(super) fn apply(&self, x: &[f32], y: &mut [f32]) {
         let [na, nb, nw] = self.nodes;
         let column = nw * self.k;

@@ -1,18 +1,18 @@
-//! The start: a cost volume over the frozen color field, aggregated across neighbors.
+//! Decoding: a cost volume over the frozen color field, aggregated across neighbors.
 //!
-//! c is known, so E(t) = how badly c(x(t)) explains a pixel's codeword is known along every ray before anything is
-//! optimized. Costs are in units of −2 log likelihood (χ²), and so are the penalties between neighbors: −2 log of the
-//! prior probability of a step or a jump in depth. The minimum over all depth hypotheses and neighbors is approached by
-//! semi-global matching along eight directions (Hirschmüller 2008), in [`nelu3d_field::cost_volume`]. This folder turns
-//! measurements and camera rays into its problem, and its answer into depth.
+//! c is known, so the cost E(t) of c(x(t)) as an explanation of a pixel's codeword is known along every ray before
+//! anything is optimized. Costs are in units of −2 log likelihood (χ²), and so are the penalties between neighbors: −2
+//! log of the prior probability of a step or a jump in depth. The minimum over all depth hypotheses and neighbors is
+//! approached by semi-global matching along eight directions (Hirschmüller 2008), in [`nelu3d_field::cost_volume`].
+//! This folder turns measurements and camera rays into its problem, and its answer into depth.
 
+mod chi2;
 mod hypotheses;
-mod misfit;
 mod problem;
 mod settings;
 
-pub(crate) use hypotheses::{depth_hypotheses, depth_noise};
-pub(crate) use misfit::{chi2_of_codeword, saturation};
+pub(crate) use chi2::{chi2_of_codeword, saturation};
+pub(crate) use hypotheses::{HYPOTHESIS_PX, depth_hypotheses, depth_noise};
 pub use settings::CostVolumeSettings;
 
 use nelu3d_field::cost_volume::Winner;
@@ -28,7 +28,7 @@ use crate::surface::PixelStatus;
 pub(crate) struct DecodedDepth {
     /// Inverse depth 1/z per pixel, 1/mm; NaN where nothing was decoded.
     pub(crate) inv_z: Vec<f32>,
-    /// How much worse (χ²) the best clearly different depth is, after aggregation.
+    /// Margin in χ², after aggregation, by which the best clearly different depth is worse.
     pub(crate) margin: Vec<f32>,
     /// The spacing of depth hypotheses in 1/z, 1/mm.
     pub(crate) hypothesis_step: f32,

@@ -1,9 +1,9 @@
-//! The decoding as a problem that [`nelu3d_field::cost_volume`] solves on a device.
+//! Decoding as a problem that [`nelu3d_field::cost_volume`] solves on a device.
 
 use nelu3d_field::cost_volume::{self, DepthHypotheses, LitCells, PixelRay, Problem, RaySource, Winner};
 use nelu3d_field::device::{Device, DeviceError};
 
-use super::misfit::saturation;
+use super::chi2::saturation;
 use super::settings::{CostVolumeSettings, Penalties};
 use crate::color_field::validity::Validity;
 use crate::color_field::{CameraRays, SplineEvaluator};

@@ -13,11 +13,11 @@ pub struct CostVolumeSettings {
     pub p_step: f32,
 }
 
-/// χ² of neighbors that differ: −2 log of the prior probability.
+/// Penalties on neighbors that differ in depth, χ²: −2 log of the prior probability.
 pub(super) struct Penalties {
-    /// By one hypothesis.
+    /// Penalty on a difference of one hypothesis.
     pub(super) step: f32,
-    /// By more.
+    /// Penalty on a larger difference.
     pub(super) jump: f32,
 }
 

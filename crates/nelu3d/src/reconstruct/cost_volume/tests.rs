@@ -9,15 +9,15 @@ use rand::{RngExt, SeedableRng};
 
 const SIZE: [usize; 2] = [56, 40];
 
-/// A light 200 mm beside the camera that throws smooth random codewords, a slanted plane 600 mm away with a step in it, holes, and a
-/// corner that was never calibrated.
+/// A light 200 mm beside the camera that throws smooth random codewords, a slanted plane 600 mm away with a step in it,
+/// holes, and a corner that was never calibrated.
 struct SyntheticScene {
     measured: Measurements,
     rays: CameraRays,
     grid: Grid,
     valid: Validity,
-    /// 1/z of the surface.
-    truth: Vec<f32>,
+    /// Inverse depth of the surface, 1/mm.
+    expected: Vec<f32>,
 }
 
 const SETTINGS: CostVolumeSettings = CostVolumeSettings { max_hypotheses: 512, p_jump: 0.01, p_step: 0.2 };
@@ -54,14 +54,14 @@ impl SyntheticScene {
         let rays = CameraRays::of_field(500.0, plane, range, frame);
         let mut measured = Measurements::for_test(w, h, k);
         measured.has_black = !seed.is_multiple_of(2);
-        let mut truth = vec![0.0; n];
-        let lookup = SplineEvaluator::new(&grid, 1);
+        let mut expected = vec![0.0; n];
+        let spline = SplineEvaluator::new(&grid, 1);
         let mut c = vec![0.0; k];
         for i in 0..n {
             let (x, y) = ((i % w) as f32 / w as f32, (i / w) as f32 / h as f32);
             let z = if x < 0.55 { 590.0 + 40.0 * y } else { 640.0 - 20.0 * x };
-            truth[i] = 1.0 / z;
-            lookup.eval(rays.in_frame(i).at(f64::from(z / rays.dir_z(i))).q, &mut c);
+            expected[i] = 1.0 / z;
+            spline.eval(rays.in_frame(i).at(f64::from(z / rays.dir_z(i))).q, &mut c);
             for j in 0..k {
                 let at = i * k + j;
                 measured.p[at] = 0.97 * c[j] + 0.03 * measured.surround[at] + rng.random_range(-0.01..0.01);
@@ -71,7 +71,7 @@ impl SyntheticScene {
                 measured.status[i] = PixelStatus::Underexposed;
             }
         }
-        Self { measured, rays, grid, valid, truth }
+        Self { measured, rays, grid, valid, expected }
     }
 
     fn decode(&self, max_hypotheses: usize, device: &Device) -> (DecodedDepth, Vec<PixelStatus>) {
@@ -83,18 +83,19 @@ impl SyntheticScene {
     }
 }
 
-/// The same, but for rounding and pixels on the edge of two decisions.
+/// Asserts that two decoded images agree but for rounding and pixels on the edge of two decisions.
+#[cfg(feature = "gpu")]
 fn assert_agree(
     what: &str,
-    (a, left_a): &(DecodedDepth, Vec<PixelStatus>),
-    (b, left_b): &(DecodedDepth, Vec<PixelStatus>),
+    (a, status_a): &(DecodedDepth, Vec<PixelStatus>),
+    (b, status_b): &(DecodedDepth, Vec<PixelStatus>),
 ) {
     assert_eq!(a.hypothesis_step, b.hypothesis_step);
     let decoded = a.inv_z.iter().filter(|v| v.is_finite()).count();
     assert!(decoded > a.inv_z.len() / 2, "{what}: {decoded}");
     let is_same = |i: &usize| {
         let (p, q) = (a.inv_z[*i], b.inv_z[*i]);
-        left_a[*i] == left_b[*i] && (p.is_nan() && q.is_nan() || (p - q).abs() < 0.5 * a.hypothesis_step)
+        status_a[*i] == status_b[*i] && (p.is_nan() && q.is_nan() || (p - q).abs() < 0.5 * a.hypothesis_step)
     };
     let same: Vec<usize> = (0..a.inv_z.len()).filter(is_same).collect();
     assert!(same.len() as f32 > 0.999 * a.inv_z.len() as f32, "{what}: {} of {}", same.len(), a.inv_z.len());
@@ -112,7 +113,7 @@ fn a_surface_with_a_step_is_decoded() {
     let (mut right, mut all) = (0, 0);
     for i in (0..status.len()).filter(|i| status[*i] == PixelStatus::Valid) {
         all += 1;
-        right += usize::from((decoded.inv_z[i] - scene.truth[i]).abs() < 2.0 * decoded.hypothesis_step);
+        right += usize::from((decoded.inv_z[i] - scene.expected[i]).abs() < 2.0 * decoded.hypothesis_step);
     }
     assert!(all > 1500 && right as f32 > 0.97 * all as f32, "{right} of {all}");
     assert!(status.contains(&PixelStatus::OutsideVolume));
@@ -154,7 +155,17 @@ mod on_gpu {
         let hypotheses = depth_hypotheses(&mut m, &scene.rays, &grid, 4000).unwrap();
         assert!(hypotheses.count > 2000, "{}", hypotheses.count);
         let pixels: Vec<u32> = (0..m.n()).filter(|i| m.status[*i] == PixelStatus::Valid).map(|i| i as u32).collect();
-        let e = problem::solve(&m, &scene.rays, &grid, &scene.valid, &SETTINGS, hypotheses, &pixels, &device);
+        let e = problem::solve(
+            &m,
+            &scene.rays,
+            &grid,
+            &scene.valid,
+            &SETTINGS,
+            PRIOR.weights(&m),
+            hypotheses,
+            &pixels,
+            &device,
+        );
         assert!(matches!(e, Err(nelu3d_field::device::DeviceError::Memory { .. })), "{e:?}");
         let (cpu, fallen_back) = (scene.decode(4000, &Device::Cpu), scene.decode(4000, &device));
         let bits = |d: &DecodedDepth| d.inv_z.iter().map(|v| v.to_bits()).collect::<Vec<_>>();

@@ -1,31 +1,33 @@
 //! Estimates the crosstalk matrix of a color camera from a scene.
 //!
-//! The matrix has six free numbers. Any object with colors determines them, once its depth is roughly known: thousands of
-//! pixels measure codewords of the field through mixtures that depend on nothing else. On gray objects the matrix has no
-//! effect and need not be known.
+//! The matrix has six free numbers. Any object with colors determines them, once its depth is roughly known: thousands
+//! of pixels measure codewords of the field through combinations that depend on nothing else. On gray objects the
+//! matrix has no effect and need not be known.
 
 use nalgebra::{SMatrix, SVector, Vector3};
+use nelu3d_scan::least_squares::{self, LmSettings, SingularSystem};
 use rayon::prelude::*;
 
 use super::decoder::{Decoder, InitialDepth};
 use crate::color_field::{CameraRays, SplineEvaluator};
 use crate::sensor::{CrosstalkCorrection, CrosstalkMatrix, Measurements, relative_white};
 
-/// Prior standard deviation of what a channel measures of another color.
+/// Prior standard deviation of an off-diagonal entry: how much a channel measures of another color.
 const PRIOR: f64 = 0.1;
 /// Range of an off-diagonal entry.
 const LIMITS: [f64; 2] = [0.0, 0.4];
 /// Error of a codeword that neighbors share (field, interreflection), added to the noise: it does not average out.
 const SHARED_SIGMA: f32 = 0.02;
 /// Number of pixels that share such errors and therefore count as one.
-const PIXELS_PER_WITNESS: f64 = 50.0;
+const PIXELS_PER_SAMPLE: f64 = 50.0;
 /// Largest number of pixels that are used.
 const MAX_PIXELS: usize = 6_000;
 /// χ² at which a residual's weight has fallen to a quarter (Geman-McClure).
 const CUT: f64 = 18.0;
 
-/// Finds surface and crosstalk matrix by turns: each is better with a better other. `measured` are the measurements before
-/// any correction, `board` is white − black of the board per channel; `m` and `depth` are those of `crosstalk` at any time.
+/// Estimates crosstalk matrix and surface by turns, because each improves the other. `measured` are the measurements
+/// before any correction, `board` is white − black of the board per channel; `m` and `depth` always belong to
+/// `crosstalk`.
 pub(super) fn alternate(
     decoder: &Decoder<'_>,
     measured: &Measurements,
@@ -52,35 +54,38 @@ pub(super) fn alternate(
 /// A crosstalk matrix and the evidence for it.
 struct Estimate {
     crosstalk: CrosstalkMatrix,
-    /// Part of the misfit between surface and codewords, without any crosstalk, that it explains.
+    /// Fraction of χ² between surface and codewords, without any crosstalk, that the matrix explains.
     explained: f32,
 }
 
-/// One image's three channels at one pixel.
-struct Witness {
+/// The three channels of one image at one pixel.
+struct Sample {
+    /// Codeword of the field at the surface.
     codeword: Vector3<f32>,
+    /// Measured codeword.
     measured: Vector3<f32>,
     /// One over the standard deviation of each channel.
     weight: Vector3<f32>,
-    /// White relative to the board's.
+    /// White − black relative to the board's.
     white: Vector3<f32>,
 }
 
-impl Witness {
+impl Sample {
+    /// Returns the weighted residual of each channel.
     fn residual(&self, correction: &CrosstalkCorrection) -> Vector3<f64> {
         let r = correction.object_from_board(self.white) * self.codeword - self.measured;
         r.component_mul(&self.weight).cast::<f64>()
     }
 }
 
-/// Pixels with a depth and all channels, evenly spread; `None` if there are too few.
-fn witnesses(
+/// Returns samples of pixels with a depth and all channels, evenly spread; `None` if there are too few.
+fn samples(
     m: &Measurements,
     inv_z: &[f32],
     rays: &CameraRays,
     spline: &SplineEvaluator<'_>,
     board: &[f32; 3],
-) -> Option<Vec<Witness>> {
+) -> Option<Vec<Sample>> {
     let k = m.k;
     let usable = |i: &usize| inv_z[*i].is_finite() && (0..k).all(|j| m.inv_var[i * k + j] > 0.0);
     let all: Vec<usize> = (0..m.n()).filter(usable).collect();
@@ -96,7 +101,7 @@ fn witnesses(
         (0..k / 3).map(move |image| {
             let of = |v: &[f32], at: usize| Vector3::from_fn(|j, _| v[at + 3 * image + j]);
             let weight = of(&m.inv_var, i * k).map(|iv| 1.0 / (1.0 / iv + SHARED_SIGMA * SHARED_SIGMA).sqrt());
-            Witness { codeword: of(&c, 0), measured: of(&m.p, i * k), weight, white }
+            Sample { codeword: of(&c, 0), measured: of(&m.p, i * k), weight, white }
         })
     };
     Some(chosen.par_iter().flat_map_iter(of_pixel).collect())
@@ -104,37 +109,52 @@ fn witnesses(
 
 /// The robust least-squares problem over the six free numbers of the matrix.
 struct Problem {
-    witnesses: Vec<Witness>,
+    samples: Vec<Sample>,
+    /// Weighted residuals of the parameters whose cost was asked for last; `None` where their matrix is singular.
+    residuals: Option<Vec<Vector3<f64>>>,
+    normal: SMatrix<f64, 6, 6>,
+    gradient: SVector<f64, 6>,
 }
 
 impl Problem {
-    /// Weighted residuals of every witness; `None` if the matrix is singular.
+    fn new(samples: Vec<Sample>) -> Self {
+        Self { samples, residuals: None, normal: SMatrix::zeros(), gradient: SVector::zeros() }
+    }
+
+    /// Returns the weighted residuals of every sample; `None` if the matrix is singular.
     fn residuals(&self, free: &[f64; 6]) -> Option<Vec<Vector3<f64>>> {
         let correction = CrosstalkCorrection::new(&CrosstalkMatrix::from_free(free))?;
-        Some(self.witnesses.par_iter().with_min_len(256).map(|w| w.residual(&correction)).collect())
+        Some(self.samples.par_iter().with_min_len(256).map(|s| s.residual(&correction)).collect())
     }
 
-    /// Robust χ² of residuals, in which wrong depths (outliers) count little.
-    fn misfit(r: &[Vector3<f64>]) -> f64 {
-        r.iter().map(|r| r.norm_squared() / (1.0 + r.norm_squared() / CUT)).sum::<f64>() / PIXELS_PER_WITNESS
+    /// Returns the robust χ² of residuals, in which wrong depths (outliers) count little.
+    fn robust_chi2(r: &[Vector3<f64>]) -> f64 {
+        r.iter().map(|r| r.norm_squared() / (1.0 + r.norm_squared() / CUT)).sum::<f64>() / PIXELS_PER_SAMPLE
+    }
+}
+
+impl least_squares::Problem for Problem {
+    type Parameters = [f64; 6];
+
+    fn cost(&mut self, free: &[f64; 6]) -> f64 {
+        self.residuals = Problem::residuals(self, free);
+        let prior = free.iter().map(|v| (v / PRIOR).powi(2)).sum::<f64>();
+        self.residuals.as_ref().map_or(f64::INFINITY, |r| Self::robust_chi2(r) + prior)
     }
 
-    fn cost(r: &[Vector3<f64>], free: &[f64; 6]) -> f64 {
-        Self::misfit(r) + free.iter().map(|v| (v / PRIOR).powi(2)).sum::<f64>()
-    }
-
-    /// Matrix and right-hand side of the normal equations at `free`, whose residuals are `r`.
-    fn normal_equations(&self, free: &[f64; 6], r: &[Vector3<f64>]) -> Option<(SMatrix<f64, 6, 6>, SVector<f64, 6>)> {
+    fn linearize(&mut self, free: &[f64; 6], cost: f64) -> Option<f64> {
         const H: f64 = 1e-4;
         let mut slopes = Vec::with_capacity(6);
         for p in 0..6 {
-            let mut moved = *free;
-            moved[p] += H;
-            slopes.push(self.residuals(&moved)?);
+            let mut shifted = *free;
+            shifted[p] += H;
+            slopes.push(self.residuals(&shifted)?);
         }
+        // The last cost is that of these parameters.
+        let residuals = self.residuals.as_ref()?;
         let (mut a, mut g) = (SMatrix::<f64, 6, 6>::zeros(), SVector::<f64, 6>::zeros());
-        for (i, r) in r.iter().enumerate() {
-            let weight = (1.0 + r.norm_squared() / CUT).powi(-2) / PIXELS_PER_WITNESS;
+        for (i, r) in residuals.iter().enumerate() {
+            let weight = (1.0 + r.norm_squared() / CUT).powi(-2) / PIXELS_PER_SAMPLE;
             let j = SMatrix::<f64, 3, 6>::from_fn(|c, p| (slopes[p][i][c] - r[c]) / H);
             a += weight * j.transpose() * j;
             g += weight * j.transpose() * r;
@@ -143,12 +163,26 @@ impl Problem {
             a[(p, p)] += PRIOR.powi(-2);
             g[p] += free[p] * PRIOR.powi(-2);
         }
-        Some((a, g))
+        (self.normal, self.gradient) = (a, g);
+        Some(cost)
+    }
+
+    fn step(&mut self, free: &[f64; 6], damping: f64) -> Option<[f64; 6]> {
+        let mut damped = self.normal;
+        for p in 0..6 {
+            damped[(p, p)] *= 1.0 + damping;
+        }
+        let step = damped.cholesky()?.solve(&self.gradient);
+        Some(std::array::from_fn(|p| (free[p] - step[p]).clamp(LIMITS[0], LIMITS[1])))
+    }
+
+    fn accept(&mut self, before: f64, after: f64) -> bool {
+        before - after <= 1e-6 * after
     }
 }
 
-/// Estimates the crosstalk matrix from measurements before any correction of a surface with inverse depth `inv_z` (NaN where
-/// there is none), beginning at `start`, by Levenberg–Marquardt. `None` if too few pixels can tell.
+/// Estimates the crosstalk matrix from measurements before any correction of a surface with inverse depth `inv_z` (NaN
+/// where there is none), beginning at `start`, by Levenberg–Marquardt. `None` if too few pixels can tell.
 fn estimate(
     m: &Measurements,
     inv_z: &[f32],
@@ -157,37 +191,23 @@ fn estimate(
     board: &[f32; 3],
     start: &CrosstalkMatrix,
 ) -> Option<Estimate> {
-    let problem = Problem { witnesses: witnesses(m, inv_z, rays, spline, board)? };
-    let mut free = start.free();
-    let mut r = problem.residuals(&free)?;
-    let mut least = Problem::cost(&r, &free);
-    let mut damping = 1e-3;
-    for _ in 0..25 {
-        let (a, g) = problem.normal_equations(&free, &r)?;
-        let mut gained = 0.0;
-        while damping < 1e6 {
-            let mut damped = a;
-            for p in 0..6 {
-                damped[(p, p)] *= 1.0 + damping;
-            }
-            let Some(step) = damped.cholesky().map(|c| c.solve(&g)) else { break };
-            let next: [f64; 6] = std::array::from_fn(|p| (free[p] - step[p]).clamp(LIMITS[0], LIMITS[1]));
-            if let Some(there) = problem.residuals(&next) {
-                let c = Problem::cost(&there, &next);
-                if c < least {
-                    (gained, free, r, least) = (least - c, next, there, c);
-                    damping = (damping * 0.1).max(1e-9);
-                    break;
-                }
-            }
-            damping *= 10.0;
-        }
-        if gained <= 1e-6 * least {
-            break;
-        }
-    }
-    let without = Problem::misfit(&problem.residuals(&[0.0; 6])?);
-    let explained = if without > 0.0 { 1.0 - Problem::misfit(&r) / without } else { 0.0 };
+    const SETTINGS: LmSettings = LmSettings {
+        damping: 1e-3,
+        min_damping: 1e-9,
+        max_damping: 1e6,
+        lower: 0.1,
+        raise: 10.0,
+        max_iterations: 25,
+        max_trials: usize::MAX,
+        max_total_trials: usize::MAX,
+        accept_equal: false,
+        singular: SingularSystem::RaisesDamping,
+    };
+    let mut problem = Problem::new(samples(m, inv_z, rays, spline, board)?);
+    let free = least_squares::minimize(&mut problem, start.free(), &SETTINGS)?;
+    let without = Problem::robust_chi2(&problem.residuals(&[0.0; 6])?);
+    let with = Problem::robust_chi2(&problem.residuals(&free)?);
+    let explained = if without > 0.0 { 1.0 - with / without } else { 0.0 };
     let crosstalk = CrosstalkMatrix::from_free(&free);
     tracing::info!(explained, ?crosstalk, "crosstalk");
     Some(Estimate { crosstalk, explained: explained as f32 })

@@ -56,7 +56,7 @@ impl Decoder<'_> {
         expand(&found, factor, [camera.width, camera.height], m)
     }
 
-    /// Side of the square of pixels whose codewords together tell depth to about one hypothesis, 1 to 4.
+    /// Returns the side of the square of pixels whose codewords together tell depth to about one hypothesis, 1 to 4.
     pub(crate) fn noise_reduction(&self, m: &Measurements) -> usize {
         depth_noise(m, self.rays, self.spline).round().clamp(1.0, 4.0) as usize
     }
@@ -66,12 +66,13 @@ impl Decoder<'_> {
         let s = self.settings;
         let found = decode(m, rays, self.spline, &self.field.validity, &s.cost_volume, &s.light_fractions, self.device);
         let mut inv_z = found.inv_z;
-        SmallComponents { decoder: self, m, rays, camera, step: found.hypothesis_step }.settle(&mut inv_z);
-        InitialDepth { inv_z, step: found.hypothesis_step }
+        let step = found.hypothesis_step;
+        SmallComponents { spline: self.spline, settings: s, m, rays, camera, step }.settle(&mut inv_z);
+        InitialDepth { inv_z, step }
     }
 }
 
-/// The camera of an image whose pixels are the means of `factor × factor` pixels of `camera`'s.
+/// Returns the camera of an image whose pixels are means of `factor × factor` pixels of `camera`'s.
 fn reduced_camera(camera: &Camera, factor: usize) -> Camera {
     let f = factor as f64;
     let half = (f - 1.0) / 2.0;
@@ -86,7 +87,8 @@ fn reduced_camera(camera: &Camera, factor: usize) -> Camera {
     }
 }
 
-/// The decoded surface at the valid pixels of the full image; `size` is that of the reduced one, `[width, height]`.
+/// Returns the decoded surface at the valid pixels of the full image, from that of a reduced image of size `[width,
+/// height]`.
 fn expand(reduced: &InitialDepth, factor: usize, [width, height]: [usize; 2], m: &Measurements) -> InitialDepth {
     let mut inv_z = vec![f32::NAN; m.n()];
     let half = (factor as f32 - 1.0) / 2.0;
@@ -94,8 +96,8 @@ fn expand(reduced: &InitialDepth, factor: usize, [width, height]: [usize; 2], m:
         if m.status[i] != PixelStatus::Valid {
             continue;
         }
-        let at = |p: usize, n: usize| ((p as f32 - half) / factor as f32).clamp(0.0, n as f32 - 1.0);
-        let (x, y) = (at(i % m.width, width), at(i / m.width, height));
+        let reduced_at = |p: usize, n: usize| ((p as f32 - half) / factor as f32).clamp(0.0, n as f32 - 1.0);
+        let (x, y) = (reduced_at(i % m.width, width), reduced_at(i / m.width, height));
         *v = interpolate_within(&reduced.inv_z, width, height, x, y, 3.0 * reduced.step);
     }
     InitialDepth { inv_z, step: reduced.step }

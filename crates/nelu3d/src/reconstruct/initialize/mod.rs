@@ -31,11 +31,11 @@ pub(crate) struct Initial {
     pub(crate) crosstalk: Option<CrosstalkMatrix>,
 }
 
-/// Finds the initial surface of a scene. Corrects the crosstalk of its measurements, and marks pixels whose rays miss the
-/// calibrated volume.
+/// Finds the initial surface of a scene. Corrects the crosstalk of its measurements, and marks pixels whose rays miss
+/// the calibrated volume.
 ///
-/// Where nothing near the previous frame's surface explains what is measured, the whole volume is decoded; where that is
-/// most of the image, the surface is found from the scene alone.
+/// Where nothing near the previous frame's surface explains what is measured, the whole volume is decoded; where that
+/// is most of the image, the surface is found from the scene alone.
 pub(crate) fn initialize(
     scene: &mut Scene<'_>,
     previous: Option<&PreviousFrame>,

@@ -1,7 +1,8 @@
-//! The start from the previous frame's surface: a few depth hypotheses around it instead of the whole volume, and the whole
-//! volume only where nothing near the old surface explains what is measured now.
+//! Initialization from the previous frame's surface: a few depth hypotheses around it instead of the whole volume, and
+//! the whole volume only where nothing near the previous surface explains what is measured now.
 
 use nelu3d_scan::image::box_mean;
+use nelu3d_scan::statistics::median;
 use rayon::prelude::*;
 
 use super::decoder::{Decoder, InitialDepth};
@@ -10,28 +11,28 @@ use crate::reconstruct::maps::fill_from_neighbors;
 use crate::sensor::Measurements;
 use crate::surface::PixelStatus;
 
-/// The initial surface from that of the previous frame, `previous` (camera z per pixel, mm; NaN where there was none), and
-/// the fraction of its pixels that were decoded in the whole volume all the same. `None` if the previous surface says too
-/// little about this frame.
+/// Returns the initial surface from that of the previous frame, `previous` (camera z per pixel, mm; NaN where there was
+/// none), and the fraction of its pixels that were decoded in the whole volume all the same. `None` if the previous
+/// surface says too little about this frame.
 pub(super) fn start(decoder: &Decoder<'_>, previous: &[f32], m: &mut Measurements) -> Option<(InitialDepth, f32)> {
     let settings = decoder.settings;
     let max_hypotheses = settings.cost_volume.max_hypotheses;
     let step = depth_hypotheses(m, decoder.rays, decoder.spline, max_hypotheses)?.spacing;
-    let moved = propagate(decoder, m, previous, step);
-    tracing::info!(wrong = moved.wrong_fraction, "start from the previous frame");
-    if moved.wrong_fraction > settings.propagation.max_decoded {
+    let propagated = propagate(decoder, m, previous, step);
+    tracing::info!(wrong = propagated.wrong_fraction, "start from the previous frame");
+    if propagated.wrong_fraction > settings.propagation.max_decoded {
         return None;
     }
-    let mut inv_z = moved.inv_z;
-    if moved.wrong.iter().any(|w| *w) {
+    let mut inv_z = propagated.inv_z;
+    if propagated.wrong.iter().any(|w| *w) {
         let mut part = m.clone();
-        for (status, wrong) in part.status.iter_mut().zip(&moved.wrong) {
+        for (status, wrong) in part.status.iter_mut().zip(&propagated.wrong) {
             if *status == PixelStatus::Valid && !wrong {
                 *status = PixelStatus::Underexposed;
             }
         }
         let found = decoder.decode(&mut part).inv_z;
-        for i in (0..inv_z.len()).filter(|i| moved.wrong[*i]) {
+        for i in (0..inv_z.len()).filter(|i| propagated.wrong[*i]) {
             if found[i].is_finite() || inv_z[i].is_nan() {
                 inv_z[i] = found[i];
             }
@@ -41,28 +42,28 @@ pub(super) fn start(decoder: &Decoder<'_>, previous: &[f32], m: &mut Measurement
         }
     }
     fill_from_neighbors(&mut inv_z, &m.status, m.width);
-    Some((InitialDepth { inv_z, step }, moved.wrong_fraction))
+    Some((InitialDepth { inv_z, step }, propagated.wrong_fraction))
 }
 
-/// The previous surface, moved to where it explains the new frame best.
+/// The previous surface, shifted to where it explains the new frame best.
 struct Propagated {
     /// Inverse depth 1/z, 1/mm; NaN where there is none.
     inv_z: Vec<f32>,
     /// Pixels that need the whole volume.
     wrong: Vec<bool>,
-    /// Their fraction of all valid pixels.
+    /// Fraction of all valid pixels that need the whole volume.
     wrong_fraction: f32,
 }
 
-/// Offset and misfit of the previous surface at each pixel.
+/// Offset and χ² of the previous surface at each pixel.
 struct Offsets {
-    /// Best offset, depth hypotheses.
+    /// Best offset per pixel, depth hypotheses.
     offset: Vec<f32>,
-    /// Mean χ² per measurement there; infinite where the best offset is at an end of the range.
+    /// Mean χ² per measurement at that offset; infinite where the best offset is at an end of the range.
     chi2: Vec<f32>,
 }
 
-/// Moves the previous surface by a smooth offset map. `step` is the spacing of depth hypotheses in 1/z, 1/mm.
+/// Shifts the previous surface by a smooth offset map. `step` is the spacing of depth hypotheses in 1/z, 1/mm.
 fn propagate(decoder: &Decoder<'_>, m: &Measurements, previous: &[f32], step: f32) -> Propagated {
     let (w, h, n) = (m.width, m.height, m.n());
     let s = &decoder.settings.propagation;
@@ -70,17 +71,14 @@ fn propagate(decoder: &Decoder<'_>, m: &Measurements, previous: &[f32], step: f3
     fill_from_neighbors(&mut near, &m.status, w);
     let on: Vec<bool> = (0..n).map(|i| m.status[i] == PixelStatus::Valid && near[i].is_finite()).collect();
     let Offsets { offset, chi2 } = best_offsets(decoder, m, &near, &on, step);
-    let typical = {
-        let mut v: Vec<f32> = (0..n).filter(|i| on[*i]).map(|i| chi2[i]).collect();
-        let mid = v.len() / 2;
-        if v.is_empty() { 1.0 } else { v.select_nth_unstable_by(mid, f32::total_cmp).1.max(1.0) }
-    };
+    let mut all_chi2: Vec<f32> = (0..n).filter(|i| on[*i]).map(|i| chi2[i]).collect();
+    let typical = median(&mut all_chi2).map_or(1.0, |middle| middle.max(1.0));
     // Beyond half of the saturation a codeword is simply wrong, whatever the others are.
     let limit = (s.max_chi2_ratio * typical).min(0.5 * saturation(m) / m.independent);
-    // What is right moves like what is right around it.
-    let right = |i: usize| on[i] && chi2[i] <= limit;
-    let mut weight: Vec<f32> = (0..n).map(|i| if right(i) { 1.0 } else { 0.0 }).collect();
-    let mut sum: Vec<f32> = (0..n).map(|i| if right(i) { offset[i] } else { 0.0 }).collect();
+    // A pixel that is explained moves like those around it that are.
+    let explained = |i: usize| on[i] && chi2[i] <= limit;
+    let mut weight: Vec<f32> = (0..n).map(|i| if explained(i) { 1.0 } else { 0.0 }).collect();
+    let mut sum: Vec<f32> = (0..n).map(|i| if explained(i) { offset[i] } else { 0.0 }).collect();
     for map in [&mut weight, &mut sum] {
         for _ in 0..2 {
             box_mean(map, w, h, s.smoothing_radius);
@@ -103,8 +101,8 @@ fn propagate(decoder: &Decoder<'_>, m: &Measurements, previous: &[f32], step: f3
     Propagated { inv_z, wrong, wrong_fraction }
 }
 
-/// Searches around the inverse depths `near`, 1/mm, at the pixels `on`: mean χ² over squares, of every offset, because what
-/// moves together has one offset.
+/// Searches around the inverse depths `near`, 1/mm, at the pixels `on`, by the mean χ² over squares of every offset:
+/// what moves together has one offset.
 fn best_offsets(decoder: &Decoder<'_>, m: &Measurements, near: &[f32], on: &[bool], step: f32) -> Offsets {
     let (w, h, n, k) = (m.width, m.height, m.n(), m.k);
     let s = &decoder.settings.propagation;

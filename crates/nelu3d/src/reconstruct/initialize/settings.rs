@@ -2,17 +2,17 @@
 
 use serde::Serialize;
 
-/// How the previous frame's surface is propagated.
+/// Settings of the propagation of the previous frame's surface.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PropagationSettings {
     /// Number of depth hypotheses on either side of the previous surface.
     pub search_range: i32,
-    /// Radius of the squares that move alike, px; larger where one pixel says little.
+    /// Radius of the squares that move alike, px; larger where single pixels are noisy.
     pub radius: usize,
-    /// Radius over which the previous surface moves as a whole, px: it keeps its shape, and the noise of one pixel's
+    /// Radius over which offsets are averaged, px: the previous surface keeps its shape, and the noise of one pixel's
     /// offset is averaged out.
     pub smoothing_radius: usize,
-    /// Mean χ² per measurement above which the previous surface is wrong, as a multiple of the typical one.
+    /// Mean χ² per measurement above which the previous surface is wrong, as a multiple of the median one.
     pub max_chi2_ratio: f32,
     /// Radius by which wrong regions are widened, px.
     pub margin: usize,
@@ -26,12 +26,12 @@ impl Default for PropagationSettings {
     }
 }
 
-/// When an estimated crosstalk matrix is accepted.
+/// Settings of the estimation of the crosstalk matrix, and when it is accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CrosstalkSettings {
-    /// Largest number of times that surface and matrix are found by turns.
+    /// Largest number of times that matrix and surface are estimated by turns.
     pub max_rounds: usize,
-    /// Least part of the misfit that crosstalk must explain.
+    /// Smallest fraction of χ² that crosstalk must explain.
     pub min_explained: f32,
     /// Largest change of an entry at which the matrix has settled.
     pub settled: f32,

@@ -2,10 +2,10 @@
 
 use nelu3d_scan::Camera;
 
-use super::decoder::Decoder;
-use crate::color_field::CameraRays;
+use crate::color_field::{CameraRays, SplineEvaluator};
 use crate::reconstruct::cost_volume::chi2_of_codeword;
 use crate::reconstruct::maps::fill_from_neighbors;
+use crate::reconstruct::settings::FastSettings;
 use crate::sensor::Measurements;
 use crate::surface::{Links, MAX_SLOPE};
 
@@ -14,16 +14,17 @@ use crate::surface::{Links, MAX_SLOPE};
 const SEARCH_RANGE: i32 = 10;
 /// χ² per pixel that agreeing with the surroundings is worth.
 const AGREEMENT_CHI2: f32 = 6.0;
-/// A component is small when it holds less than this part of all decoded pixels.
+/// A component is small when it holds less than one over this many of all decoded pixels.
 const SMALL_PART: u32 = 50;
 
-/// What decides on small components of a decoded surface.
+/// The small components of a decoded surface, and what decides on them.
 ///
 /// A wrong period of the code looks like a small component far in front of or behind its surroundings; so does a small
 /// object. A component takes over its surroundings' depth when its codewords are explained there (within a few
 /// hypotheses) nearly as well as where it was decoded. What is then still too small gets no depth.
 pub(super) struct SmallComponents<'a> {
-    pub(super) decoder: &'a Decoder<'a>,
+    pub(super) spline: &'a SplineEvaluator<'a>,
+    pub(super) settings: &'a FastSettings,
     pub(super) m: &'a Measurements,
     /// Rays of the measurements' image.
     pub(super) rays: &'a CameraRays,
@@ -34,7 +35,7 @@ pub(super) struct SmallComponents<'a> {
 }
 
 impl SmallComponents<'_> {
-    /// Moves or removes small components of an inverse depth map, 1/mm.
+    /// Corrects or removes small components of an inverse depth map, 1/mm.
     pub(super) fn settle(&self, inv_z: &mut [f32]) {
         let depth: Vec<f32> = inv_z.iter().map(|v| 1.0 / v).collect();
         let (component, sizes) = Links::new(&depth, self.camera, MAX_SLOPE).components(&depth, self.camera.width);
@@ -55,20 +56,20 @@ impl SmallComponents<'_> {
             let c = component[i] as usize;
             if is_small[c] && excess[c] < AGREEMENT_CHI2 * sizes[c] as f32 {
                 inv_z[i] = around[i];
-            } else if (sizes[c] as usize) < self.decoder.settings.min_component {
+            } else if (sizes[c] as usize) < self.settings.min_component {
                 inv_z[i] = f32::NAN;
             }
         }
     }
 
-    /// Per small component, Σ over its pixels of (χ² at the surroundings' depth − χ² where it was decoded).
+    /// Returns, per small component, Σ over its pixels of (χ² at the surroundings' depth − χ² where it was decoded).
     fn excess(&self, inv_z: &[f32], around: &[f32], component: &[u32], is_small: &[bool]) -> Vec<f32> {
-        let (m, decoder) = (self.m, self.decoder);
-        let prior = decoder.settings.light_fractions.weights(m);
+        let m = self.m;
+        let prior = self.settings.light_fractions.weights(m);
         let cost = |i: usize, inv_z: f32| {
             let mut c = vec![0.0; m.k];
             let t = f64::from(1.0 / (inv_z * self.rays.dir_z(i)));
-            decoder.spline.eval(self.rays.in_frame(i).at(t).q, &mut c);
+            self.spline.eval(self.rays.in_frame(i).at(t).q, &mut c);
             chi2_of_codeword(m, i, &c, prior)
         };
         let mut excess = vec![0.0f32; is_small.len()];

@@ -1,4 +1,4 @@
-//! The ambient term A(u, v).
+//! The ambient term A(u, v) of recipe `paper`.
 
 use nelu3d_field::HashField;
 use serde::{Deserialize, Serialize};
@@ -22,53 +22,57 @@ pub enum Ambient {
 
 /// A small network over the image, one output per camera channel.
 pub(super) struct AmbientField {
+    /// Meaning of the network's output.
     pub(super) kind: Ambient,
+    /// The network.
     pub(super) field: HashField<2>,
 }
 
-/// White below which `I_ambient / I_white` is not followed any further.
+/// White below which `I_ambient / I_white` stays that of this white.
 pub(super) const MIN_WHITE: f32 = 1e-3;
 
 impl AmbientField {
+    /// Initializes the network.
     pub(super) fn new(kind: Ambient, n_channels: usize, n_steps: usize, seed: u64) -> Self {
         let config = config::image_field_config(n_channels, n_steps);
         Self { kind, field: HashField::new(config, seed).expect("the published configuration is valid") }
     }
 
-    /// Shares `[ray][channel]` at places in the unit square, given I_white there, `[ray][channel]`.
-    pub(super) fn query(&self, places: &[[f32; 2]], white: &[f32], out: &mut Vec<f32>) {
+    /// Evaluates the ambient fractions, `[ray][channel]`, at points in the unit square of the image, given I_white
+    /// there, `[ray][channel]`.
+    pub(super) fn query(&self, image_points: &[[f32; 2]], white: &[f32], out: &mut Vec<f32>) {
         out.clear();
         out.resize(white.len(), 0.0);
         match self.kind {
             Ambient::None => {}
-            Ambient::Bounded => self.field.query(places, out),
+            Ambient::Bounded => self.field.query(image_points, out),
             Ambient::Unbounded => {
-                self.field.query(places, out);
+                self.field.query(image_points, out);
                 out.iter_mut().zip(white).for_each(|(a, w)| *a /= w.max(MIN_WHITE));
             }
         }
     }
 
-    /// One step of the optimizer, given the gradient by the shares.
-    pub(super) fn descend(&mut self, places: &[[f32; 2]], white: &[f32], d_shares: &mut [f32]) {
+    /// Takes one step of the optimizer, given the gradient by the fractions.
+    pub(super) fn descend(&mut self, image_points: &[[f32; 2]], white: &[f32], d_fractions: &mut [f32]) {
         match self.kind {
             Ambient::None => return,
             Ambient::Bounded => {}
-            Ambient::Unbounded => d_shares.iter_mut().zip(white).for_each(|(d, w)| *d /= w.max(MIN_WHITE)),
+            Ambient::Unbounded => d_fractions.iter_mut().zip(white).for_each(|(d, w)| *d /= w.max(MIN_WHITE)),
         }
-        self.field.descend(places, d_shares);
+        self.field.descend(image_points, d_fractions);
     }
 
-    /// Shares of every pixel, `[pixel][channel]`.
+    /// Returns the ambient fractions of every pixel, `[pixel][channel]`.
     pub(super) fn fractions(&self, m: &Measurements) -> Vec<f32> {
-        let places: Vec<[f32; 2]> = (0..m.n()).map(|i| place(m, i)).collect();
+        let image_points: Vec<[f32; 2]> = (0..m.n()).map(|i| image_point(m, i)).collect();
         let mut out = Vec::new();
-        self.query(&places, &m.light, &mut out);
+        self.query(&image_points, &m.light, &mut out);
         out
     }
 }
 
-/// A pixel's place in the unit square.
-pub(super) fn place(m: &Measurements, i: usize) -> [f32; 2] {
+/// Returns a pixel's position in the unit square of the image.
+pub(super) fn image_point(m: &Measurements, i: usize) -> [f32; 2] {
     [((i % m.width) as f32 + 0.5) / m.width as f32, ((i / m.width) as f32 + 0.5) / m.height as f32]
 }

@@ -1,4 +1,4 @@
-//! Rays of one iteration: which pixels, where they are sampled, and the step itself.
+//! The rays of one iteration: their pixels, their samples, and the step of the optimizers.
 
 use nalgebra::{Point3, Vector3};
 use nelu3d_field::occupancy::OccupancyGrid;
@@ -8,26 +8,27 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 
-use super::ambient::{AmbientField, place};
+use super::ambient::{AmbientField, image_point};
 use super::bounds::Bounds;
-use super::march::{March, Samples, march};
+use super::march::{March, RaySamples, march};
 use super::options::Background;
 use crate::color_field::{CameraRays, SplineEvaluator};
 use crate::sensor::Measurements;
 use crate::surface::PixelStatus;
 
 /// The pixels that rays are drawn from.
-pub(super) struct Pixels {
+pub(super) struct TrainingPixels {
+    /// The cube of the signed distance field.
     pub(super) bounds: Bounds,
-    /// Pixels with a codeword or dark, in the order of small tiles: neighbors are sampled together.
+    /// Pixels that have a codeword or are dark, in the order of small tiles: neighbors are sampled together.
     pub(super) all: Vec<u32>,
-    /// M of each pixel of `all`.
+    /// Mask M of each pixel of `all`: whether it is lit.
     pub(super) is_lit: Vec<bool>,
 }
 
-impl Pixels {
-    /// M is 1 where white is bright enough; pixels that are clipped or outside the calibrated volume tell nothing. `None`
-    /// if no pixel is lit.
+impl TrainingPixels {
+    /// Selects the pixels of a scene. The mask M is 1 where white is bright enough; saturated pixels and those outside
+    /// the calibrated volume are not used. `None` if no pixel is lit.
     pub(super) fn new(m: &Measurements, rays: &CameraRays, background: Background) -> Option<Self> {
         let usable = |i: usize| {
             let [near, far] = rays.range[i];
@@ -46,17 +47,17 @@ impl Pixels {
         Some(Self { bounds, all, is_lit })
     }
 
-    /// Lit pixels.
+    /// Returns the lit pixels.
     pub(super) fn lit(&self) -> impl Iterator<Item = usize> + '_ {
         self.all.iter().zip(&self.is_lit).filter(|(_, lit)| **lit).map(|(i, _)| *i as usize)
     }
 
-    /// The ray of a pixel.
+    /// Returns the ray of a pixel, sampled at `offset` of every step.
     pub(super) fn march(&self, rays: &CameraRays, i: usize, offset: f64) -> March {
         March { origin: Point3::origin(), dir: direction(rays, i), range: rays.range[i].map(f64::from), offset }
     }
 
-    /// Whether any ray comes near a point of the cube.
+    /// Returns whether any ray comes near a point of the cube.
     pub(super) fn reaches(&self, camera: &Camera, rays: &CameraRays, q: [f32; 3]) -> bool {
         let x = self.bounds.from_cube(q);
         let Some([u, v]) = camera.project(&x) else { return false };
@@ -74,37 +75,38 @@ impl Pixels {
     }
 }
 
+/// Returns the unit direction of a pixel's ray.
 fn direction(rays: &CameraRays, i: usize) -> Vector3<f64> {
     let [u, v] = rays.plane[i].map(f64::from);
     Vector3::new(u, v, 1.0).normalize()
 }
 
-/// One iteration's rays.
+/// The rays of one iteration.
 #[derive(Default)]
-pub(super) struct Batch {
-    samples: Samples,
-    /// `[sample][k]`
+pub(super) struct RayBatch {
+    samples: RaySamples,
+    /// Color field at the samples, `[sample][k]`.
     colors: Vec<f32>,
-    /// `[ray][k]`
+    /// Measured codewords, `[ray][k]`.
     measured: Vec<f32>,
-    /// `[ray][channel]`
+    /// White − black, `[ray][channel]`.
     light: Vec<f32>,
+    /// Mask M, one per ray.
     mask: Vec<f32>,
-    /// In the unit square.
-    places: Vec<[f32; 2]>,
+    /// Positions in the unit square of the image, one per ray.
+    image_points: Vec<[f32; 2]>,
     n_channels: usize,
     k: usize,
 }
 
-impl Batch {
-    /// Draws rays.
-    #[allow(clippy::too_many_arguments)]
+impl RayBatch {
+    /// Draws the rays of iteration `step` at random, samples them, and gathers what was measured along them.
     pub(super) fn draw(
         &mut self,
-        pixels: &Pixels,
+        pixels: &TrainingPixels,
         m: &Measurements,
         rays: &CameraRays,
-        lookup: &SplineEvaluator<'_>,
+        spline: &SplineEvaluator<'_>,
         grid: &OccupancyGrid,
         n_rays: usize,
         seed: u64,
@@ -125,8 +127,8 @@ impl Batch {
         let mut by_ray: Vec<(usize, &mut [f32])> = Vec::with_capacity(n_rays);
         let mut rest = &mut self.colors[..];
         for (r, ray) in self.samples.offsets.windows(2).enumerate() {
-            let (mine, tail) = rest.split_at_mut((ray[1] - ray[0]) * k);
-            by_ray.push((r, mine));
+            let (own, tail) = rest.split_at_mut((ray[1] - ray[0]) * k);
+            by_ray.push((r, own));
             rest = tail;
         }
         let samples = &self.samples;
@@ -134,33 +136,33 @@ impl Batch {
             let in_frame = rays.in_frame(pixel(r));
             let t = &samples.t[samples.offsets[r]..samples.offsets[r + 1]];
             for (t, out) in t.iter().zip(colors.chunks_exact_mut(k)) {
-                lookup.eval(in_frame.at(f64::from(*t)).q, out);
+                spline.eval(in_frame.at(f64::from(*t)).q, out);
             }
         });
         self.measured.clear();
         self.light.clear();
         self.mask.clear();
-        self.places.clear();
+        self.image_points.clear();
         for r in 0..n_rays {
             let i = pixel(r);
             self.measured.extend_from_slice(&m.p[i * k..(i + 1) * k]);
             self.light.extend_from_slice(&m.light[i * self.n_channels..(i + 1) * self.n_channels]);
             self.mask.push(f32::from(u8::from(pixels.is_lit[drawn[r]])));
-            self.places.push(place(m, i));
+            self.image_points.push(image_point(m, i));
         }
     }
 
-    /// Number of samples.
+    /// Returns the number of samples.
     pub(super) fn n_samples(&self) -> usize {
         self.samples.t.len()
     }
 
-    /// One step of the optimizers.
+    /// Takes one step of the optimizers.
     pub(super) fn step(&self, surface: &mut NeuralSurface, ambient: &mut AmbientField) -> SurfaceLosses {
         let (k, c) = (self.k, self.n_channels);
-        let mut shares = Vec::new();
-        ambient.query(&self.places, &self.light, &mut shares);
-        // The same for all patterns.
+        let mut fractions = Vec::new();
+        ambient.query(&self.image_points, &self.light, &mut fractions);
+        // Every pattern has its channel's value.
         let n_rays = self.mask.len();
         let spread = |of: &[f32]| -> Vec<f32> {
             (0..n_rays).flat_map(|r| (0..k).map(move |j| (r, j))).map(|(r, j)| of[r * c + j % c]).collect()
@@ -171,18 +173,18 @@ impl Batch {
             colors: &self.colors,
             measured: &self.measured,
             white: &spread(&self.light),
-            ambient: &spread(&shares),
+            ambient: &spread(&fractions),
             mask: &self.mask,
         };
         let mut d_spread = vec![0.0; n_rays * k];
         let losses = surface.train_step(&batch, &mut d_spread);
-        let mut d_shares = vec![0.0; n_rays * c];
+        let mut d_fractions = vec![0.0; n_rays * c];
         for (r, d) in d_spread.chunks_exact(k).enumerate() {
             for (j, d) in d.iter().enumerate() {
-                d_shares[r * c + j % c] += d;
+                d_fractions[r * c + j % c] += d;
             }
         }
-        ambient.descend(&self.places, &self.light, &mut d_shares);
+        ambient.descend(&self.image_points, &self.light, &mut d_fractions);
         losses
     }
 }

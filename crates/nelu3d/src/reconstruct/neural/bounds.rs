@@ -1,21 +1,21 @@
-//! Where the cube of a signed distance field lies.
+//! The cube of a signed distance field.
 
 use nalgebra::{Point3, Vector3};
 
-/// Side of the cube, in units.
+/// Side of the cube, units.
 pub const SIDE: f64 = 3.0;
 
 /// A cube in the camera's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Its center, mm.
+    /// Center, mm.
     pub center: Point3<f64>,
-    /// The unit of its distances, mm: a third of its side.
+    /// Length of one unit of the field's distances, mm: a third of the cube's side.
     pub unit_mm: f64,
 }
 
 impl Bounds {
-    /// The smallest cube around points, a little enlarged; `None` for none.
+    /// Returns the smallest cube around points, a little enlarged; `None` if it would be empty.
     pub fn around(points: impl IntoIterator<Item = Point3<f64>>) -> Option<Self> {
         let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for p in points {
@@ -29,23 +29,23 @@ impl Bounds {
         (longest > 0.0 && longest.is_finite()).then(|| Self { center, unit_mm: 1.02 * longest / SIDE })
     }
 
-    /// Side of the cube, mm.
+    /// Returns the side of the cube, mm.
     pub fn side_mm(&self) -> f64 {
         SIDE * self.unit_mm
     }
 
-    /// Coordinates of a point in the unit cube.
+    /// Returns the coordinates of a point in the unit cube.
     pub fn to_cube(&self, x: &Point3<f64>) -> [f32; 3] {
         let p = (x - self.center) / self.side_mm();
         std::array::from_fn(|a| (p[a] + 0.5) as f32)
     }
 
-    /// The point with given coordinates in the unit cube, mm.
+    /// Returns the point with given coordinates in the unit cube, mm.
     pub fn from_cube(&self, q: [f32; 3]) -> Point3<f64> {
         self.center + Vector3::from(q.map(|q| f64::from(q) - 0.5)) * self.side_mm()
     }
 
-    /// Where a ray is inside: `[near, far]`, in its parameter; near > far if never.
+    /// Returns the part of a ray that lies inside, as `[near, far]` of its parameter; near > far if none does.
     pub fn clip(&self, origin: &Point3<f64>, dir: &Vector3<f64>, [mut near, mut far]: [f64; 2]) -> [f64; 2] {
         let half = 0.5 * self.side_mm();
         for a in 0..3 {

@@ -10,41 +10,41 @@ use super::config::STEPS_PER_DIAGONAL;
 /// A ray in the camera's frame, mm.
 #[derive(Clone, Copy, Debug)]
 pub struct March {
-    /// Where it begins.
+    /// Origin, mm.
     pub origin: Point3<f64>,
-    /// Its unit direction.
+    /// Unit direction.
     pub dir: Vector3<f64>,
-    /// Where along it to look, mm.
+    /// Distances `[near, far]` between which it is sampled, mm.
     pub range: [f64; 2],
-    /// Where in its step it is sampled, in `[0, 1)`.
+    /// Position of a sample within its step, in `[0, 1)`.
     pub offset: f64,
 }
 
-/// Samples of some rays. Ray r owns `offsets[r]..offsets[r + 1]`, front to back.
+/// The samples of some rays. Ray r owns `offsets[r]..offsets[r + 1]`, front to back.
 #[derive(Clone, Debug, Default)]
-pub struct Samples {
+pub struct RaySamples {
     /// First sample of every ray and, last, the number of samples.
     pub offsets: Vec<usize>,
     /// Distance along the ray, mm.
     pub t: Vec<f32>,
-    /// Place in the unit cube.
+    /// Position in the unit cube.
     pub points: Vec<[f32; 3]>,
 }
 
-/// The distance between two samples, mm.
+/// Returns the distance between two samples, mm.
 pub fn step_mm(bounds: &Bounds) -> f64 {
     bounds.side_mm() * 3f64.sqrt() / STEPS_PER_DIAGONAL
 }
 
-/// Samples rays.
-pub fn march(rays: &[March], bounds: &Bounds, grid: &OccupancyGrid) -> Samples {
+/// Samples rays at even distances in the occupied part of the cube.
+pub fn march(rays: &[March], bounds: &Bounds, grid: &OccupancyGrid) -> RaySamples {
     const CHUNK: usize = 64;
     let step = step_mm(bounds);
     let scale = 1.0 / bounds.side_mm();
-    let chunks: Vec<Samples> = rays
+    let chunks: Vec<RaySamples> = rays
         .par_chunks(CHUNK)
         .map(|rays| {
-            let mut out = Samples::default();
+            let mut out = RaySamples::default();
             for ray in rays {
                 let [near, far] = bounds.clip(&ray.origin, &ray.dir, ray.range);
                 // In the cube's coordinates, p + t d.
@@ -65,7 +65,7 @@ pub fn march(rays: &[March], bounds: &Bounds, grid: &OccupancyGrid) -> Samples {
         })
         .collect();
     let n = chunks.iter().map(|c| c.t.len()).sum();
-    let mut all = Samples { offsets: vec![0], t: Vec::with_capacity(n), points: Vec::with_capacity(n) };
+    let mut all = RaySamples { offsets: vec![0], t: Vec::with_capacity(n), points: Vec::with_capacity(n) };
     for chunk in chunks {
         let first = all.t.len();
         all.offsets.extend(chunk.offsets.iter().map(|o| first + o));

@@ -1,9 +1,9 @@
-//! Recipe `paper`: the published reconstruction (paper, Sec. 3; settings in TurboSL's public configuration, from which it
-//! derives).
+//! Recipe `paper`: the published reconstruction (paper, Sec. 3; settings in TurboSL's public configuration, from which
+//! it derives).
 //!
-//! A hash-encoded signed distance field is trained from a plane or sphere by volume rendering of the frozen color field,
-//! with an ambient term A(u, v) over the image, for 10,000 iterations. Nothing of what recipe `fast` knows (noise,
-//! ambiguity, depth jumps, interreflection) is used. Fig. 7's ablations are settings.
+//! A hash-encoded signed distance field is trained from a plane or sphere by volume rendering of the frozen color
+//! field, with an ambient term A(u, v) over the image, for 10,000 iterations. Nothing of what recipe `fast` knows
+//! (noise, ambiguity, depth jumps, interreflection) is used. Fig. 7's ablations are settings.
 
 mod ambient;
 mod batch;
@@ -28,21 +28,20 @@ use super::filter::nothing_left;
 use super::observer::Stage;
 use super::options::ReconstructionOptions;
 use super::scene::Scene;
+use crate::color_field::ColorField;
 use crate::surface::{PixelStatus, Surface, SurfaceMaps, assemble};
 pub use ambient::Ambient;
 use ambient::AmbientField;
-use batch::Pixels;
+use batch::TrainingPixels;
 pub use options::{Background, PaperOptions};
 pub use record::TrainingRecord;
 use training::Training;
-use view::View;
+use view::RenderedView;
 
-use crate::color_field::ColorField;
-
-/// Iterations unless asked otherwise.
+/// Number of iterations unless another is asked for.
 const ITERATIONS: usize = 10_000;
 
-/// Least standard deviation granted to the color field itself, normalized intensity: it decides which pixels are
+/// Smallest standard deviation of the color field itself, normalized intensity: it decides which pixels are
 /// underexposed, not how losses are weighed.
 const MIN_MODEL_SIGMA: f32 = 0.005;
 
@@ -56,7 +55,7 @@ pub(super) fn reconstruct(
 ) -> Result<(Surface, RecipeDiagnostics), Failure> {
     let n_steps = opts.steps.unwrap_or(ITERATIONS);
     let mut scene = Scene::measure(capture, camera, field, MIN_MODEL_SIGMA, cx)?;
-    let pixels = Pixels::new(&scene.measurements, &scene.rays, opts.paper.background)
+    let pixels = TrainingPixels::new(&scene.measurements, &scene.rays, opts.paper.background)
         .ok_or_else(|| nothing_left(&scene.measurements.status))?;
 
     cx.clock.begin("give the field its start");
@@ -65,44 +64,44 @@ pub(super) fn reconstruct(
     training.run(cx)?;
 
     cx.clock.begin("render the surface");
-    let seen = training.render_view();
+    let view = training.render_view();
     let Training { ambient, records, .. } = training;
-    reject_unseen(&mut scene, &seen)?;
-    cx.observe(Stage::Result, 1, || seen.depth.clone());
-    let (residual, mean_ambient) = residuals(&scene, &seen, &ambient);
+    reject_transparent(&mut scene, &view)?;
+    cx.observe(Stage::Result, 1, || view.depth.clone());
+    let (residual, mean_ambient) = residuals(&scene, &view, &ambient);
 
     cx.clock.begin("build the surface");
     let status = scene.measurements.status;
-    let maps = SurfaceMaps { depth: seen.depth, sigma: seen.spread, status, residual, ambient: mean_ambient };
+    let maps = SurfaceMaps { depth: view.depth, sigma: view.spread, status, residual, ambient: mean_ambient };
     let mut surface = assemble(maps, camera, &scene.rays.plane, &capture.white);
     // The field's own gradient, not that of the depth map.
-    surface.replace_normals(&seen.normals);
+    surface.replace_normals(&view.normals);
     let diagnostics = PaperDiagnostics { iterations: n_steps, unit_mm: pixels.bounds.unit_mm, losses: records };
     Ok((surface, RecipeDiagnostics::Paper(diagnostics)))
 }
 
-/// Notes why valid pixels without a depth have none.
-fn reject_unseen(scene: &mut Scene<'_>, seen: &View) -> Result<(), Failure> {
+/// Rejects valid pixels to which rendering gave no depth.
+fn reject_transparent(scene: &mut Scene<'_>, view: &RenderedView) -> Result<(), Failure> {
     let Scene { rays, measurements: m, .. } = scene;
     for i in 0..m.n() {
-        if m.status[i] == PixelStatus::Valid && seen.depth[i].is_nan() {
+        if m.status[i] == PixelStatus::Valid && view.depth[i].is_nan() {
             let [near, far] = rays.range[i];
             m.status[i] = if near > far { PixelStatus::OutsideVolume } else { PixelStatus::Ambiguous };
         }
     }
-    if seen.depth.iter().all(|z| z.is_nan()) { Err(nothing_left(&m.status)) } else { Ok(()) }
+    if view.depth.iter().all(|z| z.is_nan()) { Err(nothing_left(&m.status)) } else { Ok(()) }
 }
 
-/// RMS residual of the normalized intensities, and the ambient fraction, mean over channels, per pixel; NaN where there is
-/// no depth.
-fn residuals(scene: &Scene<'_>, seen: &View, ambient: &AmbientField) -> (Vec<f32>, Vec<f32>) {
+/// Returns the RMS residual of the normalized intensities, and the ambient fraction, mean over channels, per pixel; NaN
+/// where there is no depth.
+fn residuals(scene: &Scene<'_>, view: &RenderedView, ambient: &AmbientField) -> (Vec<f32>, Vec<f32>) {
     let (m, rays, spline) = (&scene.measurements, &scene.rays, scene.spline());
     let fractions = ambient.fractions(m);
     let (k, n_channels) = (m.k, scene.white.channels);
     let mut c = vec![0.0; k];
     let (mut residual, mut mean_ambient) = (vec![f32::NAN; m.n()], vec![f32::NAN; m.n()]);
-    for i in (0..m.n()).filter(|&i| seen.depth[i].is_finite()) {
-        let q = rays.in_frame(i).at(f64::from(seen.depth[i] / rays.dir_z(i))).q;
+    for i in (0..m.n()).filter(|&i| view.depth[i].is_finite()) {
+        let q = rays.in_frame(i).at(f64::from(view.depth[i] / rays.dir_z(i))).q;
         spline.eval(q, &mut c);
         let fraction = &fractions[i * n_channels..][..n_channels];
         let square = |j: usize| {

@@ -7,9 +7,8 @@ use nelu3d_field::lattice::{Lattice, ProjectiveFrame};
 use nelu3d_field::occupancy::OccupancyGrid;
 use std::sync::Arc;
 
-use super::ambient::Ambient;
-use super::ambient::{AmbientField, MIN_WHITE, place};
-use super::batch::Pixels;
+use super::ambient::{Ambient, AmbientField, MIN_WHITE, image_point};
+use super::batch::TrainingPixels;
 use super::bounds::SIDE;
 use super::config;
 use super::march::step_mm;
@@ -19,17 +18,17 @@ use crate::reconstruct::context::Context;
 use crate::reconstruct::error::Failure;
 use crate::reconstruct::observer::Stage;
 use crate::reconstruct::scene::Scene;
-use crate::sensor::Measurements;
 
-/// Iterations after which the state is fetched: what a lost device costs.
+/// Number of iterations after which the state is fetched: as many at most are lost with a device.
 const CHECKPOINT: usize = 1000;
-/// Most rays of an iteration.
-const MAX_RAYS: usize = 8192;
 
-/// What is trained.
+/// The parts of a training that a device takes over and gives back.
 pub(super) struct TrainedParts<'a> {
+    /// The signed distance field.
     pub(super) surface: &'a mut NeuralSurface,
+    /// The ambient term.
     pub(super) ambient: &'a mut AmbientField,
+    /// The occupancy grid.
     pub(super) occupancy: &'a mut OccupancyGrid,
 }
 
@@ -57,7 +56,8 @@ pub(super) struct DeviceScene<'a> {
 }
 
 impl<'a> DeviceScene<'a> {
-    pub(super) fn new(pixels: &Pixels, scene: &'a Scene<'_>, settings: &PaperOptions, seed: u64) -> Self {
+    /// Collects what the device needs.
+    pub(super) fn new(pixels: &TrainingPixels, scene: &'a Scene<'_>, settings: &PaperOptions, seed: u64) -> Self {
         let Scene { field, grid, rays, measurements: m, .. } = scene;
         let bounds = &pixels.bounds;
         let side = bounds.side_mm();
@@ -69,7 +69,7 @@ impl<'a> DeviceScene<'a> {
             let ray = pixels.march(rays, i, 0.0);
             let [near, far] = bounds.clip(&ray.origin, &ray.dir, ray.range).map(|t| t as f32);
             let dir = (ray.dir / side).map(|d| d as f32).into();
-            out.push(ScenePixel { dir, near, place: place(m, i), far, mask: f32::from(u8::from(is_lit)) });
+            out.push(ScenePixel { dir, near, place: image_point(m, i), far, mask: f32::from(u8::from(is_lit)) });
             measured.extend_from_slice(&m.p[i * k..(i + 1) * k]);
             white.extend_from_slice(&m.light[i * n_channels..(i + 1) * n_channels]);
         }
@@ -101,8 +101,8 @@ impl<'a> DeviceScene<'a> {
         }
     }
 
-    /// Trains, and says how far it came and with how many rays: all the way, or to the last checkpoint of a device that failed. What was trained is in
-    /// `parts` then.
+    /// Trains what is in `parts`, and returns the number of iterations that are done and of the rays of the last: all,
+    /// or those up to the last checkpoint of a device that failed.
     pub(super) fn train(
         &self,
         gpu: &Arc<Gpu>,
@@ -121,6 +121,7 @@ impl<'a> DeviceScene<'a> {
         Ok(saved)
     }
 
+    /// Trains until the end or until the device fails; `saved` is how far [`Self::train`] came.
     fn attempt(
         &self,
         gpu: &Arc<Gpu>,
@@ -144,7 +145,7 @@ impl<'a> DeviceScene<'a> {
             ambient: self.ambient,
             n_samples: self.n_samples,
             first_rays: config::FIRST_RAYS,
-            max_rays: MAX_RAYS,
+            max_rays: config::MAX_RAYS,
             half_step: self.half_step,
             seed: self.seed,
         };
@@ -157,15 +158,15 @@ impl<'a> DeviceScene<'a> {
             // The records are of the iterations after each hundredth, and of the last.
             let done = training.done();
             let record = done / 100 * 100 + 1 + if done % 100 == 0 { 0 } else { 100 };
-            let look =
+            let shown =
                 (done + 1..=n_steps).find(|&d| cx.is_observed() && is_observed_after(d, n_steps)).unwrap_or(n_steps);
-            let until = record.min(look).min(n_steps).min((done / CHECKPOINT + 1) * CHECKPOINT);
+            let until = record.min(shown).min(n_steps).min((done / CHECKPOINT + 1) * CHECKPOINT);
             let report = training.run(until)?;
             cx.progress.tick(until, n_steps);
             if (until == record || until == n_steps) && !on_report(&report, until) {
                 return Ok(Err(diverged(until)));
             }
-            if until == look || until.is_multiple_of(CHECKPOINT) || until == n_steps {
+            if until == shown || until.is_multiple_of(CHECKPOINT) || until == n_steps {
                 // Whole or not at all.
                 let mut surface = parts.surface.clone();
                 let mut ambient = parts.ambient.field.clone();
@@ -173,7 +174,7 @@ impl<'a> DeviceScene<'a> {
                 training.fetch(&mut surface, &mut ambient, &mut occupancy)?;
                 (*parts.surface, parts.ambient.field, *parts.occupancy) = (surface, ambient, occupancy);
                 *saved = (until, report.n_rays);
-                if until == look {
+                if until == shown {
                     cx.observe(Stage::Refine, until, || render_depth(parts));
                 }
             }
@@ -201,7 +202,7 @@ mod tests {
         }
     }
 
-    /// A device that is lost on the way leaves what was trained as it was at the last checkpoint, and says so.
+    /// A device that is lost during training leaves the state of the last checkpoint.
     #[test]
     fn a_lost_gpu_hands_over_to_the_cpu() {
         let Ok(gpu) = Gpu::open_anew(Choice::Gpu) else {

@@ -29,7 +29,8 @@ pub struct PaperOptions {
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Self::default().start))]
     pub start: Start,
     /// α of Eq. 4: 1 for the lookup loss alone, 0 for the pattern loss alone
-    #[cfg_attr(feature = "clap", arg(long, value_name = "A", default_value_t = Self::default().lookup_loss_weight, value_parser = unit_interval))]
+    #[cfg_attr(feature = "clap", arg(long, value_name = "A", value_parser = unit_interval))]
+    #[cfg_attr(feature = "clap", arg(default_value_t = Self::default().lookup_loss_weight))]
     pub lookup_loss_weight: f64,
     /// The ambient term
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Self::default().ambient))]

@@ -1,4 +1,4 @@
-//! The shape a signed distance field has before it has seen anything.
+//! The shape of a signed distance field before its training.
 
 use nelu3d_field::adam::Schedule;
 use nelu3d_field::encoding::hash_grid::HashGridConfig;
@@ -24,7 +24,7 @@ pub enum Start {
 }
 
 impl Start {
-    /// Its distance at a point of the unit cube, units; positive on the camera's side.
+    /// Returns the shape's distance at a point of the unit cube, units; positive on the camera's side.
     fn distance(self, q: [f32; 3]) -> f32 {
         let p = q.map(|q| (q - 0.5) * SIDE as f32);
         match self {
@@ -33,8 +33,8 @@ impl Start {
         }
     }
 
-    /// A surface of this shape. Only the network learns it, next to a small table that says nearly nothing; the real one
-    /// begins as silent, so that its fine levels add no wrinkles.
+    /// Trains a surface of this shape. The network alone learns it, beside a small hash table that contributes nearly
+    /// nothing; the real table begins as small, so that its fine levels add no wrinkles.
     pub fn surface(self, config: SurfaceConfig, seed: u64) -> NeuralSurface {
         const STEPS: u64 = 1500;
         const POINTS: usize = 1024;
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn has_the_shape_it_says() {
+    fn a_surface_starts_with_its_shape() {
         for start in [Start::Plane, Start::Sphere] {
             let mut config = super::super::config::surface_config(Default::default(), 100);
             config.field.encoding.log2_hashmap_size = 12;

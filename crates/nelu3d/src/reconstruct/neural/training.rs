@@ -1,4 +1,4 @@
-//! The training of recipe `paper`: on a GPU, or on the CPU, or begun there and ended here.
+//! The training of recipe `paper`: on a GPU, on the CPU, or begun on a GPU that fails and ended on the CPU.
 
 #[cfg(feature = "gpu")]
 use nelu3d_field::device::Device;
@@ -6,13 +6,13 @@ use nelu3d_field::occupancy::OccupancyGrid;
 use nelu3d_field::surface::{NeuralSurface, SurfaceLoss};
 
 use super::ambient::AmbientField;
-use super::batch::{Batch, Pixels};
+use super::batch::{RayBatch, TrainingPixels};
 use super::config;
 #[cfg(feature = "gpu")]
 use super::on_gpu;
 use super::options::Background;
-use super::record::{TrainingRecord, diverged, is_observed_after};
-use super::view::{self, View};
+use super::record::{IterationCounts, TrainingRecord, diverged, is_observed_after};
+use super::view::{self, RenderedView};
 use crate::color_field::CameraRays;
 use crate::reconstruct::context::Context;
 use crate::reconstruct::error::Failure;
@@ -20,13 +20,14 @@ use crate::reconstruct::observer::Stage;
 use crate::reconstruct::options::ReconstructionOptions;
 use crate::reconstruct::scene::Scene;
 
-/// L_eik is a mean over samples; every fourth sample of a step estimates it as well, for two thirds of the time.
+/// Every how many samples the eikonal loss is evaluated. It is a mean over samples, which every fourth of a step
+/// estimates as well, for two thirds of the time.
 const EIKONAL_EVERY: usize = 4;
 
 /// A training and its state.
 pub(super) struct Training<'a> {
     scene: &'a Scene<'a>,
-    pixels: &'a Pixels,
+    pixels: &'a TrainingPixels,
     opts: &'a ReconstructionOptions,
     n_steps: usize,
     surface: NeuralSurface,
@@ -34,15 +35,15 @@ pub(super) struct Training<'a> {
     pub(super) ambient: AmbientField,
     occupancy: OccupancyGrid,
     n_rays: usize,
-    /// What is recorded every hundred iterations.
+    /// Records of every hundredth iteration and the last.
     pub(super) records: Vec<TrainingRecord>,
 }
 
 impl<'a> Training<'a> {
-    /// Gives the fields their start.
+    /// Initializes the fields.
     pub(super) fn new(
         scene: &'a Scene<'a>,
-        pixels: &'a Pixels,
+        pixels: &'a TrainingPixels,
         opts: &'a ReconstructionOptions,
         n_steps: usize,
     ) -> Self {
@@ -68,7 +69,7 @@ impl<'a> Training<'a> {
         }
     }
 
-    /// Trains to the end.
+    /// Trains all iterations.
     pub(super) fn run(&mut self, cx: &mut Context<'_>) -> Result<(), Failure> {
         #[cfg(feature = "gpu")]
         let done = self.run_on_gpu(cx)?;
@@ -77,8 +78,8 @@ impl<'a> Training<'a> {
         self.run_on_cpu(done, cx)
     }
 
-    /// Trains on the device, if it is a GPU; returns the iterations that are done: all, or those up to the last checkpoint of
-    /// a device that failed.
+    /// Trains on the device, if it is a GPU; returns the number of iterations that are done: all, or those up to the
+    /// last checkpoint of a device that failed.
     #[cfg(feature = "gpu")]
     fn run_on_gpu(&mut self, cx: &mut Context<'_>) -> Result<usize, Failure> {
         let Device::Gpu(gpu) = cx.device.clone() else { return Ok(0) };
@@ -86,13 +87,13 @@ impl<'a> Training<'a> {
         let on_device = on_gpu::DeviceScene::new(pixels, scene, &opts.paper, opts.seed);
         let (records, unit_mm) = (&mut self.records, pixels.bounds.unit_mm);
         let mut on_report = |report: &nelu3d_field::gpu::TrainingReport, done: usize| {
-            records.push(TrainingRecord {
+            let counts = IterationCounts {
                 inv_s_per_mm: report.inv_s / unit_mm,
                 rays: report.n_rays,
                 samples: report.n_samples,
                 occupied: report.occupied,
-                ..TrainingRecord::of_losses(done, &report.losses)
-            });
+            };
+            records.push(TrainingRecord::new(done, &report.losses, counts));
             report.losses.total.is_finite()
         };
         let mut parts = on_gpu::TrainedParts {
@@ -107,10 +108,11 @@ impl<'a> Training<'a> {
         Ok(done)
     }
 
+    /// Trains the iterations from `done` on.
     fn run_on_cpu(&mut self, done: usize, cx: &mut Context<'_>) -> Result<(), Failure> {
         let (scene, seed) = (self.scene, self.opts.seed);
         let spline = scene.spline();
-        let mut batch = Batch::default();
+        let mut batch = RayBatch::default();
         for step in done..self.n_steps {
             cx.stop_if_cancelled()?;
             config::update_occupancy(&mut self.occupancy, &self.surface, step as u64, seed);
@@ -119,13 +121,13 @@ impl<'a> Training<'a> {
             let losses = batch.step(&mut self.surface, &mut self.ambient);
             let n_samples = batch.n_samples();
             if step % 100 == 0 || step + 1 == self.n_steps {
-                self.records.push(TrainingRecord {
+                let counts = IterationCounts {
                     inv_s_per_mm: self.surface.inv_s() / self.pixels.bounds.unit_mm,
                     rays: self.n_rays,
                     samples: n_samples,
                     occupied: self.occupancy.occupied_fraction(),
-                    ..TrainingRecord::of_losses(step + 1, &losses)
-                });
+                };
+                self.records.push(TrainingRecord::new(step + 1, &losses, counts));
                 tracing::info!(?losses, record = ?self.records.last(), "training");
                 if !losses.total.is_finite() {
                     return Err(diverged(step + 1));
@@ -140,21 +142,22 @@ impl<'a> Training<'a> {
         Ok(())
     }
 
-    /// The surface as the camera sees it now.
-    pub(super) fn render_view(&self) -> View {
+    /// Renders the present surface from the camera.
+    pub(super) fn render_view(&self) -> RenderedView {
         let (rays, n) = (&self.scene.rays, self.scene.measurements.n());
         render_view(&self.surface, self.pixels, rays, &self.occupancy, n)
     }
 }
 
+/// Renders a surface at the lit pixels.
 fn render_view(
     surface: &NeuralSurface,
-    pixels: &Pixels,
+    pixels: &TrainingPixels,
     rays: &CameraRays,
     grid: &OccupancyGrid,
     n_pixels: usize,
-) -> View {
-    let mut out = View::empty(n_pixels);
+) -> RenderedView {
+    let mut out = RenderedView::empty(n_pixels);
     let lit: Vec<usize> = pixels.lit().collect();
     let marches: Vec<_> = lit.iter().map(|&i| pixels.march(rays, i, 0.5)).collect();
     let rendered = view::render(surface, &pixels.bounds, grid, &marches);

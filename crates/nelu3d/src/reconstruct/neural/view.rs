@@ -1,4 +1,4 @@
-//! What a signed distance field looks like along rays.
+//! A signed distance field rendered along rays: distances and normals.
 
 use nalgebra::Vector3;
 use nelu3d_field::occupancy::OccupancyGrid;
@@ -8,9 +8,9 @@ use nelu3d_field::volrend::cpu as volrend;
 use super::bounds::Bounds;
 use super::march::{March, march};
 
-/// A signed distance field as a camera sees it: maps of `height × width`, NaN where there is no surface.
+/// A signed distance field rendered from a camera: maps of `height × width`, NaN where there is no surface.
 #[derive(Clone, Debug)]
-pub struct View {
+pub struct RenderedView {
     /// Camera z, mm.
     pub depth: Vec<f32>,
     /// Standard deviation of the rendering weights in depth, mm.
@@ -19,8 +19,8 @@ pub struct View {
     pub normals: Vec<[f32; 3]>,
 }
 
-impl View {
-    /// No surface at any of `n` pixels.
+impl RenderedView {
+    /// Makes maps of `n` pixels without a surface at any of them.
     pub fn empty(n: usize) -> Self {
         Self { depth: vec![f32::NAN; n], spread: vec![f32::NAN; n], normals: vec![[f32::NAN; 3]; n] }
     }
@@ -29,11 +29,11 @@ impl View {
 /// Rendered distances, one per ray.
 #[derive(Clone, Debug)]
 pub struct RenderedRays {
-    /// Σ w t / O, mm along the ray; NaN where the opacity is below a half.
+    /// Distance Σ w t / O along the ray, mm; NaN where the opacity is below a half.
     pub t: Vec<f32>,
     /// Standard deviation of the weights along the ray, mm.
     pub spread: Vec<f32>,
-    /// O = Σ w.
+    /// Opacity O = Σ w.
     pub opacity: Vec<f32>,
 }
 
@@ -53,8 +53,8 @@ pub fn render(surface: &NeuralSurface, bounds: &Bounds, grid: &OccupancyGrid, ra
             let (w, t) = (&weights[ray[0]..ray[1]], &samples.t[ray[0]..ray[1]]);
             let (mut o, mut first, mut second) = (0.0f64, 0.0f64, 0.0f64);
             for (j, &w) in w.iter().enumerate() {
-                // A weight belongs to the interval that its sample opens. Across a gap in the occupied part the surface lies
-                // at its near end.
+                // A weight belongs to the interval behind its sample. Across a gap in the occupied part the surface
+                // lies at its near end.
                 let gap = t.get(j + 1).map_or(0.0, |next| f64::from(next - t[j]));
                 let at = f64::from(t[j]) + 0.5 * gap.min(1.5 * super::march::step_mm(bounds));
                 let w = f64::from(w);
@@ -63,25 +63,25 @@ pub fn render(surface: &NeuralSurface, bounds: &Bounds, grid: &OccupancyGrid, ra
                 second += w * at * at;
             }
             let mean = first / o;
-            let seen = o >= 0.5;
-            out.t.push(if seen { mean as f32 } else { f32::NAN });
-            out.spread.push(if seen { (second / o - mean * mean).max(0.0).sqrt() as f32 } else { f32::NAN });
+            let opaque = o >= 0.5;
+            out.t.push(if opaque { mean as f32 } else { f32::NAN });
+            out.spread.push(if opaque { (second / o - mean * mean).max(0.0).sqrt() as f32 } else { f32::NAN });
             out.opacity.push(o as f32);
         }
     }
     out
 }
 
-/// Unit normals at points along rays, facing the camera where the field does; NaN where `t` is.
+/// Returns the unit normals at distances `t` along rays, mm, facing the camera where the field does; NaN where `t` is.
 pub fn normals(surface: &NeuralSurface, bounds: &Bounds, rays: &[March], t: &[f32]) -> Vec<[f32; 3]> {
-    let seen: Vec<usize> = (0..t.len()).filter(|&i| t[i].is_finite()).collect();
+    let hits: Vec<usize> = (0..t.len()).filter(|&i| t[i].is_finite()).collect();
     let points: Vec<[f32; 3]> =
-        seen.iter().map(|&i| bounds.to_cube(&(rays[i].origin + rays[i].dir * f64::from(t[i])))).collect();
+        hits.iter().map(|&i| bounds.to_cube(&(rays[i].origin + rays[i].dir * f64::from(t[i])))).collect();
     let mut sdf = vec![0.0; points.len()];
     let mut slopes = vec![[0.0; 3]; points.len()];
     surface.field().query_with_jacobian(&points, &mut sdf, &mut slopes);
     let mut out = vec![[f32::NAN; 3]; t.len()];
-    for (&i, slope) in seen.iter().zip(slopes) {
+    for (&i, slope) in hits.iter().zip(slopes) {
         let n = Vector3::from(slope);
         // The cube's axes are equally long, so the gradient's direction is that in space.
         out[i] = (n / n.norm().max(1e-20)).into();

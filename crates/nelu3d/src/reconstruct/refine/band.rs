@@ -2,9 +2,10 @@
 
 use nelu3d_field::volrend::reference::render_weights;
 
-/// NeuS weights of a planar surface that crosses the narrow band are those of a logistic density of width 1/inv_s, cut off
-/// at four widths. Three samples integrate any polynomial up to degree 5 against it exactly (Gauss), which a spline nearly
-/// is over a band this narrow. Returns offsets along f in units of the width, and their weights.
+/// Returns the quadrature across the narrow band: offsets along f in units of the width, and their weights. The NeuS
+/// weights of a planar surface are a logistic density of width 1/inv_s, here cut off at four widths. Three samples
+/// integrate any polynomial up to degree 5 against it exactly (Gauss), and over a band this narrow a spline nearly is
+/// one.
 pub(super) fn quadrature() -> [(f32, f32); 3] {
     let bounds: Vec<f64> = (0..=64).map(|j| 4.0 - 8.0 * f64::from(j) / 64.0).collect();
     let mut weights = vec![0.0; bounds.len()];

@@ -16,12 +16,12 @@ pub(crate) struct Refined {
     pub(crate) abs_residual: Vec<f32>,
     /// The loss after every step: mean robust χ² per measurement.
     pub(crate) losses: Vec<f32>,
-    /// Albedo per color channel, as far as interreflection tells it; 0 without gathered light.
+    /// Albedo per color channel, as far as interreflection determines it; 0 without gathered light.
     pub(crate) albedo: Vec<f32>,
 }
 
 impl Refined {
-    /// No surface at any of `n` pixels yet.
+    /// Makes maps of `n` pixels without a surface at any of them.
     pub(super) fn empty(n: usize, losses: Vec<f32>, albedo: Vec<f32>) -> Self {
         let nan = || vec![f32::NAN; n];
         Self {

@@ -8,16 +8,15 @@ use serde::Serialize;
 pub struct RefineSettings {
     /// Largest number of Gauss-Newton steps.
     pub steps: usize,
-    /// Ends earlier when the surface moves by less than this in a step (mean over its pixels), steps of depth; 0 never
-    /// does.
+    /// Mean change of depth in a step, steps of depth, below which the refinement ends early; 0 for never.
     pub settled: f32,
     /// Width 1/inv_s of the surface at the first step, mm.
     pub first_width_mm: f32,
     /// Width 1/inv_s of the surface at the last step, mm.
     pub last_width_mm: f32,
     /// Factor by which the prior's roughness exceeds [`Self::roughness`] at the first step; it falls to 1 over
-    /// [`Self::loose_steps`]. A surface that was smoothed before would else decide how smooth the new one is, whatever
-    /// the data say.
+    /// [`Self::loose_steps`]. Otherwise a surface that was smoothed before would decide how smooth the new one is,
+    /// whatever the data say.
     pub loosened: f32,
     /// Number of steps after which the prior is no longer loosened.
     pub loose_steps: f32,
@@ -27,12 +26,12 @@ pub struct RefineSettings {
     pub gathers: usize,
     /// Step before which interreflection is gathered first.
     pub first_gather: usize,
-    /// Part of the image's width over which the light fractions are smooth: one over this, at least 2 px.
+    /// Divisor of the image's width that gives the radius over which light fractions are smooth, at least 2 px.
     pub ambient_radius_divisor: usize,
     /// Minimum roughness of the surface: standard deviation of second differences between neighboring pixels, steps of
     /// depth. Smaller is smoother.
     pub roughness: f32,
-    /// Second differences beyond this many steps of depth are creases or jumps, where the prior breaks.
+    /// Second difference, steps of depth, beyond which there is a crease or jump and the prior breaks.
     pub crease: f32,
     /// Half side of the square over which a surface's local roughness is pooled, px.
     pub roughness_radius: usize,
@@ -68,25 +67,25 @@ impl Default for RefineSettings {
 }
 
 impl RefineSettings {
-    /// Width 1/inv_s of the surface at a step, mm: it shrinks over the first two thirds of the steps.
+    /// Returns the width 1/inv_s of the surface at a step, mm: it shrinks over the first two thirds of the steps.
     pub(super) fn width_mm(&self, step: usize) -> f32 {
         let done = step as f32 / (self.steps - 1).max(1) as f32;
         self.first_width_mm * (self.last_width_mm / self.first_width_mm).powf((done * 1.5).min(1.0))
     }
 
-    /// Roughness that the prior allows at a step, steps of depth.
+    /// Returns the roughness that the prior allows at a step, steps of depth.
     pub(super) fn roughness_at(&self, step: usize) -> f32 {
         self.roughness * (1.0 + (self.loosened - 1.0) * (1.0 - step as f32 / self.loose_steps).max(0.0))
     }
 
-    /// Whether interreflection is gathered before this step: first when the surface has lost the decoder's noise (if it
-    /// has any), then at even distances.
+    /// Returns whether interreflection is gathered before this step: first when the surface has lost the decoder's
+    /// noise (if it has any), then at even distances.
     pub(super) fn gathers_at(&self, step: usize) -> bool {
         let first = self.first_gather.min(self.steps.saturating_sub(2));
         (0..self.gathers).any(|g| step == first + g * (self.steps - first) / self.gathers)
     }
 
-    /// Whether nothing changes from this step on but the surface: it has its last width, and no gathering follows.
+    /// Returns whether from this step on the surface alone changes: it has its last width, and no gathering follows.
     pub(super) fn is_final(&self, step: usize) -> bool {
         self.width_mm(step) <= self.last_width_mm && (step + 1..self.steps).all(|later| !self.gathers_at(later))
     }

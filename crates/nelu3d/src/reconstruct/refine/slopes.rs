@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::thin_plate::ThinPlatePrior;
 
-/// Slopes of `x` along the image's x and y, per pixel of the prior's window: central differences, one-sided where the other
-/// side lies across a jump (a step of more than `max_step`).
+/// Returns the slopes of `x` along the image's x and y, per pixel of the prior's window: central differences, one-sided
+/// where the other side lies across a jump (a step of more than `max_step`).
 pub(super) fn slopes(prior: &ThinPlatePrior, x: &[f32], max_step: f32) -> Vec<[f32; 2]> {
     (0..x.len())
         .into_par_iter()
@@ -32,7 +32,8 @@ pub(super) fn slopes(prior: &ThinPlatePrior, x: &[f32], max_step: f32) -> Vec<[f
         .collect()
 }
 
-/// cos θ between surface normal and ray from the slopes of the surface's 1/z, 1/mm per pixel; at least 0.2.
+/// Returns cos θ between surface normal and ray, at least 0.2, from the slopes of the surface's 1/z in units of `unit`
+/// (1/mm) per pixel.
 #[inline]
 pub(super) fn cosine([du, dv]: [f32; 2], unit: f32, inv_z: f32, focal_px: f32) -> f32 {
     // dz = −z² d(1/z) over a lateral step of z / focal length.

@@ -1,4 +1,4 @@
-//! The part of an image that holds a surface.
+//! The rectangle of an image that holds a surface.
 
 /// A rectangle of pixels with a free ring around it, which may lie outside the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,7 +13,8 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// The smallest window around the finite values of a map, plus the ring; `None` when there are none.
+    /// Returns the smallest window around the finite values of a map of width `width`, plus the ring; `None` when there
+    /// are none.
     pub(super) fn around(map: &[f32], width: usize) -> Option<Self> {
         let (mut x0, mut y0, mut x1, mut y1) = (usize::MAX, usize::MAX, 0, 0);
         for (i, _) in map.iter().enumerate().filter(|(_, v)| v.is_finite()) {
@@ -30,18 +31,18 @@ impl Window {
         })
     }
 
-    /// Number of pixels, with the ring.
+    /// Returns the number of pixels, with the ring.
     pub(super) fn n(&self) -> usize {
         self.w * self.h
     }
 
-    /// Whether pixel `i` of the window belongs to the ring.
+    /// Returns whether pixel `i` of the window belongs to the ring.
     pub(super) fn in_ring(&self, i: usize) -> bool {
         let (x, y) = (i % self.w, i / self.w);
         x == 0 || y == 0 || x + 1 == self.w || y + 1 == self.h
     }
 
-    /// The image's pixel of a pixel of the window that is not in its ring.
+    /// Returns the image's pixel of pixel `i` of the window, which is not in its ring.
     #[inline]
     pub(super) fn at(&self, i: usize) -> usize {
         let (x, y) = (self.x0 + (i % self.w) as isize, self.y0 + (i / self.w) as isize);
@@ -54,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn holds_what_is_finite_and_a_ring() {
+    fn it_holds_the_finite_values_and_a_ring() {
         let mut map = vec![f32::NAN; 60];
         assert!(Window::around(&map, 10).is_none());
         for i in [0, 13, 21] {

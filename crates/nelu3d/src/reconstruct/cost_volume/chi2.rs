@@ -1,4 +1,4 @@
-//! How badly a codeword of the color field explains a pixel's.
+//! χ² of a codeword of the color field as an explanation of a measured one.
 
 use nelu3d_field::cost_volume;
 
@@ -9,7 +9,7 @@ pub(crate) fn saturation(m: &Measurements) -> f32 {
     9.0 * m.independent
 }
 
-/// Returns the misfit (χ²) of pixel `i` at a point with codeword `c`, after the best fractions of ambient light and
+/// Returns χ² of pixel `i` at a point with codeword `c`, after the best fractions of ambient light and
 /// interreflection, saturating for outliers.
 #[inline]
 pub(crate) fn chi2_of_codeword(m: &Measurements, i: usize, c: &[f32], prior: [f32; 2]) -> f32 {

@@ -1,0 +1,164 @@
+//! The normalized images of one board position.
+
+use nelu3d_scan::Image;
+
+use crate::sensor::NoiseModel;
+
+/// The normalized intensities of one board position.
+pub struct Position {
+    /// Width, samples.
+    pub width: usize,
+    /// Height, samples.
+    pub height: usize,
+    /// Number of pattern channels.
+    pub k: usize,
+    /// Number of channels of the white image.
+    pub channels: usize,
+    /// Normalized intensity, `height × width × k`.
+    pub values: Vec<f32>,
+    /// White − black, `height × width × channels`; 0 where the sample cannot be used.
+    pub contrast: Vec<f32>,
+}
+
+impl Position {
+    /// Returns the values of a sample, and writes their weights (one over the variance; 0 = unusable) to `w`; `None`
+    /// when no value is usable.
+    #[inline]
+    pub fn sample(&self, i: usize, noise: &NoiseModel, w: &mut [f32]) -> Option<&[f32]> {
+        let v = &self.values[i * self.k..(i + 1) * self.k];
+        let contrast = &self.contrast[i * self.channels..(i + 1) * self.channels];
+        if contrast.iter().all(|c| *c <= 0.0) {
+            return None;
+        }
+        for (j, (w, v)) in w.iter_mut().zip(v).enumerate() {
+            let contrast = contrast[j % self.channels];
+            *w = if contrast > 0.0 { 1.0 / noise.normalized_variance(*v, contrast, 0.0) } else { 0.0 };
+        }
+        Some(v)
+    }
+
+    /// Returns the position averaged over blocks of `block × block` pixels, as a camera of larger pixels would have
+    /// measured it. A block is usable where all its pixels are.
+    pub fn reduced(&self, block: usize) -> Self {
+        let (w, h, c, k) = (self.width / block, self.height / block, self.channels, self.k);
+        let mut values = Vec::with_capacity(w * h * k);
+        let mut contrast = Vec::with_capacity(w * h * c);
+        let pixels = |x: usize, y: usize| {
+            (0..block * block).map(move |i| (y * block + i / block) * self.width + x * block + i % block)
+        };
+        let norm = 1.0 / (block * block) as f32;
+        for y in 0..h {
+            for x in 0..w {
+                for j in 0..k {
+                    // The mean weighted by contrast is the ratio of mean intensities, as a larger pixel measures it.
+                    let (mut num, mut den) = (0.0, 0.0);
+                    for i in pixels(x, y) {
+                        let d = self.contrast[i * c + j % c];
+                        num += d * self.values[i * k + j];
+                        den += d;
+                    }
+                    values.push(if den > 0.0 { num / den } else { 0.0 });
+                }
+                for ch in 0..c {
+                    let usable = pixels(x, y).all(|i| self.contrast[i * c + ch] > 0.0);
+                    let d: f32 = pixels(x, y).map(|i| self.contrast[i * c + ch]).sum();
+                    contrast.push(if usable { d * norm } else { 0.0 });
+                }
+            }
+        }
+        Self { width: w, height: h, k, channels: c, values, contrast }
+    }
+}
+
+/// Builds a [`Position`] image by image, so that only white, black and one pattern are in memory at a time.
+pub(super) struct PositionBuilder {
+    black: Image,
+    /// Number of pattern channels so far.
+    filled: usize,
+    position: Position,
+}
+
+impl PositionBuilder {
+    /// Starts a position from its white and black images; `threshold` is the smallest usable
+    /// white − black.
+    pub(super) fn new(white: &Image, black: Image, k: usize, threshold: f32) -> Self {
+        let (width, height, channels) = (white.width, white.height, white.channels);
+        let mut contrast = white.data.clone();
+        for (w, b) in contrast.iter_mut().zip(&black.data) {
+            let d = *w - b;
+            *w = if *w < 1.0 && d >= threshold { d } else { 0.0 };
+        }
+        let values = vec![0.0; width * height * k];
+        Self { black, filled: 0, position: Position { width, height, k, channels, values, contrast } }
+    }
+
+    /// Adds the next pattern image. A clipped pixel is unusable in that channel.
+    pub(super) fn add(&mut self, pattern: &Image) {
+        let p = &mut self.position;
+        let (c, k) = (p.channels, p.k);
+        assert_eq!(pattern.data.len(), self.black.data.len());
+        let pixels = pattern.data.chunks_exact(c).zip(self.black.data.chunks_exact(c));
+        let targets = p.values.chunks_exact_mut(k).zip(p.contrast.chunks_exact_mut(c));
+        for ((pattern, black), (values, contrast)) in pixels.zip(targets) {
+            for ch in 0..c {
+                if pattern[ch] >= 1.0 {
+                    contrast[ch] = 0.0;
+                }
+                if contrast[ch] > 0.0 {
+                    values[self.filled + ch] = (pattern[ch] - black[ch]) / contrast[ch];
+                }
+            }
+        }
+        self.filled += c;
+    }
+
+    /// Returns the black image.
+    pub(super) fn black(&self) -> &Image {
+        &self.black
+    }
+
+    /// Returns the finished position.
+    pub(super) fn finish(self) -> Position {
+        assert_eq!(self.filled, self.position.k);
+        self.position
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(v: [f32; 4]) -> Image {
+        Image { width: 2, height: 2, channels: 1, data: v.to_vec() }
+    }
+
+    #[test]
+    fn normalizes_and_marks_unusable_pixels() {
+        let mut b = PositionBuilder::new(&image([0.5, 0.5, 0.015, 1.0]), image([0.1, 0.0, 0.0, 0.0]), 2, 0.02);
+        b.add(&image([0.3, 0.25, 0.01, 0.2]));
+        b.add(&image([0.1, 1.0, 0.01, 0.2]));
+        let p = b.finish();
+        assert!((p.values[0] - 0.5).abs() < 1e-6);
+        assert_eq!(p.values[1], 0.0);
+        let usable: Vec<bool> = p.contrast.iter().map(|c| *c > 0.0).collect();
+        assert_eq!(usable, [true, false, false, false]);
+        let mut w = [9.0; 2];
+        let noise = NoiseModel { read: 1e-4, gain: 0.0 };
+        assert_eq!(p.sample(0, &noise, &mut w).unwrap().len(), 2);
+        // Contrast 0.4, L = 0.5: variance (1 + ¼ + ¼) 1e-4 / 0.16.
+        assert!((w[0] - 0.16 / 1.5e-4).abs() < 1.0, "{w:?}");
+        assert!(p.sample(1, &noise, &mut w).is_none());
+    }
+
+    #[test]
+    fn a_block_is_what_a_larger_pixel_measures() {
+        let mut b = PositionBuilder::new(&image([0.5, 0.3, 0.1, 0.9]), image([0.0; 4]), 1, 0.02);
+        b.add(&image([0.5, 0.0, 0.1, 0.0]));
+        let p = b.finish().reduced(2);
+        assert_eq!((p.width, p.height), (1, 1));
+        assert!((p.values[0] - 0.6 / 1.8).abs() < 1e-6 && (p.contrast[0] - 0.45).abs() < 1e-6);
+        let mut b = PositionBuilder::new(&image([0.5, 0.3, 0.1, 0.9]), image([0.0; 4]), 1, 0.02);
+        b.add(&image([0.5, 1.0, 0.1, 0.0]));
+        assert_eq!(b.finish().reduced(2).contrast, [0.0]);
+    }
+}

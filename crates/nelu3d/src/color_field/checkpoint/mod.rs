@@ -1,0 +1,17 @@
+//! A color field on disk: one safetensors file that describes itself.
+//!
+//! Metadata key `nelu3d` holds JSON: format, frame, form, shape of the validity volume and [`FieldMetadata`]. Tensors:
+//! `coeffs` (f16, grid) or `params` (f32, hash and frequency); `t_range` (f32, tiles × 2, mm along the ray); `lit` (u8,
+//! cells).
+//!
+//! [`FieldMetadata`]: super::FieldMetadata
+
+mod error;
+mod header;
+mod load;
+mod save;
+
+pub use error::CheckpointError;
+
+#[cfg(test)]
+mod tests;

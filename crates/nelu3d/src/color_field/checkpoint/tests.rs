@@ -1,0 +1,223 @@
+use std::path::Path;
+
+use nalgebra::{Point3, Vector3};
+use nelu3d_scan::Camera;
+
+use super::error::CheckpointError;
+use super::header::FORMAT;
+use crate::color_field::compatibility::camera_key;
+use crate::color_field::field::{ColorField, Form};
+use crate::color_field::frame::{Center, FieldFrame};
+use crate::color_field::frequency::{FrequencyForm, FrequencySettings, Octaves};
+use crate::color_field::grid::Grid;
+use crate::color_field::hash::{HashForm, HashSettings};
+use crate::color_field::metadata::{FieldMetadata, Quality};
+use crate::color_field::validity::Validity;
+use crate::sensor::NoiseModel;
+
+/// A field of two channels for a camera of 20 × 12 px.
+fn field(form: Form) -> ColorField {
+    let mut frame = FieldFrame::around(Point3::new(200.0, 0.0, 0.0), Point3::new(0.0, 0.0, 700.0), Vector3::x());
+    frame.enclose(&Point3::new(-50.0, -40.0, 650.0));
+    frame.enclose(&Point3::new(50.0, 40.0, 750.0));
+    let mut validity = Validity::new(20, 12, 8, [2, 3, 2]);
+    validity.add([3.0, 4.0], 690.0, [0.3, 0.4, 0.5]);
+    validity.add([3.0, 4.0], 710.0, [0.3, 0.4, 0.6]);
+    let metadata = FieldMetadata {
+        version: "0".into(),
+        rig: "r".into(),
+        set: "s".into(),
+        images: vec!["a.png".into(), "b.png".into()],
+        mono: Vec::new(),
+        channels: 1,
+        center: Center::Light,
+        source: "sweep".into(),
+        camera: camera_key(&Camera::pinhole(20, 12, 30.0, 30.0, 9.5, 5.5)),
+        noise: NoiseModel { read: 1e-6, gain: 1e-4 },
+        dark: Vec::new(),
+        crosstalk: None,
+        cells_per_pixel: 1,
+        step_mm: 5.0,
+        // What was never measured is NaN, and JSON has none.
+        quality: Some(Quality {
+            held_out: vec!["3".into()],
+            n: 0,
+            psnr_db: f64::INFINITY,
+            psnr_all_db: 30.0,
+            ceiling_db: 40.0,
+            depth_mm: f64::NAN,
+        }),
+        settings: serde_json::json!({ "seed": 1 }),
+    };
+    ColorField { frame, form, validity, metadata }
+}
+
+fn grid() -> ColorField {
+    let mut grid = Grid::new([3, 4, 2], 2);
+    grid.coeffs.iter_mut().enumerate().for_each(|(i, c)| *c = (i % 8) as f32 / 8.0);
+    field(Form::Grid(grid))
+}
+
+fn hash() -> ColorField {
+    let settings = HashSettings {
+        cells: [8, 8, 2],
+        n_levels: 2,
+        log2_hashmap_size: 4,
+        width: 8,
+        coarsening: 2,
+        epochs: 1.0,
+        batch: 1,
+    };
+    field(Form::Hash(Box::new(HashForm::new(settings, 2, 1))))
+}
+
+fn frequency() -> ColorField {
+    let settings = FrequencySettings::for_cells([4, 4, 2], Octaves::Supervised);
+    field(Form::Frequency(Box::new(FrequencyForm::new(settings, 2, 1))))
+}
+
+fn bytes(field: &ColorField) -> Vec<u8> {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("f");
+    field.save(&path).unwrap();
+    std::fs::read(&path).unwrap()
+}
+
+fn load(bytes: &[u8]) -> Result<ColorField, CheckpointError> {
+    ColorField::from_bytes(Path::new("some/field.safetensors"), bytes)
+}
+
+/// Returns the file with its description and the length of that changed.
+fn described(bytes: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
+    let n = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+    let mut outer: serde_json::Value = serde_json::from_slice(&bytes[8..8 + n]).unwrap();
+    let mut inner = serde_json::from_str(outer["__metadata__"]["nelu3d"].as_str().unwrap()).unwrap();
+    change(&mut inner);
+    outer["__metadata__"]["nelu3d"] = inner.to_string().into();
+    let mut header = outer.to_string().into_bytes();
+    header.resize(header.len().next_multiple_of(8), b' ');
+    let mut out = (header.len() as u64).to_le_bytes().to_vec();
+    out.extend_from_slice(&header);
+    out.extend_from_slice(&bytes[8 + n..]);
+    out
+}
+
+#[test]
+fn a_field_is_read_back_as_it_was() {
+    for original in [grid(), hash(), frequency()] {
+        let back = load(&bytes(&original)).unwrap();
+        assert_eq!(back.frame, original.frame);
+        assert_eq!(back.validity, original.validity);
+        assert_eq!(back.metadata.camera, original.metadata.camera);
+        match (&back.form, &original.form) {
+            (Form::Grid(a), Form::Grid(b)) => assert_eq!(a, b),
+            (Form::Hash(a), Form::Hash(b)) => assert_eq!((a.shape(), a.params()), (b.shape(), b.params())),
+            (Form::Frequency(a), Form::Frequency(b)) => {
+                assert_eq!((a.shape(), a.params()), (b.shape(), b.params()));
+            }
+            _ => panic!("another form"),
+        }
+        let quality = back.metadata.quality.unwrap();
+        assert!(quality.depth_mm.is_nan() && quality.ceiling_db == 40.0);
+    }
+}
+
+#[test]
+fn a_field_of_format_1_is_read_unless_its_hash_table_was_laid_out_otherwise() {
+    let older = |field: &ColorField| described(&bytes(field), |json| json["format"] = 1.into());
+    assert!(load(&older(&grid())).is_ok());
+    let refused = load(&older(&hash())).unwrap_err().to_string();
+    assert!(refused.contains("some/field.safetensors") && refused.contains("calibrate again"), "{refused}");
+}
+
+#[test]
+fn absurd_descriptions_are_refused() {
+    let huge = u64::MAX / 2;
+    type Change = Box<dyn Fn(&mut serde_json::Value)>;
+    let set = |pointer: &'static str, value: serde_json::Value| -> Change {
+        Box::new(move |json| *json.pointer_mut(pointer).unwrap_or_else(|| panic!("no {pointer}")) = value.clone())
+    };
+    let mut cases: Vec<(ColorField, Change)> = Vec::new();
+    for value in [0.into(), huge.into(), u64::MAX.into(), (1u64 << 32).into(), (-1).into(), 2.5.into()] {
+        let value: serde_json::Value = value;
+        for pointer in ["/form/cells/0", "/form/cells/2", "/form/k"] {
+            cases.push((grid(), set(pointer, value.clone())));
+        }
+        for pointer in ["/form/k", "/form/n_params", "/form/settings/cells/1", "/form/config/width"] {
+            cases.push((hash(), set(pointer, value.clone())));
+        }
+        for pointer in ["/form/k", "/form/n_params", "/form/settings/cells/1", "/form/config/width"] {
+            cases.push((frequency(), set(pointer, value.clone())));
+        }
+        for pointer in ["/form/config/encoding/log2_hashmap_size", "/form/config/encoding/n_levels"] {
+            cases.push((hash(), set(pointer, value.clone())));
+        }
+        for pointer in ["/validity/tiles/0", "/validity/cells/1", "/validity/tile_px", "/about/channels"] {
+            cases.push((grid(), set(pointer, value.clone())));
+        }
+        cases.push((grid(), set("/about/camera/0", value)));
+    }
+    cases.push((grid(), set("/frame/hi/1", serde_json::json!(-1e9))));
+    cases.push((grid(), set("/frame/lo/0", serde_json::Value::Null)));
+    cases.push((grid(), set("/frame/kappa", serde_json::json!("x"))));
+    cases.push((grid(), set("/about/camera", serde_json::json!([20, 12]))));
+    cases.push((grid(), set("/about/images", serde_json::json!(["a.png"]))));
+    cases.push((grid(), set("/about/noise/read", serde_json::json!(-1.0))));
+    cases.push((grid(), set("/form", serde_json::json!({ "kind": "table" }))));
+    for (i, (field, change)) in cases.iter().enumerate() {
+        let e = load(&described(&bytes(field), change)).expect_err(&format!("case {i}")).to_string();
+        assert!(e.starts_with("some/field.safetensors: ") && e.contains("calibrate again"), "case {i}: {e}");
+    }
+    let newer = load(&described(&bytes(&grid()), set("/format", (FORMAT + 1).into()))).unwrap_err().to_string();
+    assert!(newer.contains("update nelu3d"), "{newer}");
+}
+
+#[test]
+fn values_that_no_field_has_are_refused() {
+    let Form::Grid(mut coeffs) = grid().form else { unreachable!("made as a grid") };
+    coeffs.coeffs[7] = f32::NAN;
+    let mut near = grid();
+    near.validity.t_range[1] = [f32::NAN, 700.0];
+    let mut behind = grid();
+    behind.validity.t_range[1] = [-3.0, 700.0];
+    for field in [field(Form::Grid(coeffs)), near, behind] {
+        assert!(load(&bytes(&field)).is_err());
+    }
+}
+
+/// Whatever is in the file, reading it ends with a field that can be used or with an error that names the file.
+#[test]
+fn damaged_files_never_panic() {
+    let mut state = 99u64;
+    let mut below = |n: usize| {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 33) as usize % n
+    };
+    let mut refused = 0;
+    for good in [bytes(&grid()), bytes(&hash()), bytes(&frequency())] {
+        let header = 8 + u64::from_le_bytes(good[..8].try_into().unwrap()) as usize;
+        for round in 0..400 {
+            let mut bad = good.clone();
+            match round % 4 {
+                // Damage anywhere, in the description, in the length, and a cut.
+                0 => (0..=below(8)).for_each(|_| bad[below(good.len())] = below(256) as u8),
+                1 => (0..=below(3)).for_each(|_| bad[below(header)] = b"0123456789-.,:[]{}\"e \\"[below(21)]),
+                2 => bad[below(8)] = below(256) as u8,
+                _ => bad.truncate(below(good.len())),
+            }
+            match load(&bad) {
+                Ok(field) => {
+                    let mut c = vec![0.0; field.k()];
+                    field.to_grid().eval([0.2, 0.5, 0.9], &mut c);
+                    field.validity.range(19, 11);
+                    field.validity.is_lit([0.2, 0.5, 0.9]);
+                }
+                Err(e) => {
+                    refused += 1;
+                    assert!(e.to_string().starts_with("some/field.safetensors: "), "{e}");
+                }
+            }
+        }
+    }
+    assert!(refused > 600, "only {refused} of 1200 were refused");
+}

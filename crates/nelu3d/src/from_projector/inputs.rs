@@ -1,0 +1,98 @@
+//! The inputs of a color field from a calibrated projector: projected images, scenes, depth range.
+
+use std::path::PathBuf;
+
+use nelu3d_scan::image::read_any;
+use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
+use nelu3d_scan::{Image, Projector, Rig};
+
+use super::geometry::crossing_depth;
+use super::options::FromProjectorOptions;
+use crate::calibrate::CalibrationError;
+use crate::sensor::{NoiseEstimator, NoiseModel, quantization_step};
+
+/// Largest number of scenes that blur and response are estimated from.
+const MAX_SCENES: usize = 4;
+
+/// The error of something about the projector that is missing or does not fit.
+pub(super) fn projector_error(path: PathBuf, reason: impl Into<String>) -> CalibrationError {
+    CalibrationError::Projector { path, reason: reason.into() }
+}
+
+/// Returns the rig's calibrated projector.
+pub(super) fn calibrated_projector(rig: &Rig) -> Result<&Projector, CalibrationError> {
+    let missing = "is missing; a field from a projector needs a calibrated one, any other rig a board sweep";
+    rig.projector.as_ref().ok_or_else(|| projector_error(rig.root.join("projector.json"), missing))
+}
+
+/// Reads the projected images of a set, one plane per channel of the camera; a gray pattern serves all of them.
+pub(super) fn read_patterns(
+    rig: &Rig,
+    set: &PatternSet,
+    projector: &Projector,
+) -> Result<Vec<Image>, CalibrationError> {
+    let (w, h) = (projector.optics.width, projector.optics.height);
+    let mut patterns = Vec::new();
+    for name in &set.images {
+        let path = rig.root.join("patterns").join(name);
+        let image = read_any(&path).map_err(|e| projector_error(path.clone(), e.to_string()))?;
+        if (image.width, image.height) != (w, h) {
+            let reason = format!("is {} × {} px, but projector.json says {w} × {h}", image.width, image.height);
+            return Err(projector_error(path, reason));
+        }
+        for c in 0..rig.channels.count() {
+            let data = image.data.chunks_exact(image.channels).map(|p| p[c.min(p.len() - 1)]).collect();
+            patterns.push(Image { width: w, height: h, channels: 1, data });
+        }
+    }
+    Ok(patterns)
+}
+
+/// Finds the scenes whose captures tell blur and response: the first few that have the set's images.
+pub(super) fn find_scenes(rig: &Rig, set: &PatternSet) -> Result<Vec<Shot>, CalibrationError> {
+    let has_all = |s: &Shot| set.images.iter().chain([&rig.white]).all(|n| s.dir.join(n).exists());
+    let found: Vec<Shot> = rig.scenes()?.into_iter().filter(has_all).take(MAX_SCENES).collect();
+    if found.is_empty() {
+        let reason = format!(
+            "holds no scene with the images of set `{}`, from which the projector's blur and response are estimated; \
+             capture one",
+            set.name
+        );
+        return Err(projector_error(rig.root.join("scenes"), reason));
+    }
+    Ok(found)
+}
+
+/// Reads the captures of scenes, and estimates the sensor's noise from them.
+pub(super) fn read_captures(
+    rig: &Rig,
+    set: &PatternSet,
+    scenes: &[Shot],
+) -> Result<(Vec<Capture>, NoiseModel), CalibrationError> {
+    let mut sensor = NoiseEstimator::default();
+    let mut captures = Vec::new();
+    for shot in scenes {
+        let capture = rig.read_shot(shot, set, Need::Scene)?;
+        sensor.add(&capture.white);
+        capture.patterns.iter().for_each(|p| sensor.add(p));
+        captures.push(capture);
+    }
+    Ok((captures, sensor.finish(quantization_step(rig.black_level, rig.saturation))))
+}
+
+/// Returns `[near, far]` depth, mm: as given, or around where the optical axes come closest.
+pub(super) fn depth_range(
+    rig: &Rig,
+    projector: &Projector,
+    opts: &FromProjectorOptions,
+) -> Result<[f64; 2], CalibrationError> {
+    if let Some(range) = &opts.depth {
+        if range.len() == 2 && range[0] > 0.0 && range[1] > range[0] {
+            return Ok([range[0], range[1]]);
+        }
+        let reason = "a depth range needs two distances in mm, the near one above 0 and below the far one";
+        return Err(projector_error(rig.root.clone(), reason));
+    }
+    let z = crossing_depth(&rig.camera, projector);
+    Ok([0.6 * z, 1.6 * z])
+}

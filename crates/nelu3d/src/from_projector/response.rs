@@ -1,0 +1,154 @@
+//! Blur and response of the projector, fitted to decoded codewords.
+
+use nalgebra::Point3;
+use nelu3d_scan::image::{bilinear, gaussian_blur};
+use nelu3d_scan::statistics::median;
+use nelu3d_scan::{Image, Projector};
+
+use crate::reconstruct::Codeword;
+
+/// The normalized intensity of a projected value v in `[0, 1]`: v^gamma, blurred, then `offset + scale · v^gamma`.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub(super) struct Response {
+    /// Standard deviation of the blur, projector px.
+    pub(super) blur_px: f32,
+    /// Normalized intensity of a dark projector pixel.
+    pub(super) offset: f32,
+    /// Normalized intensity that a bright projector pixel adds to it.
+    pub(super) scale: f32,
+    /// Exponent of the projected value.
+    pub(super) gamma: f32,
+}
+
+/// Blurs that the coarse search tries, projector px.
+const BLURS_PX: [f32; 7] = [0.0, 0.7, 1.2, 1.7, 2.3, 3.2, 4.5];
+/// Exponents that the coarse search tries.
+const GAMMAS: [f32; 5] = [0.8, 1.0, 1.3, 1.8, 2.2];
+/// Number of codewords that are compared at most, about.
+const MAX_CODEWORDS: usize = 20_000;
+
+/// Returns the light of a projected pattern before offset and scale: v^gamma, blurred.
+pub(super) fn projected(pattern: &Image, blur_px: f32, gamma: f32) -> Image {
+    let data = pattern.data.iter().map(|v| v.max(0.0).powf(gamma)).collect();
+    gaussian_blur(&Image { data, ..*pattern }, blur_px)
+}
+
+/// Returns the value of an image of one channel at a point between its pixels.
+pub(super) fn value_at(image: &Image, point: [f64; 2]) -> f32 {
+    bilinear(&image.data, [image.width, image.height], point)
+}
+
+/// Fits blur and response to decoded codewords: for every blur and exponent the best affine map, over a coarse and then
+/// a fine search. Returns them with the median absolute residual, normalized intensity.
+pub(super) fn fit_response(patterns: &[Image], projector: &Projector, codewords: &[Codeword]) -> (Response, f64) {
+    let step = (codewords.len() / MAX_CODEWORDS).max(1);
+    let samples: Vec<([f64; 2], &[f32])> = codewords
+        .iter()
+        .step_by(step)
+        .filter_map(|c| Some((projector.project(&Point3::from(c.point))?, &c.intensities[..])))
+        .collect();
+    let score = |blur_px: f32, gamma: f32| -> AffineFit {
+        let images: Vec<Image> = patterns.iter().map(|p| projected(p, blur_px, gamma)).collect();
+        let pairs: Vec<(f32, f32)> = samples
+            .iter()
+            .flat_map(|(px, measured)| images.iter().zip(*measured).map(|(i, l)| (value_at(i, *px), *l)))
+            .filter(|(_, l)| l.is_finite())
+            .collect();
+        AffineFit::robust(&pairs)
+    };
+    let search = |candidates: Vec<(f32, f32)>| {
+        candidates
+            .into_iter()
+            .map(|(b, g)| (score(b, g), b, g))
+            .min_by(|a, b| a.0.residual.total_cmp(&b.0.residual))
+            .expect("there are candidates")
+    };
+    let coarse = search(BLURS_PX.iter().flat_map(|b| GAMMAS.map(|g| (*b, g))).collect());
+    let fine = (-2i32..=2)
+        .flat_map(|i| (-1i32..=1).map(move |j| (i, j)))
+        .map(|(i, j)| ((coarse.1 + 0.2 * i as f32).max(0.0), coarse.2 * (1.0 + 0.1 * j as f32)))
+        .collect();
+    let (AffineFit { residual, offset, scale }, blur_px, gamma) = search(fine);
+    (Response { blur_px, offset, scale, gamma }, residual)
+}
+
+/// An affine map from projected to measured values.
+struct AffineFit {
+    /// Median absolute residual, normalized intensity.
+    residual: f64,
+    offset: f32,
+    scale: f32,
+}
+
+impl AffineFit {
+    /// Fits `l ≈ offset + scale · v` to pairs (v, l) by iteratively reweighted least squares (Geman–McClure), with a
+    /// tolerance that shrinks from 0.1 to 0.03.
+    fn robust(pairs: &[(f32, f32)]) -> Self {
+        let (mut offset, mut scale) = (0.0f64, 1.0f64);
+        let mut tolerance = 0.1f64;
+        for _ in 0..8 {
+            let (mut s, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+            for (v, l) in pairs {
+                let (v, l) = (f64::from(*v), f64::from(*l));
+                let r = l - offset - scale * v;
+                let w = 1.0 / (1.0 + (r / tolerance).powi(2)).powi(2);
+                s += w;
+                sx += w * v;
+                sxx += w * v * v;
+                sy += w * l;
+                sxy += w * v * l;
+            }
+            let det = s * sxx - sx * sx;
+            if det > 1e-12 {
+                offset = (sxx * sy - sx * sxy) / det;
+                scale = (s * sxy - sx * sy) / det;
+            }
+            tolerance = (tolerance * 0.7).max(0.03);
+        }
+        let mut residuals: Vec<f64> =
+            pairs.iter().map(|(v, l)| (f64::from(*l) - offset - scale * f64::from(*v)).abs()).collect();
+        let residual = median(&mut residuals).expect("codewords have usable channels");
+        Self { residual, offset: offset as f32, scale: scale as f32 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nelu3d_scan::Camera;
+
+    use super::*;
+
+    /// Codewords measured through a known blur and response give them back.
+    #[test]
+    fn finds_blur_and_response() {
+        let (w, h) = (400, 60);
+        let mut data = vec![0.0f32; w * h];
+        let mut state = 7u32;
+        for x in 0..w {
+            if x % 5 == 0 {
+                state = state.wrapping_mul(1664525).wrapping_add(1013904223);
+            }
+            for y in 0..h {
+                data[y * w + x] = (state >> 8) as f32 / (1 << 24) as f32;
+            }
+        }
+        let pattern = Image { width: w, height: h, channels: 1, data };
+        let projector = Projector {
+            optics: Camera::pinhole(w, h, 500.0, 500.0, 200.0, 30.0),
+            proj_from_cam: nalgebra::Isometry3::translation(-100.0, 0.0, 0.0),
+        };
+        let expected = Response { blur_px: 1.7, offset: 0.03, scale: 0.9, gamma: 1.3 };
+        let image = projected(&pattern, expected.blur_px, expected.gamma);
+        let codewords: Vec<Codeword> = (0..4000)
+            .map(|i| {
+                let point = [100.0 + f64::from(i % 200 - 100) * 2.3, f64::from(i / 200 - 10) * 2.0, 650.0];
+                let px = projector.project(&Point3::from(point)).unwrap();
+                Codeword { point, intensities: vec![expected.offset + expected.scale * value_at(&image, px)] }
+            })
+            .collect();
+        let (found, residual) = fit_response(&[pattern], &projector, &codewords);
+        assert!(residual < 0.005, "{residual}");
+        let near = |a: f32, b: f32, tolerance: f32| (a - b).abs() < tolerance;
+        assert!(near(found.blur_px, expected.blur_px, 0.25) && near(found.gamma, expected.gamma, 0.15), "{found:?}");
+    }
+}

@@ -1,0 +1,113 @@
+//! Gathering the light that reaches every pixel from the reconstructed surface.
+
+use rayon::prelude::*;
+
+use super::patches::Patches;
+use super::surface::GatherSurface;
+use crate::sensor::Measurements;
+
+/// Interreflection per pixel of a window.
+pub(in crate::reconstruct::refine) struct Interreflection {
+    /// Codeword of the light that arrives from the rest of the scene, `n × k`.
+    pub(in crate::reconstruct::refine) codeword: Vec<f32>,
+    /// Fraction of that light in the pixel's white for an albedo of 1, `n × channels`.
+    pub(in crate::reconstruct::refine) per_albedo: Vec<f32>,
+}
+
+/// Number of light values per point: white per channel, then the k patterns.
+fn n_values(m: &Measurements, channels: usize) -> usize {
+    channels + m.k
+}
+
+/// Gathers the interreflection of every active pixel. It is smooth: the surface reflects light as at most `max_patches`
+/// patches, and light is gathered at every second pixel of every second row and interpolated where the surface is
+/// smooth.
+pub(in crate::reconstruct::refine) fn gather(
+    s: &GatherSurface<'_>,
+    m: &Measurements,
+    channels: usize,
+    focal_px: f32,
+    max_patches: usize,
+) -> Interreflection {
+    let (w, h, k) = (s.window.w, s.window.h, m.k);
+    let count = s.active.iter().filter(|a| **a).count();
+    let f = (1..).find(|f| count / (f * f) <= max_patches).expect("some reduction is enough");
+    let patches = Patches::new(s, m, channels, focal_px, f);
+    let lattice = LightLattice::new(s, &patches, n_values(m, channels));
+    let mut codeword = vec![0.0; w * h * k];
+    let mut per_albedo = vec![0.0; w * h * channels];
+    codeword.par_chunks_mut(k * w).zip(per_albedo.par_chunks_mut(channels * w)).enumerate().for_each_init(
+        || (vec![0.0f32; patches.len()], vec![0.0f32; lattice.n_values]),
+        |(factors, light), (y, (codeword, per_albedo))| {
+            for x in 0..w {
+                let i = y * w + x;
+                if !s.active[i] {
+                    continue;
+                }
+                if !lattice.interpolate(s, [x, y], focal_px, light) {
+                    patches.gather(s.points[i], s.normals[i], factors, light);
+                }
+                let px = s.window.at(i);
+                for c in 0..channels {
+                    per_albedo[x * channels + c] = light[c] / m.light[px * channels + c].max(1e-6);
+                }
+                for j in 0..k {
+                    let white = light[j % channels];
+                    let around = m.surround[px * k + j];
+                    codeword[x * k + j] = if white > 0.0 { light[channels + j] / white } else { around };
+                }
+            }
+        },
+    );
+    Interreflection { codeword, per_albedo }
+}
+
+/// Light at every second pixel of every second row of a window.
+struct LightLattice {
+    n_values: usize,
+    /// Points per row.
+    width: usize,
+    /// Light, `[point][value]`.
+    light: Vec<f32>,
+}
+
+impl LightLattice {
+    /// Gathers `n_values` light values from the patches at every point on the surface.
+    fn new(s: &GatherSurface<'_>, patches: &Patches, n_values: usize) -> Self {
+        let (w, h) = (s.window.w, s.window.h);
+        let width = w.div_ceil(2);
+        let mut light = vec![0.0f32; width * h.div_ceil(2) * n_values];
+        let scratch = || vec![0.0f32; patches.len()];
+        light.par_chunks_mut(width * n_values).enumerate().for_each_init(scratch, |factors, (y, row)| {
+            for (x, out) in row.chunks_exact_mut(n_values).enumerate() {
+                let i = 2 * y * w + 2 * x;
+                if s.active[i] {
+                    patches.gather(s.points[i], s.normals[i], factors, out);
+                }
+            }
+        });
+        Self { n_values, width, light }
+    }
+
+    /// Writes the mean light of the points around pixel (x, y) that lie on the same smooth piece of surface to `out`;
+    /// returns whether there are any.
+    fn interpolate(&self, s: &GatherSurface<'_>, [x, y]: [usize; 2], focal_px: f32, out: &mut [f32]) -> bool {
+        let (w, h) = (s.window.w, s.window.h);
+        out.fill(0.0);
+        let mut total = 0.0;
+        for yy in [y / 2, y.div_ceil(2)] {
+            for xx in [x / 2, x.div_ceil(2)] {
+                let j = 2 * yy * w + 2 * xx;
+                if 2 * yy < h && 2 * xx < w && s.active[j] && s.is_smooth_between(y * w + x, j, focal_px) {
+                    total += 1.0;
+                    let there = &self.light[(yy * self.width + xx) * self.n_values..][..self.n_values];
+                    out.iter_mut().zip(there).for_each(|(s, v)| *s += v);
+                }
+            }
+        }
+        if total > 0.0 {
+            out.iter_mut().for_each(|s| *s /= total);
+        }
+        total > 0.0
+    }
+}

@@ -1,0 +1,262 @@
+//! The state of the refinement and its steps.
+
+use nelu3d_scan::statistics::median;
+use rayon::prelude::*;
+
+use super::band;
+use super::interreflection::{GatherSurface, gather};
+use super::light_fractions::LightFractions;
+use super::refined::Refined;
+use super::settings::RefineSettings;
+use super::slopes::{cosine, slopes};
+use super::thin_plate::{StopCriterion, ThinPlatePrior};
+use super::uncertainty::{self, Information, systematic};
+use super::window::Window;
+use crate::color_field::SplineEvaluator;
+use crate::reconstruct::initialize::InitialDepth;
+use crate::reconstruct::light_fractions::LightFractionPrior;
+use crate::reconstruct::scene::Scene;
+use crate::surface::MAX_SLOPE;
+
+/// The data term of one pixel at its present depth: the normal equation of its step, and its χ².
+#[derive(Clone, Copy, Default)]
+struct PixelData {
+    /// Information Σ w J², robust.
+    h: f32,
+    /// Gradient Σ w J r, robust.
+    g: f32,
+    /// Robust χ².
+    loss: f32,
+    /// χ², not robust.
+    chi2: f32,
+}
+
+/// The state of the refinement, over a window around the surface.
+pub(super) struct Refinement<'a> {
+    scene: &'a Scene<'a>,
+    spline: SplineEvaluator<'a>,
+    settings: &'a RefineSettings,
+    window: &'a Window,
+    active: &'a [bool],
+    /// Number of active pixels.
+    pub(super) n_active: usize,
+    channels: usize,
+    /// Mean inverse depth of the initial surface, 1/mm.
+    mid: f32,
+    /// Unit of the unknown, 1/mm.
+    unit: f32,
+    /// The unknown x per pixel: 1/z = mid + unit · x.
+    x: Vec<f32>,
+    prior: ThinPlatePrior,
+    /// Light fractions of the pixels.
+    fractions: LightFractions<'a>,
+    data: Vec<PixelData>,
+    /// c across the narrow band, and its slope by the unknown, `n × 2 k`.
+    rendered: Vec<f32>,
+}
+
+impl<'a> Refinement<'a> {
+    /// Begins at the initial surface.
+    pub(super) fn new(
+        scene: &'a Scene<'a>,
+        initial: &InitialDepth,
+        settings: &'a RefineSettings,
+        fractions: &LightFractionPrior,
+        window: &'a Window,
+        active: &'a [bool],
+    ) -> Self {
+        let m = &scene.measurements;
+        let (n, k, channels) = (window.n(), m.k, scene.white.channels);
+        let pixels = || (0..n).filter(|i| active[*i]);
+        let n_active = pixels().count();
+        let mid = (pixels().map(|i| f64::from(initial.inv_z[window.at(i)])).sum::<f64>() / n_active as f64) as f32;
+        let unit = initial.step;
+        let x = (0..n).map(|i| if active[i] { (initial.inv_z[window.at(i)] - mid) / unit } else { 0.0 }).collect();
+        let radius = (m.width / settings.ambient_radius_divisor).max(2);
+        Self {
+            scene,
+            spline: scene.spline(),
+            settings,
+            window,
+            active,
+            n_active,
+            channels,
+            mid,
+            unit,
+            x,
+            prior: ThinPlatePrior::new(window.w, window.h, active.to_vec()),
+            fractions: LightFractions::new(m, window, active, channels, fractions, radius),
+            data: vec![PixelData::default(); n],
+            rendered: vec![0.0; n * 2 * k],
+        }
+    }
+
+    /// Returns the inverse depth of a pixel of the window, 1/mm.
+    #[inline]
+    fn inv_z(&self, i: usize) -> f32 {
+        self.mid + self.unit * self.x[i]
+    }
+
+    /// Returns camera z per pixel of the image, mm; NaN where there is no surface.
+    pub(super) fn depth(&self) -> Vec<f32> {
+        let mut depth = vec![f32::NAN; self.scene.measurements.n()];
+        for i in (0..self.x.len()).filter(|i| self.active[*i]) {
+            depth[self.window.at(i)] = 1.0 / self.inv_z(i);
+        }
+        depth
+    }
+
+    /// Returns the slopes of the unknown along x and y, per pixel.
+    pub(super) fn slopes(&self) -> Vec<[f32; 2]> {
+        slopes(&self.prior, &self.x, MAX_SLOPE * self.mid / (self.scene.rays.focal_px * self.unit))
+    }
+
+    /// Gathers interreflection from the present surface.
+    pub(super) fn gather_interreflection(&mut self, slopes: &[[f32; 2]]) {
+        let slopes: Vec<[f32; 2]> = slopes.iter().map(|s| s.map(|s| s * self.unit)).collect();
+        let (rays, m) = (&self.scene.rays, &self.scene.measurements);
+        let surface = GatherSurface::new(self.window, self.active, rays, |i| self.inv_z(i), &slopes);
+        let gathered = gather(&surface, m, self.channels, rays.focal_px, self.settings.patches);
+        self.fractions.interreflection = Some(gathered);
+    }
+
+    /// Estimates the light fractions anew.
+    pub(super) fn update_fractions(&mut self) {
+        self.fractions.update(&self.rendered);
+    }
+
+    /// Renders the narrow band of every pixel: c and its slope per unit of the unknown. `width` is 1/inv_s, mm.
+    pub(super) fn render(&mut self, slopes: &[[f32; 2]], width: f32) {
+        let (rays, k, w) = (&self.scene.rays, self.scene.measurements.k, self.window.w);
+        let quadrature = band::quadrature();
+        let mut rendered = std::mem::take(&mut self.rendered);
+        rendered.par_chunks_mut(2 * k * w).enumerate().for_each_init(
+            || (vec![0.0; k], vec![0.0; k]),
+            |(c, d), (row, out)| {
+                for (j, out) in out.chunks_exact_mut(2 * k).enumerate() {
+                    let i = row * w + j;
+                    if !self.active[i] {
+                        continue;
+                    }
+                    let px = self.window.at(i);
+                    let inv_z = self.inv_z(i);
+                    let t = 1.0 / (inv_z * rays.dir_z(px));
+                    let stretch = width / cosine(slopes[i], self.unit, inv_z, rays.focal_px);
+                    let ray = rays.in_frame(px);
+                    out.fill(0.0);
+                    for (offset, weight) in &quadrature {
+                        let p = ray.at(f64::from(t + offset * stretch));
+                        self.spline.eval_along(p.q, p.dq, c, d);
+                        for j in 0..k {
+                            out[j] += weight * c[j];
+                            out[k + j] += weight * d[j];
+                        }
+                    }
+                    // dt / d(unit of 1/z).
+                    let dt = -t / inv_z * self.unit;
+                    out[k..].iter_mut().for_each(|d| *d *= dt);
+                }
+            },
+        );
+        self.rendered = rendered;
+    }
+
+    /// Returns the unweighted residual (model − measured) of channel `j` at pixel `i` of the window, pixel `px` of the
+    /// image.
+    #[inline]
+    fn residual(&self, i: usize, px: usize, j: usize) -> f32 {
+        let m = &self.scene.measurements;
+        self.fractions.explain(i, px, j, self.rendered[i * 2 * m.k + j]) - m.p[px * m.k + j]
+    }
+
+    /// Sets up the normal equation of every pixel; returns the loss, mean robust χ² per measurement.
+    pub(super) fn linearize(&mut self) -> f32 {
+        let (m, k, channels) = (&self.scene.measurements, self.scene.measurements.k, self.channels);
+        let cut = self.settings.robust_chi2 * m.independent;
+        let mut data = std::mem::take(&mut self.data);
+        data.par_iter_mut().enumerate().with_min_len(self.window.w).for_each(|(i, out)| {
+            *out = PixelData::default();
+            if !self.active[i] {
+                return;
+            }
+            let px = self.window.at(i);
+            let d = &self.rendered[(2 * i + 1) * k..(2 * i + 2) * k];
+            for j in 0..k {
+                let iv = m.inv_var[px * k + j];
+                let r = self.residual(i, px, j);
+                let jac = d[j] * (1.0 - self.fractions.of_pixels[i * channels + j % channels].sum());
+                out.chi2 += iv * r * r;
+                out.h += iv * jac * jac;
+                out.g += iv * jac * r;
+            }
+            // Geman-McClure on the pixel's χ²: a wrong codeword (highlight, mixed pixel) counts little.
+            let robust = 1.0 / (1.0 + out.chi2 / cut);
+            out.loss = out.chi2 * robust;
+            out.h *= robust * robust;
+            out.g *= robust * robust;
+        });
+        self.data = data;
+        let active = self.data.iter().zip(self.active).filter(|(_, a)| **a);
+        let sum = active.fold(0.0f64, |s, (d, _)| s + f64::from(d.loss));
+        (sum / self.n_active as f64) as f32 / m.independent
+    }
+
+    /// Takes one Gauss-Newton step; returns the sum over pixels of how much depth changed, steps of depth. Its linear
+    /// system need not be solved better than the next step will change it.
+    pub(super) fn gauss_newton_step(&mut self, step: usize) -> f64 {
+        let s = self.settings;
+        self.prior.reweight(&self.x, s.roughness_at(step), s.crease, s.roughness_radius);
+        let h: Vec<f32> = self.data.iter().map(|d| d.h).collect();
+        let b: Vec<f32> = self.data.iter().zip(&self.x).map(|(d, x)| d.h * x - d.g).collect();
+        let mut next = self.x.clone();
+        let stop = StopCriterion { reduction: s.solver_reduction, iterations: s.solver_iterations };
+        self.prior.solve(&h, &b, &mut next, stop);
+        let mut change = 0.0f64;
+        for (x, next) in self.x.iter_mut().zip(&next) {
+            let by = (next - *x).clamp(-2.0, 2.0);
+            *x += by;
+            change += f64::from(by.abs());
+        }
+        change
+    }
+
+    /// Returns one standard deviation of the unknown per pixel of the window.
+    fn sigma(&self) -> Vec<f32> {
+        let (m, k, n) = (&self.scene.measurements, self.scene.measurements.k, self.x.len());
+        let information: Vec<Information> =
+            self.data.iter().map(|d| Information { h: d.h, chi2: d.chi2 / m.independent }).collect();
+        let (mut whitened, mut slopes) = (vec![0.0f32; n * k], vec![0.0f32; n * k]);
+        for i in (0..n).filter(|i| self.active[*i]) {
+            let px = self.window.at(i);
+            for j in 0..k {
+                let weight = m.inv_var[px * k + j].sqrt();
+                whitened[i * k + j] = weight * self.residual(i, px, j);
+                slopes[i * k + j] = weight * self.rendered[i * 2 * k + k + j];
+            }
+        }
+        let systematic = systematic(&whitened, &slopes, k, self.active, self.window.w, self.window.h);
+        uncertainty::sigma(&self.prior, &self.x, &information, &systematic)
+    }
+
+    /// Returns the maps of the refined surface.
+    pub(super) fn finish(self, losses: Vec<f32>) -> Refined {
+        let (m, k, channels) = (&self.scene.measurements, self.scene.measurements.k, self.channels);
+        let sigma = self.sigma();
+        let mut out = Refined::empty(m.n(), losses, self.fractions.albedo.clone());
+        let mut residuals = vec![0.0f32; k];
+        for i in (0..self.x.len()).filter(|i| self.active[*i]) {
+            let px = self.window.at(i);
+            out.inv_z[px] = self.inv_z(i);
+            out.sigma[px] = sigma[i] * self.unit;
+            let fractions = &self.fractions.of_pixels[i * channels..(i + 1) * channels];
+            out.ambient[px] = fractions.iter().map(|f| f.sum()).sum::<f32>() / channels as f32;
+            out.chi2[px] = self.data[i].chi2 / m.independent;
+            for j in 0..k {
+                residuals[j] = self.residual(i, px, j).abs();
+            }
+            out.residual[px] = (residuals.iter().map(|r| r * r).sum::<f32>() / k as f32).sqrt();
+            out.abs_residual[px] = median(&mut residuals).expect("a pixel has channels");
+        }
+        out
+    }
+}

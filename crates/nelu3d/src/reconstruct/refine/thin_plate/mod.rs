@@ -1,0 +1,16 @@
+//! The linear system of the surface: data terms on the diagonal, and a discontinuity-preserving thin-plate prior that
+//! can break between pixels.
+//!
+//! Minimizes Σ_i h_i (x_i − y_i)² + Σ w_d (D x)_d² over the second differences D along x, along y and mixed. The
+//! unknown is inverse depth, in which planes are linear over the image: planes cost nothing, however slanted.
+
+mod operator;
+mod prior;
+mod row_sums;
+mod solver;
+
+pub(super) use prior::ThinPlatePrior;
+pub(super) use solver::StopCriterion;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,150 @@
+//! The prior itself: second differences of the surface and their weights.
+
+use nelu3d_scan::image::box_mean;
+use rayon::prelude::*;
+
+/// A discontinuity-preserving thin-plate prior over a rectangular window of pixels. Pixels with `active = false` take
+/// no part. The outermost ring of pixels never does, so that no stencil leaves the window.
+pub(in crate::reconstruct::refine) struct ThinPlatePrior {
+    /// Width of the window.
+    pub(in crate::reconstruct::refine) width: usize,
+    /// Height of the window.
+    pub(in crate::reconstruct::refine) height: usize,
+    /// Pixels that are part of the surface.
+    pub(in crate::reconstruct::refine) active: Vec<bool>,
+    /// Weight of the second difference along x centered on a pixel (0 where a neighbor is missing).
+    pub(super) wxx: Vec<f32>,
+    /// Weight of the second difference along y, likewise.
+    pub(super) wyy: Vec<f32>,
+    /// Weight of the mixed difference over the 2 × 2 cell whose top-left pixel this is (counted twice, as in the thin
+    /// plate).
+    pub(super) wxy: Vec<f32>,
+}
+
+impl ThinPlatePrior {
+    /// A prior without weights.
+    ///
+    /// # Panics
+    ///
+    /// If a pixel of the outermost ring is active.
+    pub(in crate::reconstruct::refine) fn new(width: usize, height: usize, active: Vec<bool>) -> Self {
+        let n = width * height;
+        assert_eq!(active.len(), n);
+        let ring = |i: usize| [0, width - 1].contains(&(i % width)) || [0, height - 1].contains(&(i / width));
+        assert!((0..n).all(|i| !(active[i] && ring(i))), "the outermost ring of the prior must be free");
+        Self { width, height, active, wxx: vec![0.0; n], wyy: vec![0.0; n], wxy: vec![0.0; n] }
+    }
+
+    /// Returns which of the three second differences exist at pixel `i`.
+    #[inline]
+    fn exists(&self, i: usize) -> [bool; 3] {
+        let (a, w) = (&self.active, self.width);
+        if !a[i] {
+            return [false; 3];
+        }
+        [a[i - 1] && a[i + 1], a[i - w] && a[i + w], a[i + 1] && a[i + w] && a[i + w + 1]]
+    }
+
+    /// Returns a second difference of `x` at pixel `i`, where it exists: along x (0), along y (1), mixed (2).
+    #[inline]
+    fn difference(&self, x: &[f32], i: usize, direction: usize) -> f32 {
+        let w = self.width;
+        match direction {
+            0 => x[i - 1] - 2.0 * x[i] + x[i + 1],
+            1 => x[i - w] - 2.0 * x[i] + x[i + w],
+            _ => x[i] - x[i + 1] - x[i + w] + x[i + w + 1],
+        }
+    }
+
+    /// Sets the weights of all differences from their values in `x`. A surface is smooth to a degree that varies from
+    /// place to place: the weight is one over `floor²` plus the local mean of squared differences (over a square of the
+    /// given radius, each direction for itself). Differences beyond `crease` are creases or jumps: they do not count as
+    /// roughness of their surroundings, and the prior breaks there.
+    pub(in crate::reconstruct::refine) fn reweight(&mut self, x: &[f32], floor: f32, crease: f32, radius: usize) {
+        let (w, h) = (self.width, self.height);
+        let this = &*self;
+        let weights: Vec<Vec<f32>> = (0..3)
+            .into_par_iter()
+            .map(|direction| {
+                let exists = |i: usize| this.exists(i)[direction];
+                let (mut sum, mut count) = (vec![0.0f32; w * h], vec![0.0f32; w * h]);
+                for i in (0..w * h).filter(|i| exists(*i)) {
+                    let d = this.difference(x, i, direction);
+                    if d.abs() < crease {
+                        sum[i] = d * d;
+                        count[i] = 1.0;
+                    }
+                }
+                box_mean(&mut sum, w, h, radius);
+                box_mean(&mut count, w, h, radius);
+                // The mixed difference counts twice, as in the thin plate.
+                let multiplicity = if direction == 2 { 2.0 } else { 1.0 };
+                for i in 0..w * h {
+                    sum[i] = if exists(i) {
+                        let mean = if count[i] > 0.0 { sum[i] / count[i] } else { 0.0 };
+                        let d = this.difference(x, i, direction);
+                        let broken = 1.0 + d * d / (crease * crease);
+                        multiplicity / ((floor * floor + mean) * broken * broken)
+                    } else {
+                        0.0
+                    };
+                }
+                sum
+            })
+            .collect();
+        [self.wxx, self.wyy, self.wxy] = weights.try_into().expect("three directions");
+    }
+
+    /// Returns Σ w (D x)² of the differences at each pixel.
+    pub(in crate::reconstruct::refine) fn energy(&self, x: &[f32]) -> Vec<f32> {
+        let one = |i: usize| {
+            let weights = [self.wxx[i], self.wyy[i], self.wxy[i]];
+            if weights == [0.0; 3] {
+                return 0.0;
+            }
+            let exists = self.exists(i);
+            let d = |j: usize| if exists[j] { self.difference(x, i, j) } else { 0.0 };
+            (0..3).map(|j| weights[j] * d(j).powi(2)).sum()
+        };
+        (0..x.len()).into_par_iter().with_min_len(self.width).map(one).collect()
+    }
+
+    /// Returns the geometric mean of the weights of a pixel's own second differences along x and y: the weight of a
+    /// uniform plate around it. 0 where there is none.
+    pub(in crate::reconstruct::refine) fn weight(&self, i: usize) -> f32 {
+        match (self.wxx[i], self.wyy[i]) {
+            (a, b) if a > 0.0 && b > 0.0 => (a * b).sqrt(),
+            (a, b) => a.max(b),
+        }
+    }
+
+    /// Returns Dᵀ√W ε for random ε: with √h ε it makes a right-hand side whose solution is a draw from the posterior.
+    #[cfg(test)]
+    pub(in crate::reconstruct::refine) fn noise(&self, mut normal: impl FnMut() -> f32) -> Vec<f32> {
+        let w = self.width;
+        let mut out = vec![0.0; self.active.len()];
+        for i in (0..out.len()).filter(|i| self.active[*i]) {
+            let (a, b, c) = (self.wxx[i], self.wyy[i], self.wxy[i]);
+            if a > 0.0 {
+                let e = a.sqrt() * normal();
+                out[i - 1] += e;
+                out[i] -= 2.0 * e;
+                out[i + 1] += e;
+            }
+            if b > 0.0 {
+                let e = b.sqrt() * normal();
+                out[i - w] += e;
+                out[i] -= 2.0 * e;
+                out[i + w] += e;
+            }
+            if c > 0.0 {
+                let e = c.sqrt() * normal();
+                out[i] += e;
+                out[i + 1] -= e;
+                out[i + w] -= e;
+                out[i + w + 1] += e;
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,10 @@
+//! Information of a pixel's measurements about its depth.
+
+/// The information of a pixel's measurements about the unknown in the last step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::reconstruct::refine) struct Information {
+    /// Information Σ w J² about the unknown.
+    pub(in crate::reconstruct::refine) h: f32,
+    /// χ² per measurement: its mean around a pixel is the ratio of the noise's variance to that of the noise model.
+    pub(in crate::reconstruct::refine) chi2: f32,
+}

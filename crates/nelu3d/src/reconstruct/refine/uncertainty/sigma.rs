@@ -1,0 +1,40 @@
+//! The three parts of the uncertainty together.
+
+use rayon::prelude::*;
+
+use super::information::Information;
+use super::masked_mean::masked_mean;
+use super::posterior::Posterior;
+use crate::reconstruct::refine::thin_plate::ThinPlatePrior;
+
+/// Radius over which the variances of neighbors are averaged, px.
+const POOL_RADIUS: usize = 2;
+/// Radius over which residuals tell how large the noise really is, px.
+const NOISE_RADIUS: usize = 8;
+
+/// Returns one standard deviation of the unknown per pixel of the prior's window; NaN where there is no surface. `x` is
+/// the solution, `systematic` the variance that [`super::systematic()`] estimates.
+pub(in crate::reconstruct::refine) fn sigma(
+    prior: &ThinPlatePrior,
+    x: &[f32],
+    information: &[Information],
+    systematic: &[f32],
+) -> Vec<f32> {
+    let (w, h, n) = (prior.width, prior.height, information.len());
+    let posterior = Posterior::new(prior, information);
+    let scale = posterior.prior_scale(prior, x);
+    let pooled = |v: &[f32]| masked_mean(v, &prior.active, w, h, POOL_RADIUS);
+    let (noise, smoothing) = (pooled(&posterior.noise), pooled(&posterior.prior));
+    let chi2: Vec<f32> = information.iter().map(|i| i.chi2).collect();
+    let noise_ratio = masked_mean(&chi2, &prior.active, w, h, NOISE_RADIUS);
+    (0..n)
+        .into_par_iter()
+        .with_min_len(w)
+        .map(|i| {
+            if !prior.active[i] {
+                return f32::NAN;
+            }
+            (noise[i] * noise_ratio[i] + scale[i] * smoothing[i] + systematic[i]).sqrt()
+        })
+        .collect()
+}

@@ -1,0 +1,99 @@
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::{Information, sigma, systematic};
+use crate::reconstruct::refine::thin_plate::{StopCriterion, ThinPlatePrior};
+
+fn normals(n: usize, seed: u64) -> Vec<f32> {
+    let mut rng = rand::rngs::StdRng::seed_from_u64(seed);
+    (0..n).map(|_| StandardNormal.sample(&mut rng)).collect()
+}
+
+fn window(w: usize, h: usize) -> Vec<bool> {
+    (0..w * h).map(|i| i % w > 0 && i % w + 1 < w && i / w > 0 && i / w + 1 < h).collect()
+}
+
+/// Noise that neighbors do not share is not systematic, whatever its level; an offset that they share changes the
+/// unknown by as much as the estimate says, whichever channel it is in.
+#[test]
+fn shared_errors_are_told_from_noise() {
+    let (w, h, k) = (128, 112, 3);
+    let (n, active) = (w * h, window(128, 112));
+    let noise = normals(n * k, 1);
+    // Slopes of 2 that turn through code space, as those of a sine do.
+    let slopes: Vec<f32> = (0..n * k).map(|i| 2.0 * ((i / k) as f32 * 0.1 + (i % k) as f32 * 2.0).sin()).collect();
+    let inner: Vec<usize> =
+        (0..n).filter(|i| (20..w - 20).contains(&(i % w)) && (20..h - 20).contains(&(i / w))).collect();
+    let mean = |v: &[f32]| inner.iter().map(|i| v[*i]).sum::<f32>() / inner.len() as f32;
+    let across = |r: &[f32]| -> Vec<f32> {
+        // The residuals that remain when the unknown has taken its part.
+        let mut rest = r.to_vec();
+        for (r, g) in rest.chunks_exact_mut(k).zip(slopes.chunks_exact(k)) {
+            let gg: f32 = g.iter().map(|g| g * g).sum();
+            let part = r.iter().zip(g).map(|(r, g)| r * g).sum::<f32>() / gg;
+            r.iter_mut().zip(g).for_each(|(r, g)| *r -= part * g);
+        }
+        rest
+    };
+    for level in [1.0f32, 1.5] {
+        let unshared: Vec<f32> = noise.iter().map(|v| level * v).collect();
+        let quiet = mean(&systematic(&across(&unshared), &slopes, k, &active, w, h));
+        for channel in 0..k {
+            let offset = |i: usize| if i % k == channel { 0.8 * ((i / k % w) as f32 * 0.05).cos() } else { 0.0 };
+            let r: Vec<f32> = unshared.iter().enumerate().map(|(i, v)| v + offset(i)).collect();
+            let found = mean(&systematic(&across(&r), &slopes, k, &active, w, h));
+            let changes: Vec<f32> = (0..n)
+                .map(|i| {
+                    let g = &slopes[i * k..(i + 1) * k];
+                    let gg: f32 = g.iter().map(|g| g * g).sum();
+                    (g[channel] * offset(i * k + channel) / gg).powi(2)
+                })
+                .collect();
+            let expected = mean(&changes);
+            assert!(quiet < 0.1 * expected, "{quiet} of {expected}");
+            assert!((found / expected - 1.0).abs() < 0.4, "{found} {expected}");
+        }
+    }
+}
+
+/// For surfaces of known roughness under known noise, errors of the solution are as large as σ says, whether the
+/// surface is as rough as the prior allows, smoother, or flat.
+#[test]
+fn sigma_is_that_of_the_errors_whatever_the_roughness() {
+    let (w, h) = (120, 100);
+    let active = window(w, h);
+    let n = w * h;
+    for (case, part) in [1.0f32, 0.2, 0.0].into_iter().enumerate() {
+        let mut prior = ThinPlatePrior::new(w, h, active.clone());
+        prior.reweight(&vec![0.0; n], 0.1, 0.5, 3);
+        let weak = vec![1e-4f32; n];
+        // A surface drawn from the prior itself, `part` as rough.
+        let eps = normals(3 * n, 7 + case as u64);
+        let mut at = 0;
+        let b: Vec<f32> = prior
+            .noise(|| {
+                at += 1;
+                eps[at % eps.len()]
+            })
+            .into_iter()
+            .map(|v| v * part)
+            .collect();
+        let mut expected = vec![0.0f32; n];
+        prior.solve(&weak, &b, &mut expected, StopCriterion { reduction: 1e-6, iterations: 4000 });
+        // Measured with noise of variance 1/h.
+        let info: Vec<Information> =
+            active.iter().map(|a| Information { h: if *a { 0.5 } else { 0.0 }, chi2: 1.0 }).collect();
+        let data: Vec<f32> = info.iter().map(|i| i.h).collect();
+        let noise = normals(n, 31 + case as u64);
+        let b: Vec<f32> = (0..n).map(|i| data[i] * expected[i] + data[i].sqrt() * noise[i]).collect();
+        let mut x = vec![0.0f32; n];
+        prior.solve(&data, &b, &mut x, StopCriterion { reduction: 1e-6, iterations: 4000 });
+        let s = sigma(&prior, &x, &info, &vec![0.0; n]);
+        let inner: Vec<usize> =
+            (0..n).filter(|i| (8..w - 8).contains(&(i % w)) && (8..h - 8).contains(&(i / w))).collect();
+        let within = inner.iter().filter(|i| (x[**i] - expected[**i]).abs() <= s[**i]).count();
+        let fraction = within as f64 / inner.len() as f64;
+        // A few hundred independent patches, whose roughness is estimated: within a tenth.
+        assert!((fraction - 0.683).abs() < 0.1, "{part}: {fraction}");
+    }
+}

@@ -1,0 +1,60 @@
+//! Variances on a uniform thin plate of infinite extent, as integrals over spatial frequencies.
+
+use std::f64::consts::PI;
+use std::sync::LazyLock;
+
+/// Means over all spatial frequencies of a uniform plate's lattice, for one ratio ρ of the plate's weight to
+/// information. With s the symbol of the plate, a solution retains 1/(1 + ρs) of the noise's amplitude at a frequency,
+/// and misses ρs/(1 + ρs) of the surface's.
+#[derive(Clone, Copy, Default)]
+pub(super) struct FrequencyMeans {
+    /// Mean of 1/(1 + ρs)²: the noise's variance times the information, and the energy of the surface in the solution.
+    pub(super) noise: f32,
+    /// Mean of ρs/(1 + ρs)²: the prior's variance times the information, and the energy of the noise.
+    pub(super) prior: f32,
+}
+
+/// Smallest and largest ln ρ of the table.
+const RATIOS: [i32; 2] = [-14, 20];
+/// Steps of the table per unit of ln ρ.
+const STEPS: i32 = 4;
+
+/// [`FrequencyMeans`] for every ratio; beyond the last, variances fall as 1/√ρ.
+static MEANS: LazyLock<Vec<FrequencyMeans>> = LazyLock::new(|| {
+    const N: usize = 96;
+    // Finer where s is small, which is what matters for large ρ: frequencies are spaced as squares.
+    let node = |i: usize| {
+        let u = (i as f64 + 0.5) / N as f64;
+        (PI * u * u, 2.0 * u / N as f64)
+    };
+    let mut symbols = Vec::with_capacity(N * N);
+    for i in 0..N {
+        for j in 0..N {
+            let ((fx, wx), (fy, wy)) = (node(i), node(j));
+            let (x, y) = (2.0 - 2.0 * fx.cos(), 2.0 - 2.0 * fy.cos());
+            // (x + y)²: the squares of both straight differences, and twice that of the mixed one.
+            symbols.push(((x + y).powi(2), wx * wy));
+        }
+    }
+    let total: f64 = symbols.iter().map(|s| s.1).sum();
+    (RATIOS[0] * STEPS..=RATIOS[1] * STEPS)
+        .map(|step| {
+            let ratio = (f64::from(step) / f64::from(STEPS)).exp();
+            let mean = |f: &dyn Fn(f64) -> f64| {
+                (symbols.iter().map(|(s, weight)| weight * f(ratio * s)).sum::<f64>() / total) as f32
+            };
+            FrequencyMeans { noise: mean(&|q| (1.0 + q).powi(-2)), prior: mean(&|q| q * (1.0 + q).powi(-2)) }
+        })
+        .collect()
+});
+
+impl FrequencyMeans {
+    /// Interpolates the means for a ratio ρ.
+    pub(super) fn at(ratio: f32) -> Self {
+        let position = (ratio.max(f32::MIN_POSITIVE).ln() - RATIOS[0] as f32) * STEPS as f32;
+        let position = position.clamp(0.0, (MEANS.len() - 1) as f32 - 1e-3);
+        let (a, b, t) = (MEANS[position as usize], MEANS[position as usize + 1], position.fract());
+        let between = |a: f32, b: f32| a + t * (b - a);
+        Self { noise: between(a.noise, b.noise), prior: between(a.prior, b.prior) }
+    }
+}
