@@ -13,7 +13,7 @@ use super::ray::{self, Along, Gradient, Kind, Weights};
 use super::scene::TurboSlScene;
 use nelu3d::reconstruct::neural::bounds::SIDE;
 use nelu3d::reconstruct::neural::config::{self, STEPS_PER_DIAGONAL};
-use nelu3d::reconstruct::neural::march::{March, Samples, march};
+use nelu3d::reconstruct::neural::march::{March, RaySamples, march};
 
 /// Everything that is learned.
 pub(crate) struct Model {
@@ -28,7 +28,7 @@ pub(crate) struct Model {
 
 /// The rays of one iteration, and what is known of their samples.
 struct Batch {
-    samples: Samples,
+    samples: RaySamples,
     marches: Vec<March>,
     /// Camera rays come first.
     n_camera: usize,
@@ -70,7 +70,7 @@ impl Model {
         let loss = Loss { scene, batch: &batch, albedo: &albedo, ambient: &ambient, anneal };
         let mut per_ray = vec![0.0; batch.marches.len() * loss.n_ray_outputs()];
         let mut per_sample = vec![0.0; batch.samples.t.len() * loss.n_sample_outputs()];
-        let Samples { offsets, points, .. } = &batch.samples;
+        let RaySamples { offsets, points, .. } = &batch.samples;
         let losses = self.surface.step(offsets, points, &loss, &mut per_ray, &mut per_sample);
 
         // Gradients of what belongs to pixels.
