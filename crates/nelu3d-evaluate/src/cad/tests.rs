@@ -1,4 +1,6 @@
-use nalgebra::{Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nelu3d::Progress;
+use nelu3d_scan::{Camera, Mesh};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -125,7 +127,7 @@ fn random_pose(mesh: &Mesh, seed: u64) -> Isometry3<f64> {
 
 fn compare(depth: &[f32], mesh: &Mesh, options: &CadOptions) -> Result<CadComparison, CadError> {
     let camera = camera();
-    compare_with_cad(&Scan { camera: &camera, depth, normals: None }, mesh, options, &Progress::none())
+    compare_with_cad(&ScanMaps { camera: &camera, depth, normals: None }, mesh, options, &Progress::none())
 }
 
 /// How far two poses put the mesh apart, mm at its center and degrees.
@@ -179,7 +181,8 @@ fn a_given_pose_keeps_the_bias_and_an_alignment_takes_it() {
     let truth = random_pose(&mesh, 7);
     let mut depth = render(&mesh, &truth, 0.03, 7);
     depth.iter_mut().for_each(|z| *z -= 0.4);
-    let fixed = compare(&depth, &mesh, &CadOptions { start: Start::Fixed(truth), ..CadOptions::default() }).unwrap();
+    let fixed =
+        compare(&depth, &mesh, &CadOptions { start: InitialPose::Fixed(truth), ..CadOptions::default() }).unwrap();
     let body = &fixed.metrics.body.distance_mm;
     // Nearer than the surface is outside of it: by 0.4 mm times the cosine of the slant.
     assert!((0.25..0.4).contains(&body.bias) && !fixed.metrics.aligned, "{}", fixed.metrics);
@@ -191,7 +194,8 @@ fn a_given_pose_keeps_the_bias_and_an_alignment_takes_it() {
     let nudge = Isometry3::new(Vector3::new(2.0, -1.0, 2.0), Vector3::new(0.02, 0.04, -0.02));
     let center = Translation3::from((truth * surface_center(&mesh)).coords);
     let guess = center * nudge * center.inverse() * truth;
-    let near = compare(&depth, &mesh, &CadOptions { start: Start::Near(guess), ..CadOptions::default() }).unwrap();
+    let near =
+        compare(&depth, &mesh, &CadOptions { start: InitialPose::Near(guess), ..CadOptions::default() }).unwrap();
     assert!(near.metrics.body.distance_mm.bias.abs() < 0.005, "{}", near.metrics);
     let moved = near.pose.translation.vector - truth.translation.vector;
     let (_, turn) = apart(&near.pose, &truth, &mesh);
@@ -311,7 +315,7 @@ fn what_cannot_be_compared_is_refused_with_a_remedy() {
     assert!(complaint(&vec![f32::NAN; depth.len()], &mesh).contains("0 points"));
     let sized =
         |scale: f32| Mesh { vertices: mesh.vertices.iter().map(|v| v.map(|c| scale * c)).collect(), ..mesh.clone() };
-    for (scale, remedy) in [(0.001, "--scale 1000"), (1000.0, "--scale 0.001")] {
+    for (scale, remedy) in [(0.001, "a scale of 1000"), (1000.0, "a scale of 0.001")] {
         let e = complaint(&depth, &sized(scale));
         assert!(e.contains("another unit") && e.contains(remedy), "{e}");
     }
@@ -325,7 +329,7 @@ fn what_cannot_be_compared_is_refused_with_a_remedy() {
         ..Mesh::default()
     };
     let e = complaint(&depth, &plate);
-    assert!(e.contains("does not fit") && e.contains("--initial-pose"), "{e}");
+    assert!(e.contains("does not fit") && e.contains("give its pose"), "{e}");
 }
 
 #[test]
