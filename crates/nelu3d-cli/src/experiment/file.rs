@@ -31,7 +31,7 @@ pub(super) const BUILT_IN: [(&str, &str); 16] = [
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Experiment {
-    /// What it is.
+    /// Title of the experiment.
     pub title: String,
     /// Which table, figure or section of which publication it repeats.
     #[serde(default)]
@@ -197,6 +197,7 @@ impl Experiment {
         Ok((name, experiment))
     }
 
+    /// Parses a file, with the changes of quick runs if asked for.
     fn parse(text: &str, quick: bool) -> Result<Self> {
         let mut table: Table = toml::from_str(text)?;
         if quick && let Some(Value::Table(changes)) = table.get("quick").cloned() {
@@ -207,6 +208,7 @@ impl Experiment {
         Ok(experiment)
     }
 
+    /// Checks that everything that is named exists.
     fn check(&self) -> Result<()> {
         for (name, rig) in &self.rigs {
             let sources = [rig.preset.is_some(), rig.spec.is_some(), rig.folder.is_some()];
@@ -243,7 +245,7 @@ impl Experiment {
     }
 }
 
-/// Puts `changes` over `table`: tables key by key, everything else replaced.
+/// Merges `changes` over `table`: tables key by key, everything else replaced.
 pub(super) fn merge(table: &mut Table, changes: &Table) {
     for (key, change) in changes {
         match (table.get_mut(key), change) {
@@ -266,12 +268,12 @@ pub(super) fn substitute(value: &mut Value, name: &str, by: &Value) {
     }
 }
 
-/// The same within a text.
+/// Replaces `{name}` within a text.
 pub(super) fn substitute_text(text: &str, name: &str, by: &Value) -> String {
     text.replace(&format!("{{{name}}}"), &plain(by))
 }
 
-/// A value without quotes.
+/// Returns a value without quotes.
 pub(super) fn plain(value: &Value) -> String {
     match value {
         Value::String(s) => s.clone(),
