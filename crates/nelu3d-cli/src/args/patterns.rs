@@ -140,7 +140,7 @@ pub(crate) struct PatternImageArgs {
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub size: [usize; 2],
     /// Direction in which the images change.
-    #[arg(long, value_enum, default_value_t = Axes::X)]
+    #[arg(long, value_enum, default_value_t = AxisChoice::X)]
     pub axis: AxisChoice,
     /// Bits of a pixel.
     #[arg(long, value_name = "8|16", default_value_t = 8, value_parser = bits)]
@@ -169,10 +169,10 @@ pub(crate) enum AxisChoice {
 #[derive(Debug, clap::Args)]
 pub(crate) struct RgbArgs {
     /// Length of a period in red, px.
-    #[arg(long, value_name = "PX", default_value_t = Sinusoid::default().period_px)]
+    #[arg(long, value_name = "PX", default_value_t = 20.0)]
     pub period: f64,
     /// Length of a period in green, px.
-    #[arg(long, value_name = "PX", default_value_t = Triangle::default().period_px)]
+    #[arg(long, value_name = "PX", default_value_t = 200.0)]
     pub triangle_period: f64,
     /// Settings of the smooth noise in blue.
     #[command(flatten)]

@@ -96,7 +96,9 @@ impl ResultJob<'_> {
                 let observer = trace.as_mut().map(|t| t as &mut dyn Observer);
                 let field = load_field(self.rig, self.set, field)?;
                 let (rig, set, progress) = (self.rig, self.set, &context.progress);
-                MethodOutput::Reconstruction(reconstruct_observed(rig, set, &self.shot, &field, options, progress, observer)?)
+                MethodOutput::Reconstruction(reconstruct_observed(
+                    rig, set, &self.shot, &field, options, progress, observer,
+                )?)
             }
             ResultMethod::Decode(options) => {
                 MethodOutput::Decoding(decode(self.rig, self.set, &self.shot, options, &context.progress)?)

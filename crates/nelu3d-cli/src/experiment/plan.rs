@@ -18,7 +18,12 @@ use super::step::{CommandStep, StepRunner};
 use crate::paths::shown;
 
 /// Runs everything that an experiment asks for.
-pub(super) fn run(experiment: &Experiment, root: &Path, dir: &Path, runner: &mut StepRunner<'_>) -> Result<Vec<ExperimentCell>> {
+pub(super) fn run(
+    experiment: &Experiment,
+    root: &Path,
+    dir: &Path,
+    runner: &mut StepRunner<'_>,
+) -> Result<Vec<ExperimentCell>> {
     let n_values = experiment.vary.as_ref().map_or(1, |v| v.values.len());
     let mut cells: Vec<ExperimentCell> = Vec::new();
     for (case_index, case) in experiment.cases.iter().enumerate() {

@@ -51,9 +51,16 @@ pub(super) fn chart(numbers: &ExperimentNumbers<'_>, column: usize) -> Option<Ch
             let log = vary.is_some_and(|v| v.log);
             ChartAxis { scale: scale(log), ..ChartAxis::linear(vary.map_or("", |v| v.label.as_str())) }
         }
-        None => ChartAxis { names: (0..numbers.n_rows()).map(|row| numbers.row_label(row)).collect(), ..ChartAxis::default() },
+        None => ChartAxis {
+            names: (0..numbers.n_rows()).map(|row| numbers.row_label(row)).collect(),
+            ..ChartAxis::default()
+        },
     };
-    let y = ChartAxis { scale: scale(column_is_log), from_zero: true, ..ChartAxis::linear(&experiment.columns[column].label) };
+    let y = ChartAxis {
+        scale: scale(column_is_log),
+        from_zero: true,
+        ..ChartAxis::linear(&experiment.columns[column].label)
+    };
     (!series.is_empty()).then_some(Chart { x, y, series })
 }
 

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::file::{Column, Experiment, plain};
 use super::cell::ExperimentCell;
+use super::file::{Column, Experiment, plain};
 
 /// The numbers of one method on one row, over the seeds.
 #[derive(Clone, Debug)]
@@ -62,7 +62,12 @@ impl<'a> ExperimentNumbers<'a> {
                     true => (*e).clone(),
                     false => format!("{} of {} seeds failed: {e}", failed.len(), mine.len()),
                 });
-                entries.push(TableEntry { row, method, numbers: experiment.columns.iter().map(number).collect(), problem });
+                entries.push(TableEntry {
+                    row,
+                    method,
+                    numbers: experiment.columns.iter().map(number).collect(),
+                    problem,
+                });
             }
         }
         Self { experiment, entries }

@@ -6,8 +6,8 @@ use nelu3d_scan::Mesh;
 
 use super::chart::Chart;
 use super::html::{MAX_MAP_WIDTH, color_bar, figure, img, table, tiles};
-use super::viewer::{Coloring, viewer};
 use super::page;
+use super::viewer::{Coloring, viewer};
 
 /// Colors of signed differences: red below zero, blue above, white at zero.
 pub(crate) const DIFFERENCE_COLORS: Gradient = colorous::RED_BLUE;

@@ -259,7 +259,12 @@ mod tests {
         let line = |points: &[[f64; 2]]| Chart {
             x: ChartAxis::linear("a < b"),
             y: ChartAxis::log_if_wide("y", points.iter().map(|p| p[1]), 30.0),
-            series: vec![ChartSeries { label: "l".to_owned(), points: points.to_vec(), spread: vec![], mark: ChartMark::Line }],
+            series: vec![ChartSeries {
+                label: "l".to_owned(),
+                points: points.to_vec(),
+                spread: vec![],
+                mark: ChartMark::Line,
+            }],
         };
         assert!(line(&[]).svg().contains("nothing to draw"));
         assert!(line(&[[f64::NAN, 1.0]]).svg().contains("nothing to draw"));

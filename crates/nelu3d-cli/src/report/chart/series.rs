@@ -3,7 +3,6 @@
 /// Number of colors, after which they repeat (Okabe and Ito, Color Universal Design, 2008, and two grays).
 const N_COLORS: usize = 7;
 
-
 /// How a series is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ChartMark {

@@ -85,8 +85,12 @@ fn calibration(result: &Surface, truth: &GroundTruth) -> Option<Chart> {
     ratios.sort_by(f64::total_cmp);
     let within = |n: f64| ratios.partition_point(|&r| r <= n) as f64 / ratios.len() as f64;
     let steps = || (0..=40).map(|i| 0.1 * f64::from(i));
-    let line =
-        |label: &str, points: Vec<[f64; 2]>, mark| ChartSeries { label: label.to_owned(), points, spread: Vec::new(), mark };
+    let line = |label: &str, points: Vec<[f64; 2]>, mark| ChartSeries {
+        label: label.to_owned(),
+        points,
+        spread: Vec::new(),
+        mark,
+    };
     Some(Chart {
         x: ChartAxis::linear("σ"),
         y: ChartAxis::linear("fraction of pixels"),

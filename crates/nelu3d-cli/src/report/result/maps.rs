@@ -25,8 +25,7 @@ pub(super) fn maps(surface: &Surface, truth: Option<&GroundTruth>) -> String {
     if let Some(truth) = truth {
         let error: Vec<f32> =
             (0..w * h).map(|i| if truth.mask[i] { r.depth[i] - truth.depth[i] } else { f32::NAN }).collect();
-        let mut magnitudes: Vec<f64> =
-            error.iter().filter(|e| e.is_finite()).map(|&e| f64::from(e).abs()).collect();
+        let mut magnitudes: Vec<f64> = error.iter().filter(|e| e.is_finite()).map(|&e| f64::from(e).abs()).collect();
         let p95 = percentile(&mut magnitudes, 95.0);
         let range = if p95 > 0.0 { [-p95, p95] } else { [-1.0, 1.0] };
         let picture = Picture::of_map(&error, w, h, range, colorous::RED_BLUE);

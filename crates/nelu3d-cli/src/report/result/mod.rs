@@ -46,8 +46,7 @@ impl ResultReport<'_> {
             "rig {} · {} × {} px · nelu3d {} · {} {}",
             s.rig_name, self.surface.width, self.surface.height, s.version, s.machine.os, s.machine.arch
         );
-        let colorings =
-            [Coloring::Clay, Coloring::Photo, Coloring::Depth, Coloring::Normals];
+        let colorings = [Coloring::Clay, Coloring::Photo, Coloring::Depth, Coloring::Normals];
         let body = [
             self.tiles(),
             viewer(&self.surface.mesh, &colorings),
@@ -116,7 +115,8 @@ impl ResultReport<'_> {
         let pictures: String =
             patterns.iter().map(|(name, p)| thumbnail(&picture(p).at_most(MAX_CAPTURE_WIDTH), name)).collect();
         let formula = if self.black.is_some() { "(pattern − black) / (white − black)" } else { "pattern / white" };
-        let note = format!("<p class=note>{formula}, black = 0 and white = 1; dark where white (flash) is too dim.</p>");
+        let note =
+            format!("<p class=note>{formula}, black = 0 and white = 1; dark where white (flash) is too dim.</p>");
         page::section("Normalized images", &format!("{note}<div class='grid small'>{pictures}</div>"))
     }
 }

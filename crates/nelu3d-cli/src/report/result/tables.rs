@@ -46,8 +46,7 @@ pub(super) fn stages_table(s: &Summary) -> String {
 
 /// Shows the files that were read.
 pub(super) fn inputs_table(s: &Summary) -> String {
-    let row =
-        |i: &Input| vec![i.path.display().to_string(), grouped(i.bytes as usize), i.sha256.clone()];
+    let row = |i: &Input| vec![i.path.display().to_string(), grouped(i.bytes as usize), i.sha256.clone()];
     table(&["file", "bytes", "SHA-256"], &s.inputs.iter().map(row).collect::<Vec<_>>())
 }
 

@@ -49,9 +49,8 @@ pub(super) fn ball() -> (Surface, Camera, GroundTruth) {
         channels: 1,
         data: normals.iter().map(|n| if n[2].is_finite() { -0.8 * n[2] } else { 0.02 }).collect(),
     };
-    let colors = (0..n as u32)
-        .map(|i| if (i / 16 + i / w / 16).is_multiple_of(2) { [230, 120, 60] } else { [70; 3] })
-        .collect();
+    let colors =
+        (0..n as u32).map(|i| if (i / 16 + i / w / 16).is_multiple_of(2) { [230, 120, 60] } else { [70; 3] }).collect();
     let result = Surface {
         width,
         height,
