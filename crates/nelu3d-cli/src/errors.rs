@@ -15,7 +15,8 @@ use nelu3d_evaluate::cad::CadError;
 const NEW_FIELD: &str = "`nelu3d calibrate` makes a new field, --field gives another one";
 const FROM_PROJECTOR: &str = "--from-projector takes a calibrated projector instead";
 
-/// Returns an error and its causes as one sentence, in one line. A cause that the sentence already says is not repeated.
+/// Returns an error and its causes as one sentence, in one line. A cause that the sentence already says is not
+/// repeated.
 pub(crate) fn sentence(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(|e| one_line(&message(e))) {
@@ -46,7 +47,8 @@ fn option(setting: &str) -> String {
     format!("--{}", setting.trim_start_matches('-').replace([' ', '_'], "-"))
 }
 
-/// Returns what to type about an error, if that helps, after the word of it that tells whether a message has it already.
+/// Returns what to type about an error, if that helps, after the word of it that tells whether a message has it
+/// already.
 fn hint(error: &(dyn Error + 'static)) -> Option<(&'static str, String)> {
     if error.is::<FieldMismatch>() {
         return Some(("nelu3d calibrate", NEW_FIELD.into()));
@@ -73,7 +75,7 @@ fn hint(error: &(dyn Error + 'static)) -> Option<(&'static str, String)> {
         return table_hint(table);
     }
     match error.downcast_ref()? {
-        CadError::Unit { suggestion, .. } => Some(("--scale", format!("try --scale {suggestion}"))),
+        CadError::Unit { suggestion, .. } => Some(("--scale", format!("that is --scale {suggestion}"))),
         CadError::NoPose { .. } => {
             Some(("--scale", "options --scale, --initial-pose and --no-align say what is known".into()))
         }
@@ -104,7 +106,8 @@ fn table_hint(error: &LookupTableError) -> Option<(&'static str, String)> {
     }
 }
 
-/// Returns the text without line breaks and other control characters, which file names and parsers' messages may bring in.
+/// Returns the text without line breaks and other control characters, which file names and parsers' messages may bring
+/// in.
 fn one_line(text: &str) -> String {
     text.split(char::is_control).map(str::trim).filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
 }

@@ -19,8 +19,8 @@ pub struct EvaluatedMaps<'a> {
     pub sigma: Option<&'a [f32]>,
 }
 
-/// Evaluates a result against ground truth. `regions` are [`GroundTruth::regions`] for the same camera; with a projector,
-/// errors are measured in its columns, too.
+/// Evaluates a result against ground truth. `regions` are [`GroundTruth::regions`] for the same camera; with a
+/// projector, errors are measured in its columns, too.
 ///
 /// # Panics
 /// Panics when a map has another size than the ground truth.
@@ -79,7 +79,8 @@ fn evaluate_region(
     }
 }
 
-/// Returns the projector column of the result's point minus that of the ground truth, px, for every pixel; NaN where one of them is missing.
+/// Returns the projector column of the result's point minus that of the ground truth, px, for every pixel; NaN where
+/// one of them is missing.
 fn column_errors(depth: &[f32], truth: &GroundTruth, camera: &Camera, projector: &Projector) -> Vec<f64> {
     let column = |px: usize, z: f32| {
         let ray = camera.ray([(px % truth.width) as f64, (px / truth.width) as f64]);

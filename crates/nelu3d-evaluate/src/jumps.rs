@@ -11,8 +11,8 @@ const REACH: usize = 3;
 ///
 /// No fixed threshold in mm would serve both a plate seen at 80° and the rim of a cup: the step between two neighbors
 /// is held against the slope of the surfaces it would join, `3 · max(s_before, s_after) + 2 z/f`, with `s` the median
-/// absolute step among the three pairs on that side (a median, so that a second jump nearby does not hide the first) and
-/// `z/f` the width of one pixel at that depth. Depth that is not finite makes no jump: it is a silhouette.
+/// absolute step among the three pairs on that side (a median, so that a second jump nearby does not hide the first)
+/// and `z/f` the width of one pixel at that depth. Depth that is not finite makes no jump: it is a silhouette.
 ///
 /// `depth` is `height × width`, mm; `focal_px` the focal length. Returns `height × width`.
 pub fn depth_jumps(depth: &[f32], width: usize, height: usize, focal_px: f64) -> Vec<bool> {

@@ -7,8 +7,8 @@ use crate::stats::ErrorStatistics;
 pub struct Metrics {
     /// Errors over all pixels of the ground truth's mask.
     pub whole: RegionMetrics,
-    /// Errors over the mask without [`BODY_MARGIN_PX`](crate::BODY_MARGIN_PX) pixels next to silhouettes, shadow borders
-    /// and depth jumps.
+    /// Errors over the mask without [`BODY_MARGIN_PX`](crate::BODY_MARGIN_PX) pixels next to silhouettes, shadow
+    /// borders and depth jumps.
     pub body: RegionMetrics,
     /// Errors over the mask's pixels whose surface is seen at more than [`GRAZING_DEG`](crate::GRAZING_DEG).
     pub grazing: RegionMetrics,
@@ -34,7 +34,8 @@ pub struct RegionMetrics {
     pub under_1mm: f64,
     /// Errors in projector columns, result − ground truth, px: present when a projector was given.
     pub disparity_px: Option<ErrorStatistics>,
-    /// Angles between the result's normals and those of the ground truth's depth, degrees: present when normals were given.
+    /// Angles between the result's normals and those of the ground truth's depth, degrees: present when normals were
+    /// given.
     pub normal_deg: Option<ErrorStatistics>,
     /// How well the 1σ of the depth is calibrated: present when the result has one.
     pub sigma: Option<UncertaintyCalibration>,

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 
 use crate::{GroundTruth, depth_jumps};
 
-/// Distance (Chebyshev) from a silhouette, a shadow border or a depth jump within which pixels do not count as body, px.
+/// Distance (Chebyshev) from a silhouette, a shadow border or a depth jump within which pixels do not count as body,
+/// px.
 pub const BODY_MARGIN_PX: usize = 3;
 
 /// Angle between normal and viewing ray above which a surface is seen at a grazing angle, degrees.
@@ -15,8 +16,8 @@ pub const GRAZING_DEG: f64 = 70.0;
 /// The regions of a scene that errors are measured in, `height × width` each.
 #[derive(Clone, Debug)]
 pub struct Regions {
-    /// Pixels of the mask without [`BODY_MARGIN_PX`] pixels next to silhouettes, shadow borders and depth jumps. The border of
-    /// the image is no silhouette.
+    /// Pixels of the mask without [`BODY_MARGIN_PX`] pixels next to silhouettes, shadow borders and depth jumps. The
+    /// border of the image is no silhouette.
     pub body: Vec<bool>,
     /// Pixels of the mask that are seen at more than [`GRAZING_DEG`].
     pub grazing: Vec<bool>,
@@ -52,8 +53,9 @@ impl GroundTruth {
     }
 }
 
-/// Computes the unit normals of a depth map, facing the camera: the cross product of its tangents along rows and columns, central
-/// differences where both neighbors are on the same surface, one-sided elsewhere; NaN where a tangent cannot be had.
+/// Computes the unit normals of a depth map, facing the camera: the cross product of its tangents along rows and
+/// columns, central differences where both neighbors are on the same surface, one-sided elsewhere; NaN where a tangent
+/// cannot be had.
 ///
 /// `depth` is `height × width` of `camera`, mm; `jumps` as [`depth_jumps`] gives them.
 pub fn normals_from_depth(depth: &[f32], camera: &Camera, jumps: &[bool]) -> Vec<[f32; 3]> {

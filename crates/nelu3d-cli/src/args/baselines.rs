@@ -20,7 +20,8 @@ pub(crate) struct DecodeArgs {
     /// Result folder to write (default: RIG/results/SCENE-SET-METHOD).
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
-    /// Evaluate the finished result against the ground truth in this folder; result.json and the report have the errors.
+    /// Evaluate the finished result against the ground truth in this folder; result.json and the report have the
+    /// errors.
     #[arg(long, value_name = "DIR")]
     pub truth: Option<PathBuf>,
     /// Write the surface in these formats too.
@@ -81,7 +82,8 @@ pub(crate) struct TableExportArgs {
     /// Keep every Nth pixel and row only.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub stride: usize,
-    /// Write factors with this number of terms per channel instead; "auto": as few as lose no more than the table's noise.
+    /// Write factors with this number of terms per channel instead; "auto": as few as lose no more than the table's
+    /// noise.
     #[arg(long, value_name = "R|auto", value_parser = rank)]
     pub low_rank: Option<Rank>,
 }

@@ -21,7 +21,13 @@ pub(crate) struct EvaluateArgs {
     #[arg(long, value_name = "MESH", group = "reference")]
     pub cad: Option<PathBuf>,
     /// Millimeters per unit of the mesh: 1000 for meters, 25.4 for inches.
-    #[arg(long, value_name = "S", default_value_t = CadOptions::default().scale, requires = "cad", value_parser = positive)]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = CadOptions::default().scale,
+        requires = "cad",
+        value_parser = positive
+    )]
     pub scale: f64,
     /// Approximate pose of the mesh: cam_from_cad of an alignment.json, or sixteen numbers row by row, mm.
     #[arg(long, value_name = "FILE", requires = "cad")]

@@ -87,7 +87,8 @@ pub(crate) enum Command {
     Sequence(SequenceArgs),
     /// Decode a scene with a baseline: the methods that NeLU3D is compared with.
     Decode(DecodeArgs),
-    /// Calibrate the projector from the sweep, if it has Gray-code images along x and y; only baselines and --from-projector need it.
+    /// Calibrate the projector from the sweep, if it has Gray-code images along x and y; only baselines and
+    /// --from-projector need it.
     Projector(ProjectorArgs),
     /// Evaluate a result against ground truth, a CAD mesh or another result.
     Evaluate(EvaluateArgs),

@@ -194,7 +194,12 @@ pub(crate) struct PatternScoreArgs {
     #[arg(long, value_name = "SIGMA", default_value_t = ScoreOptions::default().sigma, value_parser = sigma)]
     pub noise: f64,
     /// Number of noisy pixels to decode for each column.
-    #[arg(long, value_name = "N", default_value_t = ScoreOptions::default().samples as u32, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = ScoreOptions::default().samples as u32,
+        value_parser = clap::value_parser!(u32).range(1..=100_000)
+    )]
     pub samples: u32,
     /// Seed of the noise.
     #[arg(long, value_name = "N", default_value_t = ScoreOptions::default().seed)]

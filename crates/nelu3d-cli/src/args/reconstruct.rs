@@ -20,7 +20,8 @@ pub(crate) struct ReconstructArgs {
     /// Result folder to write (default: RIG/results/SCENE-SET).
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
-    /// Evaluate the finished result against the ground truth in this folder; result.json and the report have the errors.
+    /// Evaluate the finished result against the ground truth in this folder; result.json and the report have the
+    /// errors.
     #[arg(long, value_name = "DIR")]
     pub truth: Option<PathBuf>,
     /// Record the error after every iteration against processor time in result.json.

@@ -55,8 +55,8 @@ pub(crate) fn calibrate_to(
     Ok(calibrate_with(rig, set, options, None, None, output, context)?.0)
 }
 
-/// Calibrates and writes the field, from the projector if asked for, with the crosstalk of the camera's channels measured
-/// on the scene `colors`. Returns the report and that crosstalk.
+/// Calibrates and writes the field, from the projector if asked for, with the crosstalk of the camera's channels
+/// measured on the scene `colors`. Returns the report and that crosstalk.
 fn calibrate_with(
     rig: &Rig,
     set: &PatternSet,

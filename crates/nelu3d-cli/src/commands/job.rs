@@ -167,7 +167,8 @@ impl ResultJob<'_> {
         paths.iter().map(|p| hash(p)).collect()
     }
 
-    /// Reads the captures that the report shows: white and the patterns with their names, and black, where there is one.
+    /// Reads the captures that the report shows: white and the patterns with their names, and black, where there is
+    /// one.
     #[expect(clippy::type_complexity, reason = "named images, and one more")]
     fn captures(&self) -> Result<(Vec<(String, nelu3d_scan::Image)>, Option<nelu3d_scan::Image>)> {
         let capture = self.rig.read_shot(&self.shot, self.set, Need::Scene)?;

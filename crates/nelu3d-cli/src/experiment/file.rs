@@ -128,7 +128,8 @@ pub(super) struct Method {
     pub label: String,
     /// `reconstruct` or `decode` with their options, as they are typed.
     pub run: String,
-    /// Options of `calibrate` for the field that it needs (`reconstruct`), or that tells it the swept volume (`decode`).
+    /// Options of `calibrate` for the field that it needs (`reconstruct`), or that tells it the swept volume
+    /// (`decode`).
     #[serde(default)]
     pub calibrate: String,
     /// The pattern set, where it is not the case's: methods may need their own.
@@ -148,8 +149,8 @@ pub(super) struct Method {
 pub(super) struct Column {
     /// Its heading, with its unit.
     pub label: String,
-    /// Where it is: a path into `result` (result.json), `calibrate` (the answer of `calibrate --json`), `step` (what the
-    /// command took), `cad` (the answer of `evaluate --cad`) or `against`.
+    /// Where it is: a path into `result` (result.json), `calibrate` (the answer of `calibrate --json`), `step` (what
+    /// the command took), `cad` (the answer of `evaluate --cad`) or `against`.
     pub value: String,
     /// It is multiplied by this.
     #[serde(default = "one")]

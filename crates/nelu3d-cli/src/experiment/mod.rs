@@ -1,8 +1,9 @@
 //! `nelu3d experiment`: the paper's tables and figures, and studies of our own, each a file in `experiments/`.
 //!
-//! [`file`] is what such a file says; [`plan`] makes commands of it (simulate, calibrate, reconstruct or decode, evaluate)
-//! and reads their answers; [`step`] runs each command once, however often the experiment is started; [`table`], [`plot`]
-//! and [`page`] show the numbers. To add an experiment, write its file and add it to [`file::BUILT_IN`].
+//! [`file`] is what such a file says; [`plan`] makes commands of it (simulate, calibrate, reconstruct or decode,
+//! evaluate) and reads their answers; [`step`] runs each command once, however often the experiment is started;
+//! [`table`], [`plot`] and [`page`] show the numbers. To add an experiment, write its file and add it to
+//! [`file::BUILT_IN`].
 
 mod cell;
 mod file;

@@ -78,8 +78,8 @@ struct CellPlan<'a> {
     middle: Option<Shot>,
 }
 
-/// Runs the commands of a cell: makes the rig, calibrates, runs the method, and aligns the CAD model where columns ask for
-/// it. Returns what the columns look into, or why there is none.
+/// Runs the commands of a cell: makes the rig, calibrates, runs the method, and aligns the CAD model where columns ask
+/// for it. Returns what the columns look into, or why there is none.
 fn fill(
     placeholders: &Placeholders<'_>,
     case: &Case,

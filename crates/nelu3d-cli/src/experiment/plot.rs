@@ -1,4 +1,5 @@
-//! One chart of a main column: its number against the varied quantity, or by case; a line or a row of points per method.
+//! One chart of a main column: its number against the varied quantity, or by case; a line or a row of points per
+//! method.
 
 use super::table::ExperimentNumbers;
 use crate::report::chart::{AxisScale, Chart, ChartAxis, ChartMark, ChartSeries};

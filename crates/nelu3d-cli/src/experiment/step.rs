@@ -1,5 +1,5 @@
-//! One command of an experiment, run as a process of its own, so that its time and memory are its own, and recorded when it
-//! is done, so that it need not run again.
+//! One command of an experiment, run as a process of its own, so that its time and memory are its own, and recorded
+//! when it is done, so that it need not run again.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -76,8 +76,8 @@ impl<'a> StepRunner<'a> {
         }
     }
 
-    /// Returns the outcome of a command: from an earlier run of the same command on the same inputs, or from running it.
-    /// `Ok(Err(reason))` if the command fails.
+    /// Returns the outcome of a command: from an earlier run of the same command on the same inputs, or from running
+    /// it. `Ok(Err(reason))` if the command fails.
     pub(super) fn run(&mut self, step: &CommandStep) -> Result<Result<StepOutcome, String>> {
         let key = step.key();
         if let Some(reason) = self.failed.get(&key) {

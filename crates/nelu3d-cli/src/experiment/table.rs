@@ -91,7 +91,8 @@ impl<'a> ExperimentNumbers<'a> {
         self.entries.iter().find(|e| e.row == row && e.method == method)
     }
 
-    /// Returns the table of a main column: headings, then rows against methods. The best of a row is marked if there are two.
+    /// Returns the table of a main column: headings, then rows against methods. The best of a row is marked if there
+    /// are two.
     pub(super) fn pivot(&self, column: usize) -> (Vec<String>, Vec<Vec<TableCell>>) {
         let experiment = self.experiment;
         let c = &experiment.columns[column];

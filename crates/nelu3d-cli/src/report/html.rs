@@ -87,7 +87,8 @@ pub(crate) fn img(picture: &Picture, alt: &str) -> String {
     format!("<img width={w} height={h} alt=\"{}\" src=\"data:image/png;base64,{data}\">", escape(alt))
 }
 
-/// Returns a bar of colors with five labels, `range[0]` at the left in the gradient's first color unless the range is reversed.
+/// Returns a bar of colors with five labels, `range[0]` at the left in the gradient's first color unless the range is
+/// reversed.
 pub(crate) fn color_bar(gradient: Gradient, range: [f64; 2], unit: &str) -> String {
     let stops: Vec<String> =
         (0..=16).map(|i| gradient.eval_continuous(f64::from(i) / 16.0)).map(|c| format!("#{c:x}")).collect();

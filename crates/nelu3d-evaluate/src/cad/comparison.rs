@@ -21,8 +21,8 @@ const DEFAULT_TOLERANCE: f64 = 0.01;
 const MIN_BELIEVED: f64 = 0.5;
 /// Greatest fraction of the mesh where the camera saw through, at a pose that is believed.
 const MAX_IN_FRONT: f64 = 0.15;
-/// Ratios of size beyond which mesh and scan must be in different units: a scan may have much around the part, and a part
-/// may be much larger than what the camera sees of it.
+/// Ratios of size beyond which mesh and scan must be in different units: a scan may have much around the part, and a
+/// part may be much larger than what the camera sees of it.
 const UNIT_RATIOS: [f64; 2] = [1.0 / 150.0, 60.0];
 /// A comparison of a scan with a mesh.
 pub struct CadComparison {
@@ -30,8 +30,8 @@ pub struct CadComparison {
     pub metrics: CadMetrics,
     /// The pose `cam_from_cad`: from the mesh's frame, scaled, to the camera's, mm.
     pub pose: Isometry3<f64>,
-    /// Signed distance from the mesh of every pixel's point, mm: positive outside, or, where the mesh bounds nothing, on the
-    /// camera's side. NaN where there is no depth, or nothing of the mesh within reach.
+    /// Signed distance from the mesh of every pixel's point, mm: positive outside, or, where the mesh bounds nothing,
+    /// on the camera's side. NaN where there is no depth, or nothing of the mesh within reach.
     pub distances: Vec<f32>,
     /// The mesh as a surface that can be asked for distances.
     pub surface: CadSurface,

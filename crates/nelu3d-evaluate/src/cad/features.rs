@@ -1,5 +1,5 @@
-//! Poses by voting with point pair features: Drost, Ulrich, Navab and Ilic, "Model globally, match locally: efficient and
-//! robust 3D object recognition", CVPR 2010. Made for views from one side, with other things around.
+//! Poses by voting with point pair features: Drost, Ulrich, Navab and Ilic, "Model globally, match locally: efficient
+//! and robust 3D object recognition", CVPR 2010. Made for views from one side, with other things around.
 
 use std::collections::HashMap;
 use std::f64::consts::TAU;
@@ -23,7 +23,8 @@ const PARTNERS: usize = 500;
 /// Quantized feature of a pair of points.
 type Key = [u8; 4];
 
-/// Returns poses `scan_from_model`, most votes first, that differ by more than a tenth of `diagonal` or 15°; at most `n`.
+/// Returns poses `scan_from_model`, most votes first, that differ by more than a tenth of `diagonal` or 15°; at most
+/// `n`.
 pub(super) fn poses(model: &[OrientedPoint], scan: &[OrientedPoint], diagonal: f64, n: usize) -> Vec<Isometry3<f64>> {
     let mut table: HashMap<Key, Vec<(u32, f32)>> = HashMap::new();
     for (i, a) in model.iter().enumerate() {
@@ -75,7 +76,8 @@ fn clustered(found: &[(u32, Isometry3<f64>)], diagonal: f64, n: usize) -> Vec<Is
     groups.into_iter().take(n).map(|g| g.1).collect()
 }
 
-/// Computes the feature of a pair (Section 3.1 of the paper): the distance, and the angles of the two normals against the line between the points, and against each other.
+/// Computes the feature of a pair (Section 3.1 of the paper): the distance, and the angles of the two normals against
+/// the line between the points, and against each other.
 fn key(a: &OrientedPoint, b: &OrientedPoint, diagonal: f64) -> Option<Key> {
     let d = b.point - a.point;
     let length = d.norm();

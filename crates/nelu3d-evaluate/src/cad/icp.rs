@@ -92,7 +92,8 @@ fn step(
     Some((shift * about_center, x.norm()))
 }
 
-/// Returns the cosine of the angle between the mesh's normal and the scan's; without a sign where the mesh has no outside.
+/// Returns the cosine of the angle between the mesh's normal and the scan's; without a sign where the mesh has no
+/// outside.
 pub(super) fn agreement(surface: &CadSurface, cad: &Vector3<f64>, scan: &Vector3<f64>) -> f64 {
     let cos = cad.dot(scan);
     if surface.closed() { cos } else { cos.abs() }

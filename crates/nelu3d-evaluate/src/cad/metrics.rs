@@ -3,7 +3,8 @@
 use crate::ErrorStatistics;
 use crate::stats::ratio;
 
-/// How far a scan is from a mesh. Distances are signed as in [`CadComparison::distances`](super::CadComparison::distances), mm.
+/// How far a scan is from a mesh. Distances are signed as in
+/// [`CadComparison::distances`](super::CadComparison::distances), mm.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct CadMetrics {
     /// Rows of the matrix `cam_from_cad` from the mesh's frame, after scaling, to the camera's, mm.
@@ -22,17 +23,18 @@ pub struct CadMetrics {
     pub n_points: usize,
     /// Fraction of the points that belong to the part.
     pub inliers: f64,
-    /// Fraction of the mesh facing the camera, and not hidden behind what was measured, that the scan has; estimated from
-    /// samples.
+    /// Fraction of the mesh facing the camera, and not hidden behind what was measured, that the scan has; estimated
+    /// from samples.
     pub visible_found: f64,
-    /// Fraction of the mesh facing the camera that lies in front of what was measured, which is impossible; estimated from
-    /// samples.
+    /// Fraction of the mesh facing the camera that lies in front of what was measured, which is impossible; estimated
+    /// from samples.
     pub in_front: f64,
     /// Errors of all points, whatever they belong to.
     pub all: CadErrors,
     /// Errors of the part's points: those within `within_mm`.
     pub part: CadErrors,
-    /// Errors of the part's points without [`BODY_MARGIN_PX`](crate::BODY_MARGIN_PX) pixels next to silhouettes, gaps and depth jumps of the scan.
+    /// Errors of the part's points without [`BODY_MARGIN_PX`](crate::BODY_MARGIN_PX) pixels next to silhouettes, gaps
+    /// and depth jumps of the scan.
     pub body: CadErrors,
 }
 

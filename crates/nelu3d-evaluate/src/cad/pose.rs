@@ -6,8 +6,8 @@ use nalgebra::{Isometry3, Matrix4, Rotation3, Translation3, UnitQuaternion};
 
 use super::CadError;
 
-/// Reads `cam_from_cad`: the key of that name in a JSON file (such as an earlier `alignment.json`), or sixteen numbers, row
-/// by row, separated by spaces, commas or line breaks. Lengths are mm, after any scale.
+/// Reads `cam_from_cad`: the key of that name in a JSON file (such as an earlier `alignment.json`), or sixteen numbers,
+/// row by row, separated by spaces, commas or line breaks. Lengths are mm, after any scale.
 ///
 /// # Errors
 ///

@@ -9,7 +9,8 @@ use super::{CadSurface, ScanMaps};
 /// How well a pose explains a scan, by samples of both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PoseScore {
-    /// Mean over the scan of the distance, cut at the tolerance, in tolerances: 0 if all lies on the mesh, 1 if nothing does.
+    /// Mean over the scan of the distance, cut at the tolerance, in tolerances: 0 if all lies on the mesh, 1 if nothing
+    /// does.
     pub(super) off: f64,
     /// Fraction of the mesh's samples facing the camera that lie in front of what was measured, which is impossible.
     pub(super) in_front: f64,
@@ -78,8 +79,8 @@ pub(super) fn score(
     }
 }
 
-/// Returns the measured depth where a point of the camera's frame is seen; NaN where nothing was measured, `None` outside of the
-/// image.
+/// Returns the measured depth where a point of the camera's frame is seen; NaN where nothing was measured, `None`
+/// outside of the image.
 fn depth_at(scan: &ScanMaps<'_>, p: &Point3<f64>) -> Option<f64> {
     let [u, v] = scan.camera.project(p)?;
     let (x, y) = (u.round(), v.round());

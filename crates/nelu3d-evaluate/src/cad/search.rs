@@ -55,8 +55,8 @@ impl<'a> PoseSearch<'a> {
         candidates.extend(starts::by_moments(&self.model, &scan));
         candidates.extend(starts::all_over(&self.model, &scan, 96, self.seed));
 
-        // Rounds with ever fewer candidates, more points and a finer scale: [candidates kept, points, first and last scale
-        // and tolerance as fractions of the diagonal, iterations].
+        // Rounds with ever fewer candidates, more points and a finer scale: [candidates kept, points, first and last
+        // scale and tolerance as fractions of the diagonal, iterations].
         let rounds =
             [(14, 120, 0.08, 0.02, 0.03, 10), (4, 700, 0.03, 0.006, 0.015, 20), (1, 4000, 0.01, 0.002, 0.01, 30)];
         let fine = thinned(&self.points, diagonal / 100.0, self.seed + 2);
@@ -116,8 +116,8 @@ impl<'a> PoseSearch<'a> {
     }
 }
 
-/// Returns the points without the planes that are larger than any face of a part of this diagonal can be: walls and tables, on which any
-/// flat face would lie well.
+/// Returns the points without the planes that are larger than any face of a part of this diagonal can be: walls and
+/// tables, on which any flat face would lie well.
 fn without_large_planes(points: &[OrientedPoint], diagonal: f64, seed: u64) -> Vec<OrientedPoint> {
     let spacing = diagonal / 22.0;
     let on = |plane: &OrientedPoint, o: &OrientedPoint| {
@@ -128,8 +128,8 @@ fn without_large_planes(points: &[OrientedPoint], diagonal: f64, seed: u64) -> V
         let sparse = thinned(&left, spacing, seed + 4);
         let size = |plane: &OrientedPoint| sparse.iter().filter(|&o| on(plane, o)).count();
         let Some((n, plane)) = sparse.iter().take(60).map(|p| (size(p), *p)).max_by_key(|s| s.0) else { break };
-        // A face no wider than the diagonal has at most π/4 of its square; a slanted plane meets up to 1.8 times as many
-        // cells as its area has squares.
+        // A face no wider than the diagonal has at most π/4 of its square; a slanted plane meets up to 1.8 times as
+        // many cells as its area has squares.
         if n as f64 * spacing * spacing < 1.5 * diagonal * diagonal {
             break;
         }

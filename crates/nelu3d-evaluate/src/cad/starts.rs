@@ -9,8 +9,8 @@ use super::sample::OrientedPoint;
 
 /// Returns the 24 ways to lay the principal axes of `model` on those of `scan`.
 ///
-/// A scan sees one side, so moments are compared with those of the part that faces the camera, which depends on the pose:
-/// centers come from [`centered`], and all axes are tried in all orders.
+/// A scan sees one side, so moments are compared with those of the part that faces the camera, which depends on the
+/// pose: centers come from [`centered`], and all axes are tried in all orders.
 pub(super) fn by_moments(model: &[OrientedPoint], scan: &[OrientedPoint]) -> Vec<Isometry3<f64>> {
     let (ours, theirs) = (axes(model), axes(scan));
     let mut poses = Vec::with_capacity(24);

@@ -30,9 +30,9 @@ struct Border {
     vertices: std::collections::HashSet<u32>,
 }
 
-/// Directions outward at edges and vertices of a closed mesh, of any length: whether a point is inside is told by that of
-/// the edge or vertex that is closest to it (Bærentzen and Aanæs, Signed distance computation using the angle weighted
-/// pseudonormal, 2005).
+/// Directions outward at edges and vertices of a closed mesh, of any length: whether a point is inside is told by that
+/// of the edge or vertex that is closest to it (Bærentzen and Aanæs, Signed distance computation using the angle
+/// weighted pseudonormal, 2005).
 #[derive(Default)]
 struct PseudoNormals {
     edges: HashMap<(u32, u32), Vector3<f64>>,
@@ -48,13 +48,14 @@ pub struct ClosestPoint {
     pub normal: Vector3<f64>,
     /// Distance, mm; negative inside of a closed mesh, never negative on an open one.
     pub distance: f64,
-    /// Whether it lies on the border of an open mesh: the surface ends there, so that this says nothing about its error.
+    /// Whether it lies on the border of an open mesh: the surface ends there, so that this says nothing about its
+    /// error.
     pub on_border: bool,
 }
 
 impl CadSurface {
-    /// Builds the surface. Vertices at equal places are merged, triangles without area dropped, and a closed mesh that is
-    /// inside out is turned. `None` when no triangle is left.
+    /// Builds the surface. Vertices at equal places are merged, triangles without area dropped, and a closed mesh that
+    /// is inside out is turned. `None` when no triangle is left.
     pub fn new(mesh: &Mesh, scale: f64) -> Option<Self> {
         let mut number: HashMap<[u32; 3], u32> = HashMap::with_capacity(mesh.vertices.len());
         let mut vertices: Vec<Point3<f64>> = Vec::new();

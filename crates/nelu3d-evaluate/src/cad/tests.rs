@@ -53,8 +53,8 @@ fn ball(radius: impl Fn(&Vector3<f64>) -> f64) -> Mesh {
     mesh
 }
 
-/// A prism over a polygon in x and y (counter-clockwise, star-shaped from its first corner), from z = 0 to the height of each
-/// corner: all faces are planes or nearly so, and no two sides are alike.
+/// A prism over a polygon in x and y (counter-clockwise, star-shaped from its first corner), from z = 0 to the height
+/// of each corner: all faces are planes or nearly so, and no two sides are alike.
 fn bracket() -> Mesh {
     let outline = [[0.0, 0.0], [70.0, 0.0], [70.0, 14.0], [18.0, 14.0], [12.0, 50.0], [0.0, 50.0]];
     let heights = [30.0, 18.0, 18.0, 30.0, 30.0, 30.0];
@@ -148,7 +148,8 @@ fn any_pose_of_a_part_is_found_from_one_view() {
             println!("{name} {seed}: {shift:.4} mm, {turn:.4}°, {:?}", m.part.distance_mm);
             assert!(shift < 0.1 && turn < 0.1, "{name} {seed}: {shift} mm, {turn}°\n{m}");
             assert!(m.inliers > 0.99 && m.visible_found > 0.97 && m.in_front < 0.02, "{name} {seed}\n{m}");
-            // Noise along z is shorter along the normal: at most what was added, and most of it where the view is straight.
+            // Noise along z is shorter along the normal: at most what was added, and most of it where the view is
+            // straight.
             assert!((0.02..0.051).contains(&m.body.distance_mm.rmse), "{name} {seed}\n{m}");
             assert!(m.body.distance_mm.bias.abs() < 0.005, "{name} {seed}\n{m}");
         }
@@ -249,8 +250,8 @@ fn distances_are_signed_at_faces_edges_and_corners() {
         cube.faces.iter_mut().for_each(|f| f.swap(0, 1));
     }
 
-    // Without its lid it has no inside: what faces the camera at the origin is the positive side, and what lies beyond the
-    // border says nothing.
+    // Without its lid it has no inside: what faces the camera at the origin is the positive side, and what lies beyond
+    // the border says nothing.
     cube.faces = vec![[4, 5, 6], [5, 7, 6]];
     let surface = CadSurface::new(&cube, 1.0).unwrap();
     assert!(!surface.closed());

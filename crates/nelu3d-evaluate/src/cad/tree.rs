@@ -142,8 +142,8 @@ impl TriangleTree {
     }
 }
 
-/// Returns the closest point of a triangle, by the Voronoi region of the part that it lies on (Ericson, Real-Time Collision
-/// Detection, 2005, §5.1.5).
+/// Returns the closest point of a triangle, by the Voronoi region of the part that it lies on (Ericson, Real-Time
+/// Collision Detection, 2005, §5.1.5).
 fn closest_of_triangle(p: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> (Point3<f64>, Feature) {
     let (ab, ac) = (b - a, c - a);
     let from_a = p - a;

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::effort::EffortSettings;
 use super::neural::TrainingRecord;
 use super::options::ReconstructionOptions;
 use super::settings::FastSettings;
@@ -66,6 +67,8 @@ pub enum RecipeDiagnostics {
 /// What recipe `fast` puts on record.
 #[derive(Clone, Debug, Serialize)]
 pub struct FastDiagnostics {
+    /// How much work was put in.
+    pub effort: EffortSettings,
     /// Every number that the recipe used.
     pub fast: FastSettings,
     /// Where the initial surface came from.

@@ -127,8 +127,8 @@ fn write(
     Ok(ExitCode::SUCCESS)
 }
 
-/// Makes the patterns along the axes that were asked for, with one line of each of their images: the whole of large sets
-/// would not fit into memory.
+/// Makes the patterns along the axes that were asked for, with one line of each of their images: the whole of large
+/// sets would not fit into memory.
 fn generate(pattern: &Pattern, sheet: &PatternImageArgs) -> Result<(Vec<Pattern>, PatternImages)> {
     let axes: &[Axis] = match sheet.axis {
         AxisChoice::X => &[Axis::X],

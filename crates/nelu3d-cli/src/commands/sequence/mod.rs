@@ -1,8 +1,8 @@
 //! `nelu3d sequence`: a folder of frames becomes a moving surface.
 //!
-//! Every frame is a result folder that appears whole or not at all, so the folder itself says how far the work is: after a
-//! kill, a crash or a power cut the same command goes on where it stopped, and several machines can work on parts of one
-//! sequence in one shared folder without talking to each other.
+//! Every frame is a result folder that appears whole or not at all, so the folder itself says how far the work is:
+//! after a kill, a crash or a power cut the same command goes on where it stopped, and several machines can work on
+//! parts of one sequence in one shared folder without talking to each other.
 
 mod folder;
 mod frame_table;

@@ -43,8 +43,8 @@ pub(super) fn write(folder: &SequenceFolder, frames: &[Shot], fps: f64) -> Resul
     Ok(table)
 }
 
-/// Puts the frames' meshes into one folder, as programs that open numbered files want them: as links to the files in the
-/// frames' folders where the file system has links.
+/// Puts the frames' meshes into one folder, as programs that open numbered files want them: as links to the files in
+/// the frames' folders where the file system has links.
 fn meshes(folder: &SequenceFolder, frames: &[&Shot]) -> Result<()> {
     let dir = folder.root().join(MESHES);
     create_dir(&dir)?;

@@ -86,7 +86,8 @@ impl SequenceRun<'_> {
                 let state = before.take().filter(|(frame, _)| frame + 1 == i).map(|(_, state)| state);
                 let begun = early.take();
                 let own = if begun.is_none() { Some(receive(i, &read)?) } else { None };
-                // A keyframe needs nothing of the frame before it: its cost volume is on the device while that one is refined here.
+                // A keyframe needs nothing of the frame before it: its cost volume is on the device while that one is
+                // refined here.
                 if let Some(&next) = todo.get(done + 1).filter(|next| on_device && self.plan.is_key(**next)) {
                     let frame = receive(next, &read)?;
                     early = Some(scope.spawn(move || self.compute(next, None, frame, progress)));

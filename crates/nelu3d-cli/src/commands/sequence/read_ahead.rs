@@ -1,8 +1,8 @@
 //! Frames that are read while the one before is computed, with the motion between their white images.
 //!
-//! Each image is read and decoded once, though a white image serves three frames: its own and both neighbors'. Errors wait
-//! for the turn of the frame they belong to. One frame waits ready, and of the one after it the white image is read: no
-//! more is ever held.
+//! Each image is read and decoded once, though a white image serves three frames: its own and both neighbors'. Errors
+//! wait for the turn of the frame they belong to. One frame waits ready, and of the one after it the white image is
+//! read: no more is ever held.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::SyncSender;
@@ -50,8 +50,8 @@ pub(super) struct ReadWhite<'a> {
 }
 
 impl<'a> ReadAhead<'a> {
-    /// Reads the frames of these rising numbers, and hands each over with its number. It ends early when the receiver is
-    /// dropped or the user stops the work.
+    /// Reads the frames of these rising numbers, and hands each over with its number. It ends early when the receiver
+    /// is dropped or the user stops the work.
     pub(super) fn run(mut self, todo: &[usize], to: &SyncSender<(usize, Result<ReadFrame>)>, progress: &Progress) {
         for (n, &i) in todo.iter().enumerate() {
             let frame = self.frame(i, progress);
@@ -139,7 +139,8 @@ mod tests {
         write_gray8(path, w, h, &data).unwrap();
     }
 
-    /// Six frames of 40 × 30 px; the second has no white image, the fourth a pattern of another depth, the fifth a black image.
+    /// Six frames of 40 × 30 px; the second has no white image, the fourth a pattern of another depth, the fifth a
+    /// black image.
     fn rig(root: &Path) -> Rig {
         let toml = "format = 1\n[camera]\nchannels = \"mono\"\nblack_level = 0\nsaturation = 255\n[[pattern_sets]]\n\
                     name = \"a\"\nimages = [\"a0.png\", \"a1.png\"]\n";

@@ -1,5 +1,5 @@
-//! The job array that computes a sequence on a cluster. Slurm schedules; every task is the command itself with a part of
-//! the frames.
+//! The job array that computes a sequence on a cluster. Slurm schedules; every task is the command itself with a part
+//! of the frames.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -35,8 +35,8 @@ pub(super) fn write(
     Ok(ExitCode::SUCCESS)
 }
 
-/// Returns the command of one task, without its part: what was typed, with paths that hold on every machine that sees the
-/// same disk.
+/// Returns the command of one task, without its part: what was typed, with paths that hold on every machine that sees
+/// the same disk.
 fn command(args: &SequenceArgs, output: &Path) -> Result<String> {
     let program = std::env::current_exe().context("cannot tell where this program is")?;
     let here = std::env::current_dir().context("cannot tell the current folder")?;

@@ -47,7 +47,8 @@ pub(super) fn section(
     if html.is_empty() { html } else { page::section("Curves", &format!("<div class=grid>{html}</div>")) }
 }
 
-/// Finds the losses on record: a list of numbers, one an iteration, or of records that have an `iteration` and several losses.
+/// Finds the losses on record: a list of numbers, one an iteration, or of records that have an `iteration` and several
+/// losses.
 fn losses(method: &Value) -> Vec<ChartSeries> {
     let line = |label: &str, points: Vec<[f64; 2]>| ChartSeries {
         label: label.to_owned(),
