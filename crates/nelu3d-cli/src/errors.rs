@@ -50,11 +50,11 @@ fn option(setting: &str) -> String {
 /// Returns what to type about an error, if that helps, after the word of it that tells whether a message has it
 /// already.
 fn hint(error: &(dyn Error + 'static)) -> Option<(&'static str, String)> {
-    if error.is::<FieldMismatch>() {
-        return Some(("nelu3d calibrate", NEW_FIELD.into()));
+    if let Some(mismatch) = error.downcast_ref() {
+        return mismatch_hint(mismatch);
     }
     match error.downcast_ref() {
-        Some(ReconstructionError::Mismatch(_)) => return Some(("nelu3d calibrate", NEW_FIELD.into())),
+        Some(ReconstructionError::Mismatch(mismatch)) => return mismatch_hint(mismatch),
         Some(ReconstructionError::Nothing { reason, .. }) if reason.contains("diverged") => {
             return Some(("--seed", "try another --seed or --start".into()));
         }
@@ -81,6 +81,11 @@ fn hint(error: &(dyn Error + 'static)) -> Option<(&'static str, String)> {
         }
         _ => None,
     }
+}
+
+/// A pattern that was taken differently in the sweep needs another capture; everything else another field.
+fn mismatch_hint(mismatch: &FieldMismatch) -> Option<(&'static str, String)> {
+    (mismatch.what != "the image").then(|| ("nelu3d calibrate", NEW_FIELD.into()))
 }
 
 fn calibration_hint(error: &CalibrationError) -> Option<(&'static str, String)> {

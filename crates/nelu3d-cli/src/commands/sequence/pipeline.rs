@@ -20,6 +20,7 @@ use super::folder::SequenceFolder;
 use super::read_ahead::{ReadAhead, ReadFrame};
 use crate::args::SequenceArgs;
 use crate::context::CommandContext;
+use crate::errors::sentence;
 
 /// Everything that stays the same from frame to frame.
 pub(super) struct SequenceRun<'a> {
@@ -127,7 +128,7 @@ impl SequenceRun<'_> {
         let Err(e) = outcome else { return Ok(()) };
         // Ctrl-C is not the frame's fault; a full disk is, but also that of every other frame.
         context.stop_if_asked()?;
-        let (frame, why) = (&self.frames[frame], format!("{e:#}"));
+        let (frame, why) = (&self.frames[frame], sentence(&e));
         context.progress.warn(format!("frame {}: {why}", frame.name));
         self.folder.note_failure(frame, &why)?;
         failed.push((frame.name.clone(), why));
