@@ -6,8 +6,8 @@
 //!
 //! Runs `nelu3d reconstruct --trace` with every effort and seeds 0, 1, 2, and writes OUT/curves.csv (every point),
 //! OUT/table.md (one line per scene and effort) and OUT/time-to-error.svg. The program must have been built
-//! (`cargo build --release`). FIELD is the color field of the rig: calibration is no part of the curves. Runs that OUT already holds
-//! are not repeated.
+//! (`cargo build --release`). FIELD is the color field of the rig: calibration is no part of the curves. Runs that OUT
+//! already holds are not repeated.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -1,15 +1,19 @@
 //! The program `nelu3d`: scan with a camera and any light source that throws a pattern.
 //!
 //! The path through it: [`args`] is what was typed, each module of [`commands`] turns its part into what it means and
-//! runs the library, [`console`] is everything a person sees meanwhile. What a machine wants to read is one JSON value
-//! on standard output (`--json`); everything else goes to standard error, except the answer a person asked for.
+//! runs the library, [`console`] is everything a person sees meanwhile, [`errors`] what they read when it fails. What a
+//! machine reads is one JSON value on standard output (`--json`); everything else goes to standard error, except the
+//! answer a person asked for.
 //!
 //! Exit codes: 0 done, 1 failed or stopped by Ctrl-C, 2 wrong usage.
 
 mod args;
 mod commands;
 mod console;
+mod context;
+mod errors;
 mod experiment;
+mod paths;
 mod report;
 
 use std::process::ExitCode;
@@ -20,8 +24,8 @@ use anyhow::Context as _;
 use clap::Parser;
 
 use args::{Args, Command};
-use commands::Context;
 use console::Console;
+use context::CommandContext;
 
 fn main() -> ExitCode {
     // Wrong usage ends here, with clap's explanation and exit code 2.
@@ -39,19 +43,20 @@ fn main() -> ExitCode {
             if cancel.load(Ordering::Relaxed) {
                 eprintln!("nelu3d: stopped; nothing half written was left behind");
             } else {
-                eprintln!("nelu3d: {}", sentence(&e));
+                eprintln!("nelu3d: {}", errors::sentence(&e));
             }
             ExitCode::FAILURE
         }
     }
 }
 
+/// Runs the command that was typed.
 fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::Result<ExitCode> {
     stop_on_ctrl_c(cancel.clone()).context("cannot listen for Ctrl-C")?;
     if let Some(n) = args.global.threads {
         rayon::ThreadPoolBuilder::new().num_threads(n.get()).build_global().context("cannot start the threads")?;
     }
-    let context = Context::new(console.clone(), cancel.clone(), args.global.json);
+    let context = CommandContext::new(console.clone(), cancel.clone(), args.global.json);
     match args.command {
         Command::Demo(a) => commands::demo::run(a, &context),
         Command::Simulate(a) => commands::simulate::run(a, &context),
@@ -71,7 +76,7 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
     }
 }
 
-/// The first Ctrl-C asks the work to stop at its next chance, the second ends the program on the spot.
+/// Listens for Ctrl-C: the first asks the work to stop at its next chance, the second ends the program on the spot.
 fn stop_on_ctrl_c(cancel: Arc<AtomicBool>) -> Result<(), ctrlc::Error> {
     ctrlc::set_handler(move || {
         if cancel.swap(true, Ordering::Relaxed) {
@@ -80,40 +85,4 @@ fn stop_on_ctrl_c(cancel: Arc<AtomicBool>) -> Result<(), ctrlc::Error> {
         }
         eprintln!("\nstopping (Ctrl-C again to stop at once)");
     })
-}
-
-/// An error and its causes as one sentence, in one line. A cause that the sentence already says is not repeated.
-fn sentence(error: &anyhow::Error) -> String {
-    let mut text = String::new();
-    for cause in error.chain().map(|e| one_line(&e.to_string())) {
-        if !text.contains(&cause) {
-            if !text.is_empty() {
-                text.push_str(": ");
-            }
-            text.push_str(&cause);
-        }
-    }
-    text
-}
-
-/// The text without line breaks and other control characters, which file names and parsers' messages may bring in.
-fn one_line(text: &str) -> String {
-    text.split(char::is_control).map(str::trim).filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn causes_are_said_once() {
-        let e = anyhow::anyhow!("no such file").context("a.png: no such file").context("cannot read the scene");
-        assert_eq!(sentence(&e), "cannot read the scene: a.png: no such file");
-    }
-
-    #[test]
-    fn a_sentence_is_one_line() {
-        let e = anyhow::anyhow!("line 3:\n  | x = \r\n  |   ^ odd\n").context("\x1b[31mrig.toml");
-        assert_eq!(sentence(&e), "[31mrig.toml: line 3: | x = |   ^ odd");
-    }
 }

@@ -1,4 +1,5 @@
-//! The accuracy of the main path, from a virtual rig to a surface, with the default settings: what nobody may lose unseen.
+//! The accuracy of the main path, from a virtual rig to a surface, with the default settings: what nobody may lose
+//! unseen.
 //!
 //! Bounds lie a fifth above what was measured when they were set; whoever makes the method better lowers them.
 

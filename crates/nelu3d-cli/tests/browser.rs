@@ -44,7 +44,8 @@ fn judge(chromium: &Path, page: &Path) {
     for outside in ["http://", "https://", "src=\"/", "<link", "@import", "url("] {
         assert!(!html.contains(outside), "{} asks for something else: {outside}", page.display());
     }
-    // Headless windows may be wider than asked for, so a frame of exactly 390 px holds the page; it says how wide it became.
+    // Headless windows may be wider than asked for, so a frame of exactly 390 px holds the page; it says how wide it
+    // became.
     let measured = page.with_file_name("framed.html");
     let measure = "<script>addEventListener('load',()=>document.documentElement.dataset.width=\
                    document.body.scrollWidth)</script></body>";

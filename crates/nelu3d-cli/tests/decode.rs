@@ -13,7 +13,8 @@ use serde_json::Value;
 
 use common::{nelu3d, simulated, stderr};
 
-/// The rig, made once for all tests; removed when the process ends by the system's own cleaning of its temporary folder.
+/// The rig, made once for all tests; removed when the process ends by the system's own cleaning of its temporary
+/// folder.
 fn rig() -> &'static Path {
     static RIG: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     &RIG.get_or_init(|| simulated(&spec())).1
@@ -62,9 +63,9 @@ fn decode(set: &str, method: &str, more: &[&str]) -> Value {
     serde_json::from_slice::<Value>(&done.stdout).unwrap()["summary"].take()
 }
 
-/// One projector column is 2.1 mm of depth here. Twelve bits are 0.0003 of full scale; what is left is the projector's eight
-/// bits (0.001 of a sinusoid, 0.01 px of a period of 20), and for Gray code how straight an edge is between two pixels. Pixels
-/// of the ball's body only: at its rim a pixel sees a piece of surface that is far from flat.
+/// One projector column is 2.1 mm of depth here. Twelve bits are 0.0003 of full scale; what is left is the projector's
+/// eight bits (0.001 of a sinusoid, 0.01 px of a period of 20), and for Gray code how straight an edge is between two
+/// pixels. Pixels of the ball's body only: at its rim a pixel sees a piece of surface that is far from flat.
 #[test]
 fn every_method_meets_its_noise_floor() {
     let limits_mm = [

@@ -106,8 +106,8 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The rig as simulated and calibrated, made once for all tests. A static value is never dropped, so the folders of earlier
-/// runs are removed here.
+/// The rig as simulated and calibrated, made once for all tests. A static value is never dropped, so the folders of
+/// earlier runs are removed here.
 fn template() -> &'static Path {
     static TEMPLATE: OnceLock<tempfile::TempDir> = OnceLock::new();
     let dir = TEMPLATE.get_or_init(|| {

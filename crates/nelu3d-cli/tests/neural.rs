@@ -1,5 +1,6 @@
-//! The methods that train a signed distance field from scratch, on a small virtual rig without sensor noise: recipe `paper` and
-//! TurboSL. Few iterations, so these tests say that everything is wired up and converges, not how good it gets.
+//! The methods that train a signed distance field from scratch, on a small virtual rig without sensor noise: recipe
+//! `paper` and TurboSL. Few iterations, so these tests say that everything is wired up and converges, not how good it
+//! gets.
 
 mod common;
 

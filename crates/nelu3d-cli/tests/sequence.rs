@@ -1,5 +1,5 @@
-//! `nelu3d sequence` on a thrown ball under color film: what it finds, that a kill at any moment changes nothing, that parts make the
-//! whole, and that a bad frame stays its own problem.
+//! `nelu3d sequence` on a thrown ball under color film: what it finds, that a kill at any moment changes nothing, that
+//! parts make the whole, and that a bad frame stays its own problem.
 
 mod common;
 

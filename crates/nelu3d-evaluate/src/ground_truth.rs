@@ -1,4 +1,4 @@
-//! The truth of a scene.
+//! The ground truth of a scene.
 
 use std::path::{Path, PathBuf};
 
@@ -6,45 +6,45 @@ use nelu3d_scan::Camera;
 use nelu3d_scan::image::{Channels, ImageFileError, decode};
 use nelu3d_scan::npy::{self, NpyError};
 
-/// What the scene really is: the content of a `truth/` folder. Maps are `height × width`, row by row.
+/// The ground truth of a scene, as a `truth/` folder has it. Maps are `height × width`, row by row.
 #[derive(Clone, Debug)]
 pub struct GroundTruth {
     /// Width of the maps, pixels.
     pub width: usize,
     /// Height of the maps, pixels.
     pub height: usize,
-    /// Camera z of the first surface, mm; NaN where there is none.
+    /// Depth (camera z) of the first surface, mm; NaN where there is none.
     pub depth: Vec<f32>,
-    /// Where depth is finite and the light source sees the point.
+    /// Whether the depth is finite and the light source reaches the point.
     pub mask: Vec<bool>,
 }
 
-/// A truth folder that cannot be used.
+/// Ground truth that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum GroundTruthError {
-    /// No truth here.
-    #[error("{}: is no truth folder: it has no {missing}; give a folder with depth.npy and mask.png", path.display())]
-    NotATruth {
+    /// The folder holds no ground truth.
+    #[error("{}: is no ground truth: it has no {missing}; give a folder with depth.npy and mask.png", path.display())]
+    NotGroundTruth {
         /// The path given.
         path: PathBuf,
         /// The file it lacks.
         missing: &'static str,
     },
-    /// depth.npy.
+    /// `depth.npy` cannot be read.
     #[error(transparent)]
     Array(#[from] NpyError),
-    /// mask.png.
+    /// `mask.png` cannot be read.
     #[error(transparent)]
     Image(#[from] ImageFileError),
-    /// depth.npy has another size than the camera's images.
+    /// `depth.npy` has another size than the camera's images.
     #[error(
-        "{}: has shape {found:?}, but the camera has {height} rows of {width} pixels; give the truth of this camera",
+        "{}: has shape {found:?}, but the camera has {height} rows of {width} pixels; give the ground truth of this camera",
         path.display()
     )]
     Shape {
-        /// The file.
+        /// The file that has it.
         path: PathBuf,
-        /// Its shape.
+        /// Its shape, rows first.
         found: Vec<usize>,
         /// Width of the camera's images.
         width: usize,
@@ -54,7 +54,7 @@ pub enum GroundTruthError {
 }
 
 impl GroundTruth {
-    /// Reads a truth folder: `depth.npy`, `mask.png`. A pixel of the mask whose depth is not finite is not counted.
+    /// Reads `depth.npy` and `mask.png` of a folder. A pixel of the mask whose depth is not finite is not counted.
     ///
     /// # Errors
     ///
@@ -62,7 +62,7 @@ impl GroundTruth {
     pub fn read(dir: &Path, camera: &Camera) -> Result<Self, GroundTruthError> {
         for missing in ["depth.npy", "mask.png"] {
             if !dir.join(missing).is_file() {
-                return Err(GroundTruthError::NotATruth { path: dir.to_owned(), missing });
+                return Err(GroundTruthError::NotGroundTruth { path: dir.to_owned(), missing });
             }
         }
         let (width, height) = (camera.width, camera.height);
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_truth_folder_is_read_and_its_faults_are_named() {
+    fn a_folder_of_ground_truth_is_read_and_its_faults_are_named() {
         let dir = tempfile::tempdir().unwrap();
         let camera = Camera::pinhole(3, 2, 10.0, 10.0, 1.0, 0.5);
         let read = || GroundTruth::read(dir.path(), &camera);

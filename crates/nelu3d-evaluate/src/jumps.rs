@@ -1,18 +1,18 @@
 //! Where a depth map jumps from one surface to another.
 
-/// A step counts as a jump when it exceeds this many times the local slope ...
+/// Factor of the local slope in the smallest step that counts as a jump.
 const SLOPE_FACTOR: f32 = 3.0;
-/// ... plus this many times the width of a pixel on the surface.
+/// Factor of the width of a pixel on the surface in the smallest step that counts as a jump.
 const FOOTPRINT_FACTOR: f32 = 2.0;
-/// Steps looked at on either side for the local slope.
+/// Number of steps on either side that the local slope is estimated from.
 const REACH: usize = 3;
 
 /// Marks both pixels of every horizontal or vertical neighbor pair whose depths lie on different surfaces.
 ///
 /// No fixed threshold in mm would serve both a plate seen at 80° and the rim of a cup: the step between two neighbors
 /// is held against the slope of the surfaces it would join, `3 · max(s_before, s_after) + 2 z/f`, with `s` the median
-/// absolute step among the three pairs on that side (a median, so that a second jump nearby does not hide the first) and
-/// `z/f` the width of one pixel at that depth. Depth that is not finite makes no jump: it is a silhouette.
+/// absolute step among the three pairs on that side (a median, so that a second jump nearby does not hide the first)
+/// and `z/f` the width of one pixel at that depth. Depth that is not finite makes no jump: it is a silhouette.
 ///
 /// `depth` is `height × width`, mm; `focal_px` the focal length. Returns `height × width`.
 pub fn depth_jumps(depth: &[f32], width: usize, height: usize, focal_px: f64) -> Vec<bool> {
@@ -28,7 +28,7 @@ pub fn depth_jumps(depth: &[f32], width: usize, height: usize, focal_px: f64) ->
     jumps
 }
 
-/// The same along one row or column: `n` pixels from `start`, `stride` apart.
+/// Marks the jumps along one row or column: `n` pixels from `start`, `stride` apart.
 fn mark_line(depth: &[f32], start: usize, stride: usize, n: usize, footprint_per_mm: f32, jumps: &mut [bool]) {
     let steps: Vec<f32> = (1..n).map(|k| (depth[start + k * stride] - depth[start + (k - 1) * stride]).abs()).collect();
     for (k, &step) in steps.iter().enumerate() {
@@ -43,7 +43,7 @@ fn mark_line(depth: &[f32], start: usize, stride: usize, n: usize, footprint_per
     }
 }
 
-/// Median of up to three steps, the lower of two; 0 when none is finite.
+/// Returns the median of up to three steps, the lower of two; 0 when none is finite.
 fn median_step(steps: &[f32]) -> f32 {
     let mut finite = [0.0; REACH];
     let mut n = 0;

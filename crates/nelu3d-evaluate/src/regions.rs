@@ -1,33 +1,38 @@
-//! The parts of a scene that are judged apart.
+//! The parts of a scene that are evaluated separately.
 
 use nalgebra::Vector3;
 use nelu3d_scan::Camera;
 use rayon::prelude::*;
 
-use super::{GroundTruth, depth_jumps};
+use crate::{GroundTruth, depth_jumps};
 
-/// Pixels next to a silhouette, a shadow border or a depth jump that do not count as body (Chebyshev distance).
+/// Distance (Chebyshev) from a silhouette, a shadow border or a depth jump within which pixels do not count as body,
+/// px.
 pub const BODY_MARGIN_PX: usize = 3;
 
-/// A surface whose normal makes a larger angle with the viewing ray is seen at a grazing angle.
+/// Angle between normal and viewing ray above which a surface is seen at a grazing angle, degrees.
 pub const GRAZING_DEG: f64 = 70.0;
 
-/// The parts of a scene, `height × width` each.
+/// The regions of a scene that errors are measured in, `height × width` each.
 #[derive(Clone, Debug)]
 pub struct Regions {
-    /// The mask without [`BODY_MARGIN_PX`] pixels next to silhouettes, shadow borders and depth jumps. The border of
-    /// the image is no silhouette.
+    /// Pixels of the mask without [`BODY_MARGIN_PX`] pixels next to silhouettes, shadow borders and depth jumps. The
+    /// border of the image is no silhouette.
     pub body: Vec<bool>,
-    /// The mask's pixels that are seen at more than [`GRAZING_DEG`].
+    /// Pixels of the mask that are seen at more than [`GRAZING_DEG`].
     pub grazing: Vec<bool>,
-    /// Unit normals of the truth, facing the camera; NaN where there is none.
+    /// Unit normals of the ground truth, facing the camera; NaN where there is none.
     pub normals: Vec<[f32; 3]>,
 }
 
 impl GroundTruth {
-    /// The regions to judge a result by.
+    /// Divides the scene into the regions that a result is evaluated in.
+    ///
+    /// # Panics
+    ///
+    /// Panics when the camera has another size than the ground truth.
     pub fn regions(&self, camera: &Camera) -> Regions {
-        assert_eq!((camera.width, camera.height), (self.width, self.height), "camera and truth differ in size");
+        assert_eq!((camera.width, camera.height), (self.width, self.height), "camera and ground truth differ in size");
         let jumps = depth_jumps(&self.depth, self.width, self.height, camera.fx.min(camera.fy));
         let outside: Vec<bool> = self.mask.iter().map(|m| !m).collect();
         let near_outside = dilate(&outside, self.width, self.height, BODY_MARGIN_PX);
@@ -48,8 +53,9 @@ impl GroundTruth {
     }
 }
 
-/// Unit normals of a depth map, facing the camera: the cross product of its tangents along rows and columns, central
-/// differences where both neighbors are on the same surface, one-sided elsewhere; NaN where a tangent cannot be had.
+/// Computes the unit normals of a depth map, facing the camera: the cross product of its tangents along rows and
+/// columns, central differences where both neighbors are on the same surface, one-sided elsewhere; NaN where a tangent
+/// cannot be had.
 ///
 /// `depth` is `height × width` of `camera`, mm; `jumps` as [`depth_jumps`] gives them.
 pub fn normals_from_depth(depth: &[f32], camera: &Camera, jumps: &[bool]) -> Vec<[f32; 3]> {
@@ -84,7 +90,7 @@ pub fn normals_from_depth(depth: &[f32], camera: &Camera, jumps: &[bool]) -> Vec
     (0..depth.len()).into_par_iter().map(|i| normal(i).unwrap_or([f32::NAN; 3])).collect()
 }
 
-/// Whether a marked pixel lies within `radius` (Chebyshev), separably.
+/// Returns whether a marked pixel lies within `radius` (Chebyshev), separably.
 fn dilate(marked: &[bool], width: usize, height: usize, radius: usize) -> Vec<bool> {
     let mut rows = vec![false; marked.len()];
     for y in 0..height {

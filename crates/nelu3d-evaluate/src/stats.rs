@@ -2,9 +2,9 @@
 
 use nelu3d_scan::statistics::percentile;
 
-/// Statistics of signed errors (ours − truth), in the unit of the errors. NaN when there are none.
+/// Statistics of signed errors (result − ground truth), in the unit of the errors; NaN when there are none.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Errors {
+pub struct ErrorStatistics {
     /// Mean absolute error.
     pub mae: f64,
     /// Median absolute error.
@@ -17,8 +17,8 @@ pub struct Errors {
     pub bias: f64,
 }
 
-impl Errors {
-    /// Statistics of finite signed errors.
+impl ErrorStatistics {
+    /// Computes the statistics of finite signed errors.
     pub fn of(errors: Vec<f64>) -> Self {
         let n = errors.len() as f64;
         let mean = |f: &dyn Fn(f64) -> f64| errors.iter().map(|&e| f(e)).sum::<f64>() / n;
@@ -26,4 +26,9 @@ impl Errors {
         let mut magnitudes: Vec<f64> = errors.iter().map(|e| e.abs()).collect();
         Self { mae, median: percentile(&mut magnitudes, 50.0), rmse, p95: percentile(&mut magnitudes, 95.0), bias }
     }
+}
+
+/// Returns `a / b`; NaN when `b` is zero.
+pub(crate) fn ratio(a: usize, b: usize) -> f64 {
+    if b == 0 { f64::NAN } else { a as f64 / b as f64 }
 }

@@ -2,18 +2,15 @@
 
 use std::fmt;
 
-use super::{Comparison, Metrics, RegionMetrics};
+use crate::{Comparison, Metrics, RegionMetrics};
 
 impl Metrics {
-    /// The regions with their names, in the order they are shown in.
+    /// Returns the regions with their names, in the order they are shown in.
     pub fn regions(&self) -> [(&'static str, &RegionMetrics); 3] {
         [("whole", &self.whole), ("body", &self.body), ("grazing", &self.grazing)]
     }
-}
 
-/// Headings and one row of cells per region.
-impl Metrics {
-    /// Column headings of [`Self::rows`].
+    /// Returns the column headings of [`Self::rows`].
     pub fn headings(&self) -> Vec<&'static str> {
         let mut headings =
             vec!["region", "pixels", "coverage", "MAE mm", "median", "RMSE", "p95", "bias", "<0.5 mm", "<1 mm"];
@@ -31,7 +28,7 @@ impl Metrics {
         headings
     }
 
-    /// One row of cells per region; a dash where no pixel gave a number.
+    /// Returns one row of cells per region; a dash where no pixel gave a number.
     pub fn rows(&self) -> Vec<Vec<String>> {
         self.regions().into_iter().map(|(name, r)| row(name, r)).collect()
     }
@@ -55,8 +52,8 @@ fn row(name: &str, r: &RegionMetrics) -> Vec<String> {
     cells
 }
 
-/// Lines of a table whose columns are aligned: the first to the left, the others to the right.
-pub(super) fn aligned(headings: &[&str], rows: &[Vec<String>]) -> String {
+/// Returns the lines of a table whose columns are aligned: the first to the left, the others to the right.
+pub(crate) fn aligned(headings: &[&str], rows: &[Vec<String>]) -> String {
     let mut lines = vec![headings.iter().map(|&h| h.to_owned()).collect::<Vec<_>>()];
     lines.extend_from_slice(rows);
     let width = |c: usize| lines.iter().map(|l| l[c].chars().count()).max().unwrap_or(0);
@@ -69,15 +66,15 @@ pub(super) fn aligned(headings: &[&str], rows: &[Vec<String>]) -> String {
     })
 }
 
-pub(super) fn signed(v: f64, digits: usize) -> String {
+pub(crate) fn signed(v: f64, digits: usize) -> String {
     if v.is_finite() { format!("{v:+.digits$}") } else { "–".to_owned() }
 }
 
-pub(super) fn number(v: f64, digits: usize) -> String {
+pub(crate) fn number(v: f64, digits: usize) -> String {
     if v.is_finite() { format!("{v:.digits$}") } else { "–".to_owned() }
 }
 
-pub(super) fn percent(v: f64) -> String {
+pub(crate) fn percent(v: f64) -> String {
     if v.is_finite() { format!("{:.1} %", 100.0 * v) } else { "–".to_owned() }
 }
 
@@ -87,7 +84,7 @@ impl fmt::Display for Metrics {
         if self.n_outside_mask > 0 {
             writeln!(
                 f,
-                "{} pixels have a depth where the truth has none, or where the light cannot reach",
+                "{} pixels have a depth where the ground truth has none, or where the light cannot reach",
                 self.n_outside_mask
             )?;
         }
@@ -98,9 +95,9 @@ impl fmt::Display for Metrics {
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let d = &self.depth_mm;
-        writeln!(f, "pixels both have    {}", self.n)?;
-        writeln!(f, "only the first has  {}", self.n_only_first)?;
-        writeln!(f, "only the second has {}", self.n_only_second)?;
+        writeln!(f, "valid in both       {}", self.n)?;
+        writeln!(f, "only in the first   {}", self.n_only_first)?;
+        writeln!(f, "only in the second  {}", self.n_only_second)?;
         writeln!(f, "mean |difference|   {} mm", number(d.mae, 3))?;
         writeln!(f, "median              {} mm", number(d.median, 3))?;
         writeln!(f, "RMS                 {} mm", number(d.rmse, 3))?;

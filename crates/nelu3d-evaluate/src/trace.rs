@@ -3,27 +3,28 @@
 use std::time::{Duration, Instant};
 
 use cpu_time::ProcessTime;
-use nelu3d_scan::{Camera, Projector};
-
-use super::{EvaluatedMaps, GroundTruth, Regions, evaluate};
 use nelu3d::reconstruct::{Observer, Stage};
+use nelu3d_scan::Camera;
 
-/// Records the error of every intermediate surface of a reconstruction. Its own time is left out of the times it records.
+use crate::{EvaluatedMaps, GroundTruth, Regions, evaluate};
+
+/// Records the error of every intermediate surface of a reconstruction against time. The time that this
+/// takes is subtracted from the times it records.
 pub struct Trace<'a> {
     truth: &'a GroundTruth,
     regions: Regions,
     camera: &'a Camera,
     wall: Instant,
-    /// Time spent here.
+    /// Time spent on evaluation.
     own_wall: Duration,
     own_cpu: Duration,
     points: Vec<TracePoint>,
 }
 
-/// The error of one intermediate surface. Errors are ours − truth in mm, over the pixels that have a depth.
+/// The error of one intermediate surface. Errors are result − ground truth in mm, over the pixels that have a depth.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct TracePoint {
-    /// Where the surface comes from.
+    /// Stage that the surface comes from.
     pub stage: Stage,
     /// Iteration of the stage, from 1.
     pub iteration: usize,
@@ -31,7 +32,7 @@ pub struct TracePoint {
     pub cpu_secs: f64,
     /// Elapsed time since the trace began, s.
     pub wall_secs: f64,
-    /// Share of the truth's pixels that have a depth.
+    /// Fraction of the ground truth's pixels that have a depth.
     pub coverage: f64,
     /// Mean absolute error over the whole mask.
     pub mae: f64,
@@ -44,7 +45,7 @@ pub struct TracePoint {
 }
 
 impl<'a> Trace<'a> {
-    /// A trace that begins now.
+    /// Starts a trace now.
     pub fn new(truth: &'a GroundTruth, camera: &'a Camera) -> Self {
         let (wall, cpu) = (Instant::now(), ProcessTime::now());
         let regions = truth.regions(camera);
@@ -57,16 +58,16 @@ impl<'a> Trace<'a> {
             own_cpu: Duration::ZERO,
             points: Vec::new(),
         };
-        trace.leave_out(wall, cpu);
+        trace.subtract(wall, cpu);
         trace
     }
 
-    /// What was recorded, in order.
+    /// Returns what was recorded, in order.
     pub fn points(self) -> Vec<TracePoint> {
         self.points
     }
 
-    fn leave_out(&mut self, wall: Instant, cpu: ProcessTime) {
+    fn subtract(&mut self, wall: Instant, cpu: ProcessTime) {
         self.own_wall += wall.elapsed();
         self.own_cpu += cpu.elapsed();
     }
@@ -77,8 +78,8 @@ impl Observer for Trace<'_> {
         let (wall, cpu) = (Instant::now(), ProcessTime::now());
         let cpu_secs = cpu.as_duration().saturating_sub(self.own_cpu).as_secs_f64();
         let wall_secs = (wall - self.wall).saturating_sub(self.own_wall).as_secs_f64();
-        let judged = EvaluatedMaps { depth, normals: None, sigma: None };
-        let m = evaluate(&judged, self.truth, &self.regions, self.camera, None::<&Projector>);
+        let maps = EvaluatedMaps { depth, normals: None, sigma: None };
+        let m = evaluate(&maps, self.truth, &self.regions, self.camera, None);
         let whole = m.whole.depth_mm;
         let body_median = m.body.depth_mm.median;
         let (mae, rmse, coverage) = (whole.mae, whole.rmse, m.whole.coverage);
@@ -94,7 +95,7 @@ impl Observer for Trace<'_> {
             bias: whole.bias,
             body_median,
         });
-        self.leave_out(wall, cpu);
+        self.subtract(wall, cpu);
     }
 }
 
@@ -103,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn records_errors_in_order_and_leaves_its_own_time_out() {
+    fn records_errors_in_order_without_its_own_time() {
         let (width, height) = (300, 200);
         let camera = Camera::pinhole(width, height, 400.0, 400.0, 150.0, 100.0);
         let truth = GroundTruth { width, height, depth: vec![500.0; width * height], mask: vec![true; width * height] };

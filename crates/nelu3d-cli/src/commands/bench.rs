@@ -6,11 +6,11 @@ use anyhow::Result;
 use nelu3d_field::bench::BenchReport;
 use nelu3d_field::device::Device;
 
-use super::Context;
-use crate::args;
+use crate::args::BenchArgs;
+use crate::context::CommandContext;
 
 /// Runs the command.
-pub(crate) fn run(args: args::Bench, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: BenchArgs, context: &CommandContext) -> Result<ExitCode> {
     match Device::open(args.device)? {
         #[cfg(feature = "gpu")]
         Device::Gpu(gpu) => {

@@ -11,11 +11,12 @@ use nelu3d_scan::Rig;
 use nelu3d_scan::output::ReservedPath;
 use nelu3d_scan::rig::PatternSet;
 
-use super::{Context, default_field, shown};
-use crate::args;
+use crate::args::CalibrateArgs;
+use crate::context::CommandContext;
+use crate::paths::{default_field, shown};
 
 /// Runs the command.
-pub(crate) fn run(args: args::Calibrate, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: CalibrateArgs, context: &CommandContext) -> Result<ExitCode> {
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
     context.open_device(args.options.device)?;
@@ -43,18 +44,19 @@ pub(crate) fn run(args: args::Calibrate, context: &Context) -> Result<ExitCode> 
     Ok(ExitCode::SUCCESS)
 }
 
-/// Calibrates and writes the field.
+/// Calibrates from the sweep and writes the field.
 pub(crate) fn calibrate_to(
     rig: &Rig,
     set: &PatternSet,
     options: &CalibrationOptions,
     output: &Path,
-    context: &Context,
+    context: &CommandContext,
 ) -> Result<CalibrationReport> {
     Ok(calibrate_with(rig, set, options, None, None, output, context)?.0)
 }
 
-/// The same, with the crosstalk of the camera's channels measured on a scene.
+/// Calibrates and writes the field, from the projector if asked for, with the crosstalk of the camera's channels
+/// measured on the scene `colors`. Returns the report and that crosstalk.
 fn calibrate_with(
     rig: &Rig,
     set: &PatternSet,
@@ -62,7 +64,7 @@ fn calibrate_with(
     from_projector: Option<&FromProjectorOptions>,
     colors: Option<&str>,
     output: &Path,
-    context: &Context,
+    context: &CommandContext,
 ) -> Result<(CalibrationReport, Option<CrosstalkMatrix>)> {
     // Before the work: it must not end at a file that cannot be written.
     let _reserved = ReservedPath::new(output)?;
@@ -78,7 +80,7 @@ fn calibrate_with(
         let options = ReconstructionOptions { device: options.device, ..Default::default() };
         let found = reconstruct(rig, set, &scene, &field, &options, &context.progress)?.diagnostics.crosstalk();
         if found.is_none_or(|m| m == CrosstalkMatrix::NONE) {
-            context.progress.warn(format!("{}: shows no cross-talk, or too few saturated colors", shown(&scene.dir)));
+            context.progress.warn(format!("{}: shows no crosstalk, or too few saturated colors", shown(&scene.dir)));
         }
         field.metadata.crosstalk = found;
     }
@@ -87,7 +89,7 @@ fn calibrate_with(
     Ok((report, field.metadata.crosstalk))
 }
 
-/// The report for people.
+/// Returns the report for people.
 fn text(report: &CalibrationReport) -> String {
     let mut text = format!("frame     {}\n", report.frame);
     if let Some([x, y, z]) = report.light_mm {
@@ -97,7 +99,7 @@ fn text(report: &CalibrationReport) -> String {
     text += &format!("cells     {a} × {b} × {w}\n");
     if let Some(q) = &report.quality {
         text += &format!(
-            "held out  {} positions: {:.1} dB (their own noise alone: about {:.1} dB), median depth error {:.3} mm\n",
+            "held out  {} positions: {:.1} dB (noise alone: about {:.1} dB), median depth error {:.3} mm\n",
             q.held_out.len(),
             q.psnr_db,
             q.ceiling_db,

@@ -5,11 +5,12 @@ use std::process::ExitCode;
 use anyhow::Result;
 use nelu3d_scan::rig::{Finding, Severity, check};
 
-use super::{Context, shown};
-use crate::args;
+use crate::args::CheckArgs;
+use crate::context::CommandContext;
+use crate::paths::shown;
 
 /// Runs the command. Errors make it fail; warnings do not.
-pub(crate) fn run(args: args::Check, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: CheckArgs, context: &CommandContext) -> Result<ExitCode> {
     context.progress.stage("check");
     let findings = check(&args.rig);
     let errors = findings.iter().filter(|f| f.severity == Severity::Error).count();
@@ -18,7 +19,7 @@ pub(crate) fn run(args: args::Check, context: &Context) -> Result<ExitCode> {
     Ok(if errors == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// The findings for people, one a line.
+/// Returns the findings for people, one a line.
 fn text(rig: &str, findings: &[Finding], errors: usize) -> String {
     if findings.is_empty() {
         return format!("{rig}: nothing is wrong");

@@ -9,15 +9,16 @@ use nelu3d::{CalibrationOptions, ReconstructionOptions};
 use nelu3d_scan::Rig;
 
 use super::calibrate::calibrate_to;
-use super::job::{Job, Work, Written};
-use super::{Context, default_field, default_result, shown};
-use crate::args;
+use super::job::{ResultJob, ResultMethod, WrittenResult};
+use crate::args::DemoArgs;
+use crate::context::CommandContext;
+use crate::paths::{default_field, default_result, shown};
 
-/// Proof that a folder is an earlier demo's, whose rig may be replaced.
+/// File that marks a folder as an earlier demo's, whose rig may be replaced.
 const MARKER: &str = "nelu3d-demo.txt";
 
 /// Runs the command.
-pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: DemoArgs, context: &CommandContext) -> Result<ExitCode> {
     let spec = nelu3d_sim::Spec::preset("demo").context("the preset `demo` is part of the simulator")?;
     context.open_device(args.device)?;
     claim(&args.output)?;
@@ -31,14 +32,14 @@ pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
     calibrate_to(&rig, set, &options, &field, context)?;
     let mut answers = Vec::new();
     for shot in rig.scenes()? {
-        let job = Job {
+        let job = ResultJob {
             rig: &rig,
             set,
             output: default_result(&rig, &shot.name, &set.name),
-            truth: Some(shot.dir.join("truth")),
+            ground_truth: Some(shot.dir.join("truth")),
             shot,
             mesh_files: MeshFiles::default(),
-            work: Work::Reconstruct {
+            method: ResultMethod::Reconstruct {
                 field: field.clone(),
                 options: ReconstructionOptions { device: args.device, ..Default::default() },
                 trace: true,
@@ -50,13 +51,13 @@ pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
 
     let json: Vec<_> = answers
         .iter()
-        .map(|(result, Written { summary, .. })| {
+        .map(|(result, WrittenResult { summary, .. })| {
             serde_json::json!({ "result": result, "report": result.join("report.html"), "summary": summary })
         })
         .collect();
     context.answer(&serde_json::json!({ "rig": rig_dir, "results": json }), || {
         let mut text = String::new();
-        for (result, Written { summary, metrics }) in &answers {
+        for (result, WrittenResult { summary, metrics }) in &answers {
             let metrics = metrics.as_ref().map(ToString::to_string).unwrap_or_default();
             text += &format!(
                 "{}: {} points in {:.1} s\n\n{metrics}\nopen  {}\n",
@@ -71,7 +72,7 @@ pub(crate) fn run(args: args::Demo, context: &Context) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Makes sure that `dir` is new, empty, or an earlier demo's: everything in it may be replaced.
+/// Makes sure that `dir` is new, empty, or an earlier demo's, so that everything in it may be replaced, and marks it.
 fn claim(dir: &Path) -> Result<()> {
     std::fs::create_dir_all(dir).with_context(|| format!("{}: cannot be created", shown(dir)))?;
     let marker = dir.join(MARKER);

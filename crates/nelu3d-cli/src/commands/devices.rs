@@ -5,10 +5,10 @@ use std::process::ExitCode;
 use anyhow::Result;
 use nelu3d_field::device::{self, Choice, Device, Found};
 
-use super::Context;
+use crate::context::CommandContext;
 
 /// Runs the command.
-pub(crate) fn run(context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(context: &CommandContext) -> Result<ExitCode> {
     let found = device::list();
     let automatic = found.iter().find(|f| f.automatic).map_or(Choice::Cpu, |f| f.device);
     // Listed is not opened.
@@ -34,6 +34,7 @@ pub(crate) fn run(context: &Context) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Describes a GPU.
 fn line(found: &Found) -> String {
     let Found { device, name, kind, backend, driver, max_buffer_bytes, features, unusable, automatic } = found;
     let device = device.to_string();

@@ -5,11 +5,12 @@ use std::process::ExitCode;
 use anyhow::Result;
 use nelu3d_scan::import::{self, ImportError, ImportReport, ImportRequest, ImportTarget};
 
-use super::{Context, shown};
-use crate::args;
+use crate::args::ImportArgs;
+use crate::context::CommandContext;
+use crate::paths::shown;
 
 /// Runs the command.
-pub(crate) fn run(args: args::Import, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: ImportArgs, context: &CommandContext) -> Result<ExitCode> {
     // Exactly one of the three was typed.
     let target = match (args.sequence, args.scene) {
         (Some(name), _) => ImportTarget::Sequence(name),
@@ -50,7 +51,7 @@ pub(crate) fn run(args: args::Import, context: &Context) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The report for people.
+/// Returns the report for people.
 fn text(r: &ImportReport) -> String {
     let order: Vec<&str> = r.order.iter().map(|name| name.as_deref().unwrap_or("skip")).collect();
     let [first, last] = &r.range;

@@ -1,4 +1,4 @@
-//! What every command that makes a result folder shares: run a method, judge, write, report.
+//! What every command that makes a result folder shares: run a method, evaluate, write, report.
 
 use std::path::{Path, PathBuf};
 
@@ -12,13 +12,14 @@ use nelu3d_scan::Rig;
 use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::rig::{Need, PatternSet, Shot};
 
-use super::{Context, load_field, shown};
 use crate::args::MeshFormat;
-use crate::report::Page;
+use crate::context::CommandContext;
+use crate::paths::{load_field, shown};
+use crate::report::ResultReport;
 
-/// The method that makes the result, with what it alone needs.
-pub(crate) enum Work {
-    /// From a color field.
+/// The method that makes a result, with what only that method needs.
+pub(super) enum ResultMethod {
+    /// Reconstruction from a color field.
     Reconstruct {
         /// The color field to use.
         field: PathBuf,
@@ -27,12 +28,12 @@ pub(crate) enum Work {
         /// Whether to record the error after every iteration.
         trace: bool,
     },
-    /// With a decoder, from a calibrated projector.
+    /// One of the baselines.
     Decode(DecodeOptions),
 }
 
-/// One result, with everything decided.
-pub(crate) struct Job<'a> {
+/// One result that is to be made, with everything decided.
+pub(super) struct ResultJob<'a> {
     /// The rig.
     pub rig: &'a Rig,
     /// The scene.
@@ -41,62 +42,66 @@ pub(crate) struct Job<'a> {
     pub set: &'a PatternSet,
     /// The result folder.
     pub output: PathBuf,
-    /// What to judge the result against.
-    pub truth: Option<PathBuf>,
+    /// Folder of the ground truth that the result is evaluated against.
+    pub ground_truth: Option<PathBuf>,
     /// Mesh files to write besides mesh.ply.
     pub mesh_files: MeshFiles,
     /// The method.
-    pub work: Work,
+    pub method: ResultMethod,
 }
 
-/// What a method made.
-enum Made {
+/// What a method returned.
+enum MethodOutput {
     Reconstruction(Reconstruction),
     Decoding(Decoding),
 }
 
-impl Made {
+impl MethodOutput {
+    /// Returns the surface.
     fn surface(&self) -> &Surface {
         match self {
-            Made::Reconstruction(r) => &r.surface,
-            Made::Decoding(d) => &d.surface,
+            MethodOutput::Reconstruction(r) => &r.surface,
+            MethodOutput::Decoding(d) => &d.surface,
         }
     }
 
+    /// Returns the content of result.json.
     fn summary(&self, rig: &Rig, about: &ResultMetadata) -> Summary {
         match self {
-            Made::Reconstruction(r) => Summary::new(&r.surface, &r.diagnostics, &r.stages, &rig.camera, about),
-            Made::Decoding(d) => Summary::new(&d.surface, &d.diagnostics, &d.stages, &rig.camera, about),
+            MethodOutput::Reconstruction(r) => Summary::new(&r.surface, &r.diagnostics, &r.stages, &rig.camera, about),
+            MethodOutput::Decoding(d) => Summary::new(&d.surface, &d.diagnostics, &d.stages, &rig.camera, about),
         }
     }
 }
 
 /// A result that was written.
-pub(crate) struct Written {
-    /// What its result.json says.
+pub(super) struct WrittenResult {
+    /// Content of its result.json.
     pub summary: Summary,
-    /// Its errors, if there is a ground truth.
+    /// Its errors, if it was evaluated.
     pub metrics: Option<Metrics>,
 }
 
-impl Job<'_> {
+impl ResultJob<'_> {
     /// Runs the method and writes the result folder.
-    pub(crate) fn run(&self, context: &Context) -> Result<Written> {
+    pub(super) fn run(&self, context: &CommandContext) -> Result<WrittenResult> {
         // Begun first: hours of work must not end at a folder that cannot be written.
         let folder = OutputDir::create(&self.output, "result.json")?;
         // Nor at a ground truth that cannot be read; the reconstruction never sees it.
-        let truth = self.truth.as_deref().map(|dir| GroundTruth::read(dir, &self.rig.camera)).transpose()?;
+        let truth = self.ground_truth.as_deref().map(|dir| GroundTruth::read(dir, &self.rig.camera)).transpose()?;
         let mut trace = None;
-        let made = match &self.work {
-            Work::Reconstruct { field, options, trace: wanted } => {
+        let made = match &self.method {
+            ResultMethod::Reconstruct { field, options, trace: wanted } => {
                 trace = truth.as_ref().filter(|_| *wanted).map(|t| Trace::new(t, &self.rig.camera));
                 let observer = trace.as_mut().map(|t| t as &mut dyn Observer);
                 let field = load_field(self.rig, self.set, field)?;
                 let (rig, set, progress) = (self.rig, self.set, &context.progress);
-                Made::Reconstruction(reconstruct_observed(rig, set, &self.shot, &field, options, progress, observer)?)
+                MethodOutput::Reconstruction(reconstruct_observed(
+                    rig, set, &self.shot, &field, options, progress, observer,
+                )?)
             }
-            Work::Decode(options) => {
-                Made::Decoding(decode(self.rig, self.set, &self.shot, options, &context.progress)?)
+            ResultMethod::Decode(options) => {
+                MethodOutput::Decoding(decode(self.rig, self.set, &self.shot, options, &context.progress)?)
             }
         };
         context.stop_if_asked()?;
@@ -122,7 +127,7 @@ impl Job<'_> {
         let summary = made.summary(self.rig, &about);
         result::write_into(folder.path(), surface, &summary, self.mesh_files)?;
         let (captures, black) = self.captures()?;
-        let page = Page {
+        let page = ResultReport {
             surface,
             summary: &summary,
             metrics: metrics.as_ref(),
@@ -135,20 +140,20 @@ impl Job<'_> {
         write_atomic(&report, |w| w.write_all(page.html().as_bytes()))?;
         context.stop_if_asked()?;
         folder.commit()?;
-        Ok(Written { summary, metrics })
+        Ok(WrittenResult { summary, metrics })
     }
 
-    /// The files that were read, hashed.
+    /// Hashes the files that were read.
     fn inputs(&self) -> Result<Vec<Input>> {
         let rig = self.rig;
         let black = self.shot.dir.join(&rig.black);
         let mut paths = vec![rig.root.join(nelu3d_scan::rig::RIG_FILE), rig.root.join(&rig.camera_file)];
-        match &self.work {
-            Work::Reconstruct { field, .. } => paths.push(field.clone()),
-            Work::Decode(options) if !options.method.needs_projector() => {
+        match &self.method {
+            ResultMethod::Reconstruct { field, .. } => paths.push(field.clone()),
+            ResultMethod::Decode(options) if !options.method.needs_projector() => {
                 paths.extend(options.lookup3d.table.clone());
             }
-            Work::Decode(_) => {
+            ResultMethod::Decode(_) => {
                 paths.push(rig.root.join(nelu3d_scan::rig::PROJECTOR_FILE));
                 paths.extend(self.set.images.iter().map(|name| rig.projected(name)));
                 paths.extend(self.set.inverse.iter().map(|name| self.shot.dir.join(name)));
@@ -162,7 +167,8 @@ impl Job<'_> {
         paths.iter().map(|p| hash(p)).collect()
     }
 
-    /// What the report shows of the scene: white and the patterns; and black, where there is one.
+    /// Reads the captures that the report shows: white and the patterns with their names, and black, where there is
+    /// one.
     #[expect(clippy::type_complexity, reason = "named images, and one more")]
     fn captures(&self) -> Result<(Vec<(String, nelu3d_scan::Image)>, Option<nelu3d_scan::Image>)> {
         let capture = self.rig.read_shot(&self.shot, self.set, Need::Scene)?;
@@ -172,19 +178,20 @@ impl Job<'_> {
     }
 }
 
+/// Hashes a file.
 fn hash(path: &Path) -> Result<Input> {
     Input::of(path).with_context(|| format!("{}: cannot be read", shown(path)))
 }
 
-/// The mesh files that were asked for.
-pub(crate) fn mesh_files(formats: &[MeshFormat]) -> MeshFiles {
+/// Returns the mesh files that were asked for.
+pub(super) fn mesh_files(formats: &[MeshFormat]) -> MeshFiles {
     let has = |format| formats.contains(&format);
     MeshFiles { obj: has(MeshFormat::Obj), stl: has(MeshFormat::Stl), glb: has(MeshFormat::Glb) }
 }
 
 /// Runs a job and prints its answer.
-pub(crate) fn answer(job: &Job<'_>, context: &Context) -> Result<()> {
-    let Written { summary, metrics } = job.run(context)?;
+pub(super) fn answer(job: &ResultJob<'_>, context: &CommandContext) -> Result<()> {
+    let WrittenResult { summary, metrics } = job.run(context)?;
     context.answer(&serde_json::json!({ "result": job.output, "summary": summary }), || {
         let metrics = metrics.as_ref().map(|m| format!("\n{m}")).unwrap_or_default();
         format!(

@@ -9,11 +9,12 @@ use nelu3d_scan::Rig;
 use nelu3d_scan::output::ReservedPath;
 use nelu3d_scan::rig::PROJECTOR_FILE;
 
-use super::{Context, shown};
-use crate::args;
+use crate::args::ProjectorArgs;
+use crate::context::CommandContext;
+use crate::paths::shown;
 
 /// Runs the command.
-pub(crate) fn run(args: args::Projector, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: ProjectorArgs, context: &CommandContext) -> Result<ExitCode> {
     let rig = Rig::open(&args.rig)?;
     let output: PathBuf = args.output.unwrap_or_else(|| rig.root.join(PROJECTOR_FILE));
     if output.exists() && !args.force {
@@ -30,13 +31,13 @@ pub(crate) fn run(args: args::Projector, context: &Context) -> Result<ExitCode> 
     Ok(ExitCode::SUCCESS)
 }
 
-/// The report for people.
+/// Returns the report for people.
 fn text(r: &ProjectorReport) -> String {
     let [x, y, z] = r.center_mm;
     let [sx, sy, sz] = r.center_sigma_mm;
     let [near, far] = r.depth_mm;
     let mut text = format!(
-        "corners   {} at {} positions, {:.0} to {:.0} mm deep ({} left out)\nreproject {:.3} px RMS\ncenter    at \
+        "corners   {} at {} positions, {:.0} to {:.0} mm deep ({} rejected)\nreproject {:.3} px RMS\ncenter    at \
          ({x:.1} ± {sx:.1}, {y:.1} ± {sy:.1}, {z:.1} ± {sz:.1}) mm\n",
         r.corners, r.positions, near, far, r.rejected, r.rms_px
     );

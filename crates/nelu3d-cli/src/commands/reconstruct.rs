@@ -5,21 +5,22 @@ use std::process::ExitCode;
 use anyhow::Result;
 use nelu3d_scan::Rig;
 
-use super::job::{Job, Work, answer, mesh_files};
-use super::{Context, default_field, default_result};
-use crate::args;
+use super::job::{ResultJob, ResultMethod, answer, mesh_files};
+use crate::args::ReconstructArgs;
+use crate::context::CommandContext;
+use crate::paths::{default_field, default_result};
 
 /// Runs the command.
-pub(crate) fn run(args: args::Reconstruct, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: ReconstructArgs, context: &CommandContext) -> Result<ExitCode> {
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
     let shot = rig.scene(&args.scene)?;
     context.open_device(args.options.device)?;
-    let job = Job {
+    let job = ResultJob {
         output: args.output.unwrap_or_else(|| default_result(&rig, &shot.name, &set.name)),
-        truth: args.truth,
+        ground_truth: args.truth,
         mesh_files: mesh_files(&args.mesh),
-        work: Work::Reconstruct {
+        method: ResultMethod::Reconstruct {
             field: args.field.unwrap_or_else(|| default_field(&rig, &set.name)),
             options: args.options,
             trace: args.trace,

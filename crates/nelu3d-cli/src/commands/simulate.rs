@@ -8,18 +8,19 @@ use anyhow::{Result, anyhow, bail};
 use nelu3d_sim::Spec;
 use nelu3d_sim::spec::PRESETS;
 
-use super::{Context, shown};
-use crate::args;
+use crate::args::SimulateArgs;
+use crate::context::CommandContext;
+use crate::paths::shown;
 
 /// Runs the command.
-pub(crate) fn run(args: args::Simulate, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: SimulateArgs, context: &CommandContext) -> Result<ExitCode> {
     let spec = spec(&args.spec)?;
     write(&spec, &args.output, context)?;
     context.answer(&serde_json::json!({ "rig": args.output }), || format!("rig  {}", shown(&args.output)))?;
     Ok(ExitCode::SUCCESS)
 }
 
-/// A preset by its name, or the spec in a file.
+/// Returns a preset by its name, or the spec in a file.
 fn spec(name: &str) -> Result<Spec> {
     if let Some(spec) = Spec::preset(name) {
         return Ok(spec);
@@ -33,7 +34,7 @@ fn spec(name: &str) -> Result<Spec> {
 }
 
 /// Simulates `spec` into the rig folder `output`.
-pub(crate) fn write(spec: &Spec, output: &Path, context: &Context) -> Result<()> {
+pub(crate) fn write(spec: &Spec, output: &Path, context: &CommandContext) -> Result<()> {
     let progress = &context.progress;
     let stage = Mutex::new(String::new());
     nelu3d_sim::simulate(spec, output, &|name, done, total| {

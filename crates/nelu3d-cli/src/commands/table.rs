@@ -11,11 +11,12 @@ use nelu3d_scan::Rig;
 use nelu3d_scan::output::ReservedPath;
 use serde_json::json;
 
-use super::{Context, shown};
-use crate::args::{Table, TableCommand, TableExport, TableInfo};
+use crate::args::{TableArgs, TableCommand, TableExportArgs, TableInfoArgs};
+use crate::context::CommandContext;
+use crate::paths::shown;
 
 /// Runs the command.
-pub(crate) fn run(args: Table, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: TableArgs, context: &CommandContext) -> Result<ExitCode> {
     match args.command {
         TableCommand::Export(args) => export(args, context)?,
         TableCommand::Info(args) => info(args, context)?,
@@ -23,7 +24,8 @@ pub(crate) fn run(args: Table, context: &Context) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn export(args: TableExport, context: &Context) -> Result<()> {
+/// Builds the table of a sweep and writes it, compressed if asked for.
+fn export(args: TableExportArgs, context: &CommandContext) -> Result<()> {
     let wanted = if args.low_rank.is_some() { "npz" } else { "npy" };
     if args.output.extension().is_none_or(|e| e != wanted) {
         let kind = if args.low_rank.is_some() { "with --low-rank it is" } else { "without --low-rank it is" };
@@ -81,7 +83,8 @@ fn export(args: TableExport, context: &Context) -> Result<()> {
     })
 }
 
-fn info(args: TableInfo, context: &Context) -> Result<()> {
+/// Describes a file.
+fn info(args: TableInfoArgs, context: &CommandContext) -> Result<()> {
     let info = file::info(&args.file)?;
     context.answer(&info, || {
         let rank = match (info.rank, info.depth_rank) {

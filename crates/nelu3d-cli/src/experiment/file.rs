@@ -31,7 +31,7 @@ pub(super) const BUILT_IN: [(&str, &str); 16] = [
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Experiment {
-    /// What it is.
+    /// Title of the experiment.
     pub title: String,
     /// Which table, figure or section of which publication it repeats.
     #[serde(default)]
@@ -128,7 +128,8 @@ pub(super) struct Method {
     pub label: String,
     /// `reconstruct` or `decode` with their options, as they are typed.
     pub run: String,
-    /// Options of `calibrate` for the field that it needs (`reconstruct`), or that tells it the swept volume (`decode`).
+    /// Options of `calibrate` for the field that it needs (`reconstruct`), or that tells it the swept volume
+    /// (`decode`).
     #[serde(default)]
     pub calibrate: String,
     /// The pattern set, where it is not the case's: methods may need their own.
@@ -148,8 +149,8 @@ pub(super) struct Method {
 pub(super) struct Column {
     /// Its heading, with its unit.
     pub label: String,
-    /// Where it is: a path into `result` (result.json), `calibrate` (the answer of `calibrate --json`), `step` (what the
-    /// command took), `cad` (the answer of `evaluate --cad`) or `against`.
+    /// Where it is: a path into `result` (result.json), `calibrate` (the answer of `calibrate --json`), `step` (what
+    /// the command took), `cad` (the answer of `evaluate --cad`) or `against`.
     pub value: String,
     /// It is multiplied by this.
     #[serde(default = "one")]
@@ -197,6 +198,7 @@ impl Experiment {
         Ok((name, experiment))
     }
 
+    /// Parses a file, with the changes of quick runs if asked for.
     fn parse(text: &str, quick: bool) -> Result<Self> {
         let mut table: Table = toml::from_str(text)?;
         if quick && let Some(Value::Table(changes)) = table.get("quick").cloned() {
@@ -207,6 +209,7 @@ impl Experiment {
         Ok(experiment)
     }
 
+    /// Checks that everything that is named exists.
     fn check(&self) -> Result<()> {
         for (name, rig) in &self.rigs {
             let sources = [rig.preset.is_some(), rig.spec.is_some(), rig.folder.is_some()];
@@ -243,7 +246,7 @@ impl Experiment {
     }
 }
 
-/// Puts `changes` over `table`: tables key by key, everything else replaced.
+/// Merges `changes` over `table`: tables key by key, everything else replaced.
 pub(super) fn merge(table: &mut Table, changes: &Table) {
     for (key, change) in changes {
         match (table.get_mut(key), change) {
@@ -266,12 +269,12 @@ pub(super) fn substitute(value: &mut Value, name: &str, by: &Value) {
     }
 }
 
-/// The same within a text.
+/// Replaces `{name}` within a text.
 pub(super) fn substitute_text(text: &str, name: &str, by: &Value) -> String {
     text.replace(&format!("{{{name}}}"), &plain(by))
 }
 
-/// A value without quotes.
+/// Returns a value without quotes.
 pub(super) fn plain(value: &Value) -> String {
     match value {
         Value::String(s) => s.clone(),

@@ -1,13 +1,18 @@
 //! `nelu3d experiment`: the paper's tables and figures, and studies of our own, each a file in `experiments/`.
 //!
-//! [`file`] is what such a file says; [`plan`] makes commands of it (simulate, calibrate, reconstruct or decode, evaluate) and
-//! reads their answers; [`step`] runs each command once, however often the experiment is started; [`table`], [`plot`] and
-//! [`page`] show the numbers. To add an experiment, write its file and add it to [`file::BUILT_IN`].
+//! [`file`] is what such a file says; [`plan`] makes commands of it (simulate, calibrate, reconstruct or decode,
+//! evaluate) and reads their answers; [`step`] runs each command once, however often the experiment is started;
+//! [`table`], [`plot`] and [`page`] show the numbers. To add an experiment, write its file and add it to
+//! [`file::BUILT_IN`].
 
+mod cell;
 mod file;
+mod names;
 mod page;
+mod placeholders;
 mod plan;
 mod plot;
+mod rig;
 mod step;
 mod table;
 
@@ -16,14 +21,14 @@ use std::process::ExitCode;
 use anyhow::Result;
 use nelu3d_scan::output::{create_dir, write_atomic};
 
-use crate::args;
-use crate::commands::Context;
+use crate::args::ExperimentArgs;
+use crate::context::CommandContext;
 use file::{BUILT_IN, Experiment};
-use step::Runner;
-use table::Numbers;
+use step::StepRunner;
+use table::{ExperimentNumbers, TableCell};
 
 /// Runs the command.
-pub(crate) fn run(args: &args::Experiment, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<ExitCode> {
     let Some(name) = &args.name else { return list(context) };
     let (name, mut experiment) = Experiment::read(name, args.quick)?;
     if let Some(seeds) = &args.seeds {
@@ -32,12 +37,12 @@ pub(crate) fn run(args: &args::Experiment, context: &Context) -> Result<ExitCode
     context.open_device(args.device)?;
     let dir = args.output.join(if args.quick { format!("{name}-quick") } else { name.clone() });
     create_dir(&dir)?;
-    let mut runner = Runner::new(&args.output, args.device, args.reuse, context)?;
+    let mut runner = StepRunner::new(&args.output, args.device, args.reuse, context)?;
     let cells = plan::run(&experiment, &args.output, &dir, &mut runner)?;
     context.stop_if_asked()?;
 
     context.progress.stage("write the tables");
-    let numbers = Numbers::of(&experiment, &cells);
+    let numbers = ExperimentNumbers::of(&experiment, &cells);
     let made = made();
     let mut plots = Vec::new();
     for (i, column) in experiment.columns.iter().enumerate().filter(|(_, c)| c.main) {
@@ -76,8 +81,8 @@ pub(crate) fn run(args: &args::Experiment, context: &Context) -> Result<ExitCode
     Ok(ExitCode::SUCCESS)
 }
 
-/// The experiments that come with the program.
-fn list(context: &Context) -> Result<ExitCode> {
+/// Lists the experiments that come with the program.
+fn list(context: &CommandContext) -> Result<ExitCode> {
     let mut all = Vec::new();
     for (name, _) in BUILT_IN {
         let (_, experiment) = Experiment::read(name, false)?;
@@ -88,7 +93,7 @@ fn list(context: &Context) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// When and where, for the reader of a table.
+/// Returns when and where the tables were made, for their readers.
 fn made() -> String {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let today = time::OffsetDateTime::now_utc().date();
@@ -96,9 +101,9 @@ fn made() -> String {
     format!("{today}, {os} {arch}, {cores} cores, nelu3d {}", env!("CARGO_PKG_VERSION"))
 }
 
-/// A table for a terminal; the best of a row has a star.
-fn aligned(headings: &[String], rows: &[Vec<table::Marked>]) -> String {
-    let text = |c: &table::Marked| if c.best { format!("{} *", c.text) } else { c.text.clone() };
+/// Returns a table for a terminal; the best of a row has a star.
+fn aligned(headings: &[String], rows: &[Vec<TableCell>]) -> String {
+    let text = |c: &TableCell| if c.best { format!("{} *", c.text) } else { c.text.clone() };
     let mut lines = vec![headings.to_vec()];
     lines.extend(rows.iter().map(|r| r.iter().map(text).collect()));
     let width = |c: usize| lines.iter().map(|l| l[c].chars().count()).max().unwrap_or(0);

@@ -8,20 +8,20 @@ use nelu3d::result::picture::{DEPTH_COLORS, Picture, limits};
 use nelu3d_evaluate::GroundTruth;
 use nelu3d_scan::statistics::percentile;
 
-use super::plan::Cell;
-use super::table::{Marked, Numbers};
+use super::cell::ExperimentCell;
+use super::table::{ExperimentNumbers, TableCell};
 use crate::report::html::{color_bar, escape, img, table};
 use crate::report::page::{details, page, section};
 
-/// Pictures side by side are at most this wide.
-const WIDTH: usize = 260;
+/// Maximum width of pictures side by side, px.
+const MAX_WIDTH: usize = 260;
 
-/// The page. `plots` are charts with their legends, one per main column; `made` says when and where.
+/// Returns the page. `plots` are charts with their legends, one per main column; `made` says when and where.
 pub(super) fn html(
     name: &str,
-    numbers: &Numbers<'_>,
+    numbers: &ExperimentNumbers<'_>,
     plots: &[(String, String)],
-    cells: &[Cell],
+    cells: &[ExperimentCell],
     made: &str,
 ) -> Result<String> {
     let experiment = numbers.experiment;
@@ -59,7 +59,8 @@ pub(super) fn html(
     Ok(page(&experiment.title, &format!("nelu3d experiment {name} · {made}"), &body))
 }
 
-fn pivot(headings: &[String], rows: &[Vec<Marked>]) -> String {
+/// Shows the table of a main column.
+fn pivot(headings: &[String], rows: &[Vec<TableCell>]) -> String {
     let mut html = "<div class=scroll><table><tr>".to_owned();
     for h in headings {
         let _ = write!(html, "<th>{}</th>", escape(h));
@@ -74,13 +75,13 @@ fn pivot(headings: &[String], rows: &[Vec<Marked>]) -> String {
     html + "</tr></table></div>"
 }
 
-/// Of every row, what was seen and what each method found: depth, and its error where there is a truth. The first seed.
-fn pictures(numbers: &Numbers<'_>, cells: &[Cell]) -> Result<String> {
+/// Shows what each method found on every row with the first seed: depth, and its error where there is ground truth.
+fn pictures(numbers: &ExperimentNumbers<'_>, cells: &[ExperimentCell]) -> Result<String> {
     let experiment = numbers.experiment;
     let n_values = experiment.vary.as_ref().map_or(1, |v| v.values.len());
     let mut html = String::new();
     for row in 0..numbers.n_rows() {
-        let mut mine: Vec<&Cell> =
+        let mut mine: Vec<&ExperimentCell> =
             cells.iter().filter(|c| c.case * n_values + c.value == row && c.document.is_ok()).collect();
         let Some(seed) = mine.iter().map(|c| c.seed).min() else { continue };
         mine.retain(|c| c.seed == seed);
@@ -101,10 +102,10 @@ fn pictures(numbers: &Numbers<'_>, cells: &[Cell]) -> Result<String> {
             let (w, h) = (result.camera.width, result.camera.height);
             let label = &experiment.methods[cell.method].label;
             let nearness: Vec<f32> = result.depth.iter().map(|&z| (near + far) as f32 - z).collect();
-            let depth = Picture::of_map(&nearness, w, h, [near, far], DEPTH_COLORS).at_most(WIDTH);
+            let depth = Picture::of_map(&nearness, w, h, [near, far], DEPTH_COLORS).at_most(MAX_WIDTH);
             let _ = write!(html, "<figure><figcaption><b>{}</b></figcaption>{}", escape(label), img(&depth, label));
             if !error.is_empty() {
-                let map = Picture::of_map(error, w, h, [-limit, limit], colorous::RED_BLUE).at_most(WIDTH);
+                let map = Picture::of_map(error, w, h, [-limit, limit], colorous::RED_BLUE).at_most(MAX_WIDTH);
                 html += &img(&map, &format!("{label}, error"));
                 html += &color_bar(colorous::RED_BLUE, [-limit, limit], "mm");
             }
@@ -115,6 +116,7 @@ fn pictures(numbers: &Numbers<'_>, cells: &[Cell]) -> Result<String> {
     Ok(html)
 }
 
+/// Returns the error of every pixel of the mask, mm; NaN elsewhere.
 fn error(result: &SavedResult, truth: &GroundTruth) -> Vec<f32> {
     (0..truth.mask.len()).map(|i| if truth.mask[i] { result.depth[i] - truth.depth[i] } else { f32::NAN }).collect()
 }

@@ -1,48 +1,35 @@
-//! From an experiment to commands, and from their answers to numbers.
+//! From an experiment to commands, and from their answers to the values of its cells.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use nelu3d::result::SavedResult;
 use nelu3d_evaluate::compare;
 use nelu3d_scan::Rig;
-use nelu3d_scan::output::{create_dir, write_atomic};
-use nelu3d_sim::Spec;
+use nelu3d_scan::rig::Shot;
 use serde_json::{Value, json};
-use toml::Table;
 
-use super::file::{Case, Experiment, Method, RigSource, merge, plain, substitute, substitute_text};
-use super::step::{Outcome, Runner, Step, hex};
-
-/// One method on one case, with one value and one seed.
-#[derive(Clone, Debug)]
-pub(super) struct Cell {
-    /// Which case.
-    pub case: usize,
-    /// Which of the varied values.
-    pub value: usize,
-    /// Which seed.
-    pub seed: u64,
-    /// Which method.
-    pub method: usize,
-    /// Its result folder.
-    pub folder: PathBuf,
-    /// The scene's folder.
-    pub scene: PathBuf,
-    /// The commands that made it, in order.
-    pub commands: Vec<String>,
-    /// What the columns look into, or why there is none.
-    pub document: Result<Value, String>,
-}
+use super::cell::ExperimentCell;
+use super::file::{Case, Experiment, Method, plain};
+use super::names::{slug, words};
+use super::placeholders::Placeholders;
+use super::rig::prepare_rig;
+use super::step::{CommandStep, StepRunner};
+use crate::paths::shown;
 
 /// Runs everything that an experiment asks for.
-pub(super) fn run(experiment: &Experiment, root: &Path, dir: &Path, runner: &mut Runner<'_>) -> Result<Vec<Cell>> {
+pub(super) fn run(
+    experiment: &Experiment,
+    root: &Path,
+    dir: &Path,
+    runner: &mut StepRunner<'_>,
+) -> Result<Vec<ExperimentCell>> {
     let n_values = experiment.vary.as_ref().map_or(1, |v| v.values.len());
-    let mut cells: Vec<Cell> = Vec::new();
+    let mut cells: Vec<ExperimentCell> = Vec::new();
     for (case_index, case) in experiment.cases.iter().enumerate() {
         for value in 0..n_values {
             for (seed_index, &seed) in experiment.seeds.iter().enumerate() {
-                let place = Placeholders { experiment, value, seed };
+                let placeholders = Placeholders { experiment, value, seed };
                 let first = cells.len();
                 for (method_index, method) in experiment.methods.iter().enumerate() {
                     let here = method.cases.is_empty() || method.cases.contains(&case.label);
@@ -54,7 +41,7 @@ pub(super) fn run(experiment: &Experiment, root: &Path, dir: &Path, runner: &mut
                         name.push(slug(&plain(&v.values[value])));
                     }
                     name.extend([slug(&method.label), seed.to_string()]);
-                    let mut cell = Cell {
+                    let mut cell = ExperimentCell {
                         case: case_index,
                         value,
                         seed,
@@ -64,7 +51,7 @@ pub(super) fn run(experiment: &Experiment, root: &Path, dir: &Path, runner: &mut
                         commands: Vec::new(),
                         document: Err(String::new()),
                     };
-                    cell.document = one(&place, case, method, root, &mut cell, runner)?;
+                    cell.document = fill(&placeholders, case, method, root, &mut cell, runner)?;
                     cells.push(cell);
                 }
                 if let Some(label) = &experiment.against {
@@ -76,60 +63,40 @@ pub(super) fn run(experiment: &Experiment, root: &Path, dir: &Path, runner: &mut
     Ok(cells)
 }
 
-/// What stands for what in one cell.
-struct Placeholders<'a> {
-    experiment: &'a Experiment,
-    value: usize,
-    seed: u64,
+/// What a cell's commands are made from.
+struct CellPlan<'a> {
+    placeholders: &'a Placeholders<'a>,
+    case: &'a Case,
+    method: &'a Method,
+    rig: Rig,
+    rig_dir: PathBuf,
+    /// What identifies the content of the rig.
+    rig_key: String,
+    /// Name of the pattern set.
+    set: String,
+    /// The frame in the middle of a sequence, which is evaluated as a whole and shown by that frame.
+    middle: Option<Shot>,
 }
 
-impl Placeholders<'_> {
-    fn values(&self) -> Vec<(&str, toml::Value)> {
-        let mut values = vec![("seed", toml::Value::Integer(self.seed as i64))];
-        values.extend(self.experiment.vary.iter().map(|v| (v.name.as_str(), v.values[self.value].clone())));
-        values
-    }
-
-    fn table(&self, table: &Table) -> Table {
-        let mut all = toml::Value::Table(table.clone());
-        for (name, value) in self.values() {
-            substitute(&mut all, name, &value);
-        }
-        match all {
-            toml::Value::Table(table) => table,
-            _ => unreachable!("it was a table"),
-        }
-    }
-
-    fn words(&self, text: &str) -> Vec<String> {
-        let mut text = text.to_owned();
-        for (name, value) in self.values() {
-            text = substitute_text(&text, name, &value);
-        }
-        text.split_whitespace().map(str::to_owned).collect()
-    }
-}
-
-fn one(
-    place: &Placeholders<'_>,
+/// Runs the commands of a cell: makes the rig, calibrates, runs the method, and aligns the CAD model where columns ask
+/// for it. Returns what the columns look into, or why there is none.
+fn fill(
+    placeholders: &Placeholders<'_>,
     case: &Case,
     method: &Method,
     root: &Path,
-    cell: &mut Cell,
-    runner: &mut Runner<'_>,
+    cell: &mut ExperimentCell,
+    runner: &mut StepRunner<'_>,
 ) -> Result<Result<Value, String>> {
-    // The rig.
-    let source = &place.experiment.rigs[&case.rig];
-    let (rig_dir, rig_key) = match rig(place, &case.rig, source, root, cell, runner)? {
+    let source = &placeholders.experiment.rigs[&case.rig];
+    let (rig_dir, rig_key) = match prepare_rig(placeholders, &case.rig, source, root, cell, runner)? {
         Ok(rig) => rig,
         Err(reason) => return Ok(Err(reason)),
     };
     let rig = Rig::open(&rig_dir)?;
-    let wanted = method.set.as_deref().or(case.set.as_deref());
-    let set = rig.pattern_set(wanted)?.name.clone();
-    let mut run = place.words(&method.run);
+    let set = rig.pattern_set(method.set.as_deref().or(case.set.as_deref()))?.name.clone();
+    let mut run = placeholders.words(&method.run);
     let command = run.remove(0);
-    // A sequence is judged as a whole and shown by the frame in its middle.
     let middle = match command.as_str() {
         "sequence" => {
             let frames = rig.sequence(&case.scene)?;
@@ -141,164 +108,100 @@ fn one(
         Some(frame) => frame.dir.clone(),
         None => rig.scene(&case.scene)?.dir,
     };
+    let plan = CellPlan { placeholders, case, method, rig, rig_dir, rig_key, set, middle };
 
-    // Its color field. Decoders use it too, for the volume they look in.
-    let extra = place.words(&method.calibrate);
-    let field = match extra.is_empty() {
-        true => rig_dir.join("fields").join(format!("{set}.safetensors")),
-        false => rig_dir.join("fields").join(format!("{set}-{}.safetensors", slug(&extra.join("-")))),
-    };
-    let mut arguments = words(&["calibrate", &shown(&rig_dir), "--set", &set, "-o", &shown(&field)]);
-    arguments.extend(extra);
-    arguments.extend(runner.device());
-    let calibrate = Step {
-        what: format!("calibrate {} {set}", rig.name),
-        arguments,
-        output: Some(field.clone()),
-        inputs: vec![rig_key.clone()],
-    };
-    let calibrated = match take(&calibrate, cell, runner)? {
+    let (calibrate, field) = plan.calibration(runner);
+    let calibrated = match cell.run(&calibrate, runner)? {
         Ok(outcome) => outcome,
         Err(reason) => return Ok(Err(format!("calibrate: {reason}"))),
     };
-
-    // The method.
-    let mut arguments = words(&[&command, &shown(&rig_dir), &case.scene, "--set", &set]);
-    if command == "reconstruct" || command == "sequence" {
-        arguments.extend(words(&["--field", &shown(&field)]));
-        arguments.extend(runner.device());
-    }
-    arguments.extend(run);
-    let truth = cell.scene.join("truth");
-    match truth.exists() {
-        true if middle.is_some() => arguments.push("--truth".into()),
-        true => arguments.extend(words(&["--truth", &shown(&truth)])),
-        false => {}
-    }
-    arguments.extend(words(&["-o", &shown(&cell.folder)]));
-    let result = Step {
-        what: format!("{}: {}", case.label, method.label),
-        arguments,
-        output: Some(cell.folder.clone()),
-        inputs: vec![calibrate.key()],
-    };
-    let made = match take(&result, cell, runner)? {
+    let step = plan.method(&command, run, &field, &calibrate, cell, runner);
+    let made = match cell.run(&step, runner)? {
         Ok(outcome) => outcome,
         Err(reason) => return Ok(Err(reason)),
     };
-    if let Some(frame) = &middle {
+    if let Some(frame) = &plan.middle {
         cell.folder = cell.folder.join(&frame.name);
     }
-
     let mut document = json!({
-        "result": made.answer[if middle.is_some() { "mean" } else { "summary" }],
+        "result": made.answer[if plan.middle.is_some() { "mean" } else { "summary" }],
         "calibrate": calibrated.answer,
         "step": { "wall_secs": made.wall_secs, "calibrate_wall_secs": calibrated.wall_secs },
     });
-    if place.experiment.columns.iter().any(|c| c.value.starts_with("cad.")) {
-        let arguments =
-            words(&["evaluate", &shown(&cell.folder), "--cad", &shown(&truth.join("mesh.ply")), "--no-align"]);
-        let judge = Step {
-            what: format!("{}: {} against the CAD model", case.label, method.label),
-            arguments,
-            output: None,
-            inputs: vec![result.key()],
-        };
-        if let Ok(outcome) = take(&judge, cell, runner)? {
-            document["cad"] = outcome.answer;
-        }
+    if placeholders.experiment.columns.iter().any(|c| c.value.starts_with("cad."))
+        && let Ok(outcome) = cell.run(&plan.cad(cell, &step), runner)?
+    {
+        document["cad"] = outcome.answer;
     }
     Ok(Ok(document))
 }
 
-/// Runs a step for a cell.
-fn take(step: &Step, cell: &mut Cell, runner: &mut Runner<'_>) -> Result<Result<Outcome, String>> {
-    cell.commands.push(format!("nelu3d {}", step.arguments.join(" ")));
-    runner.run(step)
-}
-
-/// The folder of a rig and what identifies its content.
-fn rig(
-    place: &Placeholders<'_>,
-    name: &str,
-    source: &RigSource,
-    root: &Path,
-    cell: &mut Cell,
-    runner: &mut Runner<'_>,
-) -> Result<Result<(PathBuf, String), String>> {
-    if let Some(folder) = &source.folder {
-        let dir = root.join("rigs").join(slug(name));
-        link(folder, &dir)?;
-        return Ok(Ok((dir, shown(folder))));
+impl CellPlan<'_> {
+    /// Returns the step that makes the color field, and the field. Decoders use it too, for the volume they look in.
+    fn calibration(&self, runner: &StepRunner<'_>) -> (CommandStep, PathBuf) {
+        let (rig_dir, set) = (&self.rig_dir, &self.set);
+        let extra = self.placeholders.words(&self.method.calibrate);
+        let field = match extra.is_empty() {
+            true => rig_dir.join("fields").join(format!("{set}.safetensors")),
+            false => rig_dir.join("fields").join(format!("{set}-{}.safetensors", slug(&extra.join("-")))),
+        };
+        let mut arguments = words(&["calibrate", &shown(rig_dir), "--set", set, "-o", &shown(&field)]);
+        arguments.extend(extra);
+        arguments.extend(runner.device());
+        let step = CommandStep {
+            what: format!("calibrate {} {set}", self.rig.name),
+            arguments,
+            output: Some(field.clone()),
+            inputs: vec![self.rig_key.clone()],
+        };
+        (step, field)
     }
-    let spec = match (&source.preset, &source.spec) {
-        (Some(preset), _) => Spec::preset(preset)
-            .with_context(|| format!("rig `{name}`: there is no preset `{preset}`; see `nelu3d simulate --help`"))?,
-        (None, Some(file)) => Spec::read(file)?,
-        (None, None) => unreachable!("checked when it was read"),
-    };
-    let mut table: Table = toml::from_str(&spec.to_toml()).context("a spec is TOML")?;
-    merge(&mut table, &place.table(&source.set));
-    table.insert("seed".into(), toml::Value::Integer(place.seed as i64));
-    if source.scale != 1.0 {
-        scale_camera(&mut table, source.scale);
-    }
-    let text = toml::to_string(&table)?;
-    let key = hex(text.as_bytes())[..12].to_owned();
-    let dir = root.join("rigs").join(format!("{}-{key}", slug(name)));
-    let file = root.join("rigs").join(format!("{}-{key}.toml", slug(name)));
-    create_dir(&root.join("rigs"))?;
-    write_atomic(&file, |w| w.write_all(text.as_bytes()))?;
-    // Wrong values should be known to be the experiment's.
-    Spec::read(&file).with_context(|| format!("rig `{name}`"))?;
-    let step = Step {
-        what: format!("simulate {name}, seed {}", place.seed),
-        arguments: words(&["simulate", &shown(&file), "-o", &shown(&dir)]),
-        output: Some(dir.clone()),
-        inputs: vec![text],
-    };
-    Ok(take(&step, cell, runner)?.map(|_| (dir, step.key())).map_err(|reason| format!("simulate: {reason}")))
-}
 
-/// The same view on an image of another size.
-fn scale_camera(spec: &mut Table, scale: f64) {
-    let Some(toml::Value::Table(camera)) = spec.get_mut("camera") else { return };
-    for (key, shift) in [("fx", 0.0), ("fy", 0.0), ("cx", 0.5), ("cy", 0.5)] {
-        if let Some(v) = camera.get(key).and_then(toml::Value::as_float) {
-            camera.insert(key.into(), toml::Value::Float((v + shift) * scale - shift));
+    /// Returns the step that makes the result; `run` are the method's own arguments.
+    fn method(
+        &self,
+        command: &str,
+        run: Vec<String>,
+        field: &Path,
+        calibrate: &CommandStep,
+        cell: &ExperimentCell,
+        runner: &StepRunner<'_>,
+    ) -> CommandStep {
+        let mut arguments = words(&[command, &shown(&self.rig_dir), &self.case.scene, "--set", &self.set]);
+        if command == "reconstruct" || command == "sequence" {
+            arguments.extend(words(&["--field", &shown(field)]));
+            arguments.extend(runner.device());
+        }
+        arguments.extend(run);
+        let truth = cell.scene.join("truth");
+        match truth.exists() {
+            true if self.middle.is_some() => arguments.push("--truth".into()),
+            true => arguments.extend(words(&["--truth", &shown(&truth)])),
+            false => {}
+        }
+        arguments.extend(words(&["-o", &shown(&cell.folder)]));
+        CommandStep {
+            what: format!("{}: {}", self.case.label, self.method.label),
+            arguments,
+            output: Some(cell.folder.clone()),
+            inputs: vec![calibrate.key()],
         }
     }
-    for key in ["width", "height"] {
-        if let Some(v) = camera.get(key).and_then(toml::Value::as_integer) {
-            // Even, for color filter mosaics.
-            let side = 2 * (v as f64 * scale / 2.0).round() as i64;
-            camera.insert(key.into(), toml::Value::Integer(side));
+
+    /// Returns the step that evaluates the result against the CAD model of the scene.
+    fn cad(&self, cell: &ExperimentCell, result: &CommandStep) -> CommandStep {
+        let mesh = cell.scene.join("truth").join("mesh.ply");
+        CommandStep {
+            what: format!("{}: {} against the CAD model", self.case.label, self.method.label),
+            arguments: words(&["evaluate", &shown(&cell.folder), "--cad", &shown(&mesh), "--no-align"]),
+            output: None,
+            inputs: vec![result.key()],
         }
     }
 }
 
-/// A folder of links to everything in a rig, so that fields can be put beside it.
-fn link(rig: &Path, dir: &Path) -> Result<()> {
-    let rig =
-        rig.canonicalize().with_context(|| format!("{}: is no folder; this experiment needs that rig", shown(rig)))?;
-    create_dir(dir)?;
-    for entry in std::fs::read_dir(&rig).with_context(|| format!("{}: cannot be read", shown(&rig)))? {
-        let entry = entry?;
-        let to = dir.join(entry.file_name());
-        let ours = matches!(entry.file_name().to_str(), Some("fields" | "results"));
-        if !ours && !to.exists() {
-            #[cfg(unix)]
-            std::os::unix::fs::symlink(entry.path(), &to)
-                .with_context(|| format!("{}: cannot be linked", shown(&to)))?;
-            #[cfg(not(unix))]
-            anyhow::bail!("{}: rigs that exist can be used on Unix only", shown(&rig));
-        }
-    }
-    Ok(())
-}
-
-/// How the results of a scene differ from that of one method.
-fn compare_with(label: &str, experiment: &Experiment, cells: &mut [Cell]) -> Result<()> {
+/// Adds to each cell how its result differs from that of one method.
+fn compare_with(label: &str, experiment: &Experiment, cells: &mut [ExperimentCell]) -> Result<()> {
     let reference = cells.iter().find(|c| experiment.methods[c.method].label == label && c.document.is_ok());
     let Some(reference) = reference.map(|c| SavedResult::read(&c.folder)).transpose()? else { return Ok(()) };
     for cell in cells {
@@ -311,47 +214,4 @@ fn compare_with(label: &str, experiment: &Experiment, cells: &mut [Cell]) -> Res
         }
     }
     Ok(())
-}
-
-/// A text as a part of a file name.
-fn slug(text: &str) -> String {
-    let mut out = String::new();
-    for c in text.chars() {
-        match c {
-            c if c.is_ascii_alphanumeric() || c == '.' => out.push(c.to_ascii_lowercase()),
-            _ if out.ends_with('-') || out.is_empty() => {}
-            _ => out.push('-'),
-        }
-    }
-    out.trim_end_matches('-').to_owned()
-}
-
-fn words(list: &[&str]) -> Vec<String> {
-    list.iter().map(|s| (*s).to_owned()).collect()
-}
-
-fn shown(path: &Path) -> String {
-    path.display().to_string()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_plain() {
-        assert_eq!(slug("NeLU3D (fast), α = 0.1"), "nelu3d-fast-0.1");
-    }
-
-    #[test]
-    fn a_scaled_camera_sees_the_same() {
-        let spec = Spec::preset("demo").unwrap();
-        let mut table: Table = toml::from_str(&spec.to_toml()).unwrap();
-        scale_camera(&mut table, 0.5);
-        let half: Spec = table.try_into().unwrap();
-        assert_eq!((half.camera.width, half.camera.height), (spec.camera.width / 2, spec.camera.height / 2));
-        // The left border of the image, x = −0.5, is in the same direction.
-        let border = |s: &Spec| (-0.5 - s.camera.cx) / s.camera.fx;
-        assert!((border(&half) - border(&spec)).abs() < 1e-12);
-    }
 }

@@ -1,10 +1,11 @@
-//! One chart of a main column: its number against the varied quantity, or by case; a line or a row of points per method.
+//! One chart of a main column: its number against the varied quantity, or by case; a line or a row of points per
+//! method.
 
-use super::table::Numbers;
-use crate::report::chart::{Axis, Chart, Mark, Scale, Series};
+use super::table::ExperimentNumbers;
+use crate::report::chart::{AxisScale, Chart, ChartAxis, ChartMark, ChartSeries};
 
-/// The chart of a column; `None` if there is nothing to show.
-pub(super) fn chart(numbers: &Numbers<'_>, column: usize) -> Option<Chart> {
+/// Returns the chart of a column; `None` if there is nothing to show.
+pub(super) fn chart(numbers: &ExperimentNumbers<'_>, column: usize) -> Option<Chart> {
     let experiment = numbers.experiment;
     let column_is_log = experiment.columns[column].log;
     // A number for every value, or places one after the other.
@@ -30,8 +31,8 @@ pub(super) fn chart(numbers: &Numbers<'_>, column: usize) -> Option<Chart> {
             }
         };
         for (label, rows) in lines {
-            let mark = if values.is_some() { Mark::LineAndDots } else { Mark::Dots };
-            let mut line = Series { label, points: Vec::new(), spread: Vec::new(), mark };
+            let mark = if values.is_some() { ChartMark::LineAndDots } else { ChartMark::Dots };
+            let mut line = ChartSeries { label, points: Vec::new(), spread: Vec::new(), mark };
             for (row, x) in rows {
                 let Some(n) = numbers.entry(row, m).and_then(|e| e.numbers[column]) else { continue };
                 if n.mean.is_finite() && (!column_is_log || n.mean > 0.0) {
@@ -44,21 +45,28 @@ pub(super) fn chart(numbers: &Numbers<'_>, column: usize) -> Option<Chart> {
             }
         }
     }
-    let scale = |log: bool| if log { Scale::Log } else { Scale::Linear };
+    let scale = |log: bool| if log { AxisScale::Log } else { AxisScale::Linear };
     let vary = experiment.vary.as_ref();
     let x = match values {
         Some(_) => {
             let log = vary.is_some_and(|v| v.log);
-            Axis { scale: scale(log), ..Axis::linear(vary.map_or("", |v| v.label.as_str())) }
+            ChartAxis { scale: scale(log), ..ChartAxis::linear(vary.map_or("", |v| v.label.as_str())) }
         }
-        None => Axis { names: (0..numbers.n_rows()).map(|row| numbers.row_label(row)).collect(), ..Axis::default() },
+        None => ChartAxis {
+            names: (0..numbers.n_rows()).map(|row| numbers.row_label(row)).collect(),
+            ..ChartAxis::default()
+        },
     };
-    let y = Axis { scale: scale(column_is_log), from_zero: true, ..Axis::linear(&experiment.columns[column].label) };
+    let y = ChartAxis {
+        scale: scale(column_is_log),
+        from_zero: true,
+        ..ChartAxis::linear(&experiment.columns[column].label)
+    };
     (!series.is_empty()).then_some(Chart { x, y, series })
 }
 
-/// The values of the varied quantity, if there are several and all of them are numbers.
-fn varied_values(numbers: &Numbers<'_>) -> Option<Vec<f64>> {
+/// Returns the values of the varied quantity, if there are several and all of them are numbers.
+fn varied_values(numbers: &ExperimentNumbers<'_>) -> Option<Vec<f64>> {
     let number = |x: &toml::Value| x.as_float().or_else(|| x.as_integer().map(|i| i as f64));
     let values: Option<Vec<f64>> = numbers.experiment.vary.as_ref()?.values.iter().map(number).collect();
     values.filter(|v| v.len() > 1)

@@ -1,5 +1,5 @@
-//! One command of an experiment, run as a program of its own, so that its time and memory are its own, and noted down when it is
-//! done, so that it need not run again.
+//! One command of an experiment, run as a process of its own, so that its time and memory are its own, and recorded
+//! when it is done, so that it need not run again.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -13,24 +13,24 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::super::commands::Context;
+use crate::context::CommandContext;
 
 /// A command and what it depends on.
 #[derive(Clone, Debug)]
-pub(super) struct Step {
-    /// What a person sees while it runs.
+pub(super) struct CommandStep {
+    /// Name that is shown while it runs.
     pub what: String,
     /// Arguments of this program.
     pub arguments: Vec<String>,
-    /// What it writes; absent if it only answers.
+    /// File or folder that it writes; `None` if it only answers.
     pub output: Option<PathBuf>,
     /// Everything else that decides its outcome: contents of files, keys of other steps.
     pub inputs: Vec<String>,
 }
 
-/// What a command did.
+/// What a command answered, and how long it took.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Outcome {
+pub(super) struct StepOutcome {
     /// The arguments.
     pub arguments: Vec<String>,
     /// Hash of the program that ran it.
@@ -42,8 +42,8 @@ pub(super) struct Outcome {
 }
 
 /// Runs commands, each once.
-pub(super) struct Runner<'a> {
-    context: &'a Context,
+pub(super) struct StepRunner<'a> {
+    context: &'a CommandContext,
     notes: PathBuf,
     program: PathBuf,
     program_hash: String,
@@ -51,13 +51,15 @@ pub(super) struct Runner<'a> {
     /// Whether outcomes of another build of the program are good enough.
     reuse: bool,
     failed: HashMap<String, String>,
-    /// Commands that ran, and that did not have to.
+    /// Number of commands that ran.
     pub ran: usize,
+    /// Number of commands whose earlier outcome was reused.
     pub reused: usize,
 }
 
-impl<'a> Runner<'a> {
-    pub(super) fn new(root: &Path, device: Choice, reuse: bool, context: &'a Context) -> Result<Self> {
+impl<'a> StepRunner<'a> {
+    /// Creates a runner whose records are in `root/steps`.
+    pub(super) fn new(root: &Path, device: Choice, reuse: bool, context: &'a CommandContext) -> Result<Self> {
         let notes = root.join("steps");
         create_dir(&notes)?;
         let program = std::env::current_exe().context("this program cannot find itself")?;
@@ -66,7 +68,7 @@ impl<'a> Runner<'a> {
         Ok(Self { context, notes, program, program_hash, device, reuse, failed: HashMap::new(), ran: 0, reused: 0 })
     }
 
-    /// Arguments that have a command do its work where this experiment's is done; none for the default.
+    /// Returns the arguments that choose this experiment's device; none for the default.
     pub(super) fn device(&self) -> Vec<String> {
         match self.device {
             Choice::Auto => Vec::new(),
@@ -74,15 +76,15 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The outcome of a command: from an earlier run of the same command on the same inputs, or from running it.
-    /// `Ok(Err(reason))` if the command fails.
-    pub(super) fn run(&mut self, step: &Step) -> Result<Result<Outcome, String>> {
+    /// Returns the outcome of a command: from an earlier run of the same command on the same inputs, or from running
+    /// it. `Ok(Err(reason))` if the command fails.
+    pub(super) fn run(&mut self, step: &CommandStep) -> Result<Result<StepOutcome, String>> {
         let key = step.key();
         if let Some(reason) = self.failed.get(&key) {
             return Ok(Err(reason.clone()));
         }
         let note = self.notes.join(format!("{key}.json"));
-        if let Some(outcome) = self.noted(&note, step) {
+        if let Some(outcome) = self.recorded(&note, step) {
             self.reused += 1;
             return Ok(Ok(outcome));
         }
@@ -105,7 +107,7 @@ impl<'a> Runner<'a> {
             return Ok(Err(reason));
         }
         let answer = serde_json::from_slice(&done.stdout).context("a command's answer is no JSON")?;
-        let outcome = Outcome {
+        let outcome = StepOutcome {
             arguments: step.arguments.clone(),
             program: self.program_hash.clone(),
             wall_secs: start.elapsed().as_secs_f64(),
@@ -116,15 +118,16 @@ impl<'a> Runner<'a> {
         Ok(Ok(outcome))
     }
 
-    fn noted(&self, note: &Path, step: &Step) -> Option<Outcome> {
-        let outcome: Outcome = serde_json::from_slice(&std::fs::read(note).ok()?).ok()?;
+    /// Reads the recorded outcome of a command, if it is still good.
+    fn recorded(&self, note: &Path, step: &CommandStep) -> Option<StepOutcome> {
+        let outcome: StepOutcome = serde_json::from_slice(&std::fs::read(note).ok()?).ok()?;
         let there = step.output.as_ref().is_none_or(|o| o.exists());
         (there && (self.reuse || outcome.program == self.program_hash)).then_some(outcome)
     }
 }
 
-impl Step {
-    /// What identifies it: its arguments and inputs.
+impl CommandStep {
+    /// Returns what identifies the command: a hash of its arguments and inputs.
     pub(super) fn key(&self) -> String {
         let mut all = self.arguments.join("\0");
         for input in &self.inputs {
@@ -135,7 +138,7 @@ impl Step {
     }
 }
 
-/// SHA-256, hexadecimal.
+/// Returns the SHA-256, hexadecimal.
 pub(super) fn hex(content: &[u8]) -> String {
     Sha256::digest(content).iter().map(|b| format!("{b:02x}")).collect()
 }

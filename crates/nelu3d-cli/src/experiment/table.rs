@@ -4,45 +4,46 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
+use super::cell::ExperimentCell;
 use super::file::{Column, Experiment, plain};
-use super::plan::Cell;
 
-/// What one method did on one row, over the seeds.
+/// The numbers of one method on one row, over the seeds.
 #[derive(Clone, Debug)]
-pub(super) struct Entry {
-    /// Row: case × value.
+pub(super) struct TableEntry {
+    /// Index of the row: case × value.
     pub row: usize,
-    /// Method.
+    /// Index of the method.
     pub method: usize,
     /// One number per column.
-    pub numbers: Vec<Option<Number>>,
-    /// Why there is none, where there is none.
+    pub numbers: Vec<Option<MeanOverSeeds>>,
+    /// Why there are none, where there are none.
     pub problem: Option<String>,
 }
 
 /// A mean over seeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Number {
+pub(super) struct MeanOverSeeds {
+    /// The mean.
     pub mean: f64,
     /// Standard deviation over the seeds; `None` for one.
     pub spread: Option<f64>,
-    /// Seeds.
+    /// Number of seeds.
     pub n: usize,
 }
 
 /// All numbers of an experiment.
-pub(super) struct Numbers<'a> {
+pub(super) struct ExperimentNumbers<'a> {
     pub experiment: &'a Experiment,
-    pub entries: Vec<Entry>,
+    pub entries: Vec<TableEntry>,
 }
 
-impl<'a> Numbers<'a> {
-    pub(super) fn of(experiment: &'a Experiment, cells: &[Cell]) -> Self {
+impl<'a> ExperimentNumbers<'a> {
+    pub(super) fn of(experiment: &'a Experiment, cells: &[ExperimentCell]) -> Self {
         let n_values = n_values(experiment);
         let mut entries = Vec::new();
         for row in 0..experiment.cases.len() * n_values {
             for method in 0..experiment.methods.len() {
-                let mine: Vec<&Cell> =
+                let mine: Vec<&ExperimentCell> =
                     cells.iter().filter(|c| c.case * n_values + c.value == row && c.method == method).collect();
                 if mine.is_empty() {
                     continue;
@@ -54,20 +55,25 @@ impl<'a> Numbers<'a> {
                         .filter_map(|d| find(d, &column.value))
                         .map(|v| v * column.times)
                         .collect();
-                    Number::of(&values)
+                    MeanOverSeeds::of(&values)
                 };
                 let failed: Vec<&String> = mine.iter().filter_map(|c| c.document.as_ref().err()).collect();
                 let problem = failed.first().map(|e| match failed.len() == mine.len() {
                     true => (*e).clone(),
                     false => format!("{} of {} seeds failed: {e}", failed.len(), mine.len()),
                 });
-                entries.push(Entry { row, method, numbers: experiment.columns.iter().map(number).collect(), problem });
+                entries.push(TableEntry {
+                    row,
+                    method,
+                    numbers: experiment.columns.iter().map(number).collect(),
+                    problem,
+                });
             }
         }
         Self { experiment, entries }
     }
 
-    /// Name of a row.
+    /// Returns the name of a row.
     pub(super) fn row_label(&self, row: usize) -> String {
         let n_values = n_values(self.experiment);
         let case = &self.experiment.cases[row / n_values].label;
@@ -81,24 +87,25 @@ impl<'a> Numbers<'a> {
         self.experiment.cases.len() * n_values(self.experiment)
     }
 
-    pub(super) fn entry(&self, row: usize, method: usize) -> Option<&Entry> {
+    pub(super) fn entry(&self, row: usize, method: usize) -> Option<&TableEntry> {
         self.entries.iter().find(|e| e.row == row && e.method == method)
     }
 
-    /// The table of a main column: headings, then rows against methods. The best of a row is marked if there are two.
-    pub(super) fn pivot(&self, column: usize) -> (Vec<String>, Vec<Vec<Marked>>) {
+    /// Returns the table of a main column: headings, then rows against methods. The best of a row is marked if there
+    /// are two.
+    pub(super) fn pivot(&self, column: usize) -> (Vec<String>, Vec<Vec<TableCell>>) {
         let experiment = self.experiment;
         let c = &experiment.columns[column];
         let mut headings = vec![experiment.vary.as_ref().map_or_else(String::new, |v| v.label.clone())];
         headings.extend(experiment.methods.iter().map(|m| m.label.clone()));
         let rows = (0..self.n_rows()).map(|row| {
-            let numbers: Vec<Option<Number>> =
+            let numbers: Vec<Option<MeanOverSeeds>> =
                 (0..experiment.methods.len()).map(|m| self.entry(row, m).and_then(|e| e.numbers[column])).collect();
             let better = |a: f64, b: f64| if c.more_is_better { a > b } else { a < b };
             let best = numbers.iter().flatten().map(|n| n.mean).reduce(|a, b| if better(b, a) { b } else { a });
             let contested = numbers.iter().flatten().count() > 1;
-            let mut cells = vec![Marked { text: self.row_label(row), best: false }];
-            cells.extend(numbers.iter().map(|n| Marked {
+            let mut cells = vec![TableCell { text: self.row_label(row), best: false }];
+            cells.extend(numbers.iter().map(|n| TableCell {
                 text: n.map_or_else(|| "–".to_owned(), |n| n.text(c.digits)),
                 best: contested && n.is_some_and(|n| Some(n.mean) == best),
             }));
@@ -107,7 +114,7 @@ impl<'a> Numbers<'a> {
         (headings, rows.collect())
     }
 
-    /// Every number: headings, then a row per row and method.
+    /// Returns every number: headings, then a row per row and method.
     pub(super) fn long(&self) -> (Vec<String>, Vec<Vec<String>>) {
         let mut headings = vec!["case".to_owned(), "method".to_owned()];
         headings.extend(self.experiment.columns.iter().map(|c| c.label.clone()));
@@ -122,7 +129,7 @@ impl<'a> Numbers<'a> {
         (headings, rows.collect())
     }
 
-    /// Why methods have no numbers on some rows: a line per reason.
+    /// Returns why methods have no numbers on some rows: a line per reason.
     pub(super) fn problems(&self) -> Vec<String> {
         let mut reasons: Vec<(&str, Vec<String>)> = Vec::new();
         for e in &self.entries {
@@ -136,7 +143,7 @@ impl<'a> Numbers<'a> {
         reasons.iter().map(|(reason, places)| format!("{}: {reason}", places.join("; "))).collect()
     }
 
-    /// Markdown: a table per main column, then all numbers, then what is missing.
+    /// Returns Markdown: a table per main column, then all numbers, then what is missing.
     pub(super) fn markdown(&self, name: &str, made: &str) -> String {
         let experiment = self.experiment;
         let mut text = format!("## {}\n\n", experiment.title);
@@ -170,7 +177,7 @@ impl<'a> Numbers<'a> {
         text
     }
 
-    /// Comma-separated values: a line per row and method, each column's mean and spread.
+    /// Returns comma-separated values: a line per row and method, each column's mean and spread.
     pub(super) fn csv(&self) -> String {
         let quoted = |s: &str| format!("\"{}\"", s.replace('"', "\"\""));
         let mut text = "case,method,seeds".to_owned();
@@ -192,11 +199,16 @@ impl<'a> Numbers<'a> {
         text
     }
 
-    /// The same for programs.
+    /// Returns all numbers for programs.
     pub(super) fn json(&self) -> Value {
         let entries = self.entries.iter().map(|e| {
             let numbers = e.numbers.iter().zip(&self.experiment.columns).map(|(n, c)| {
-                json!({ "column": c.label, "mean": n.map(|n| n.mean), "spread": n.and_then(|n| n.spread), "seeds": n.map_or(0, |n| n.n) })
+                json!({
+                    "column": c.label,
+                    "mean": n.map(|n| n.mean),
+                    "spread": n.and_then(|n| n.spread),
+                    "seeds": n.map_or(0, |n| n.n),
+                })
             });
             json!({
                 "case": self.row_label(e.row),
@@ -211,12 +223,12 @@ impl<'a> Numbers<'a> {
 
 /// A cell that may be the best of its row.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Marked {
+pub(super) struct TableCell {
     pub text: String,
     pub best: bool,
 }
 
-impl Number {
+impl MeanOverSeeds {
     fn of(values: &[f64]) -> Option<Self> {
         let n = values.len();
         let mean = values.iter().sum::<f64>() / n as f64;
@@ -232,15 +244,17 @@ impl Number {
     }
 }
 
+/// Returns the number of values of the varied quantity.
 fn n_values(experiment: &Experiment) -> usize {
     experiment.vary.as_ref().map_or(1, |v| v.values.len())
 }
 
-/// The number at a path of keys separated by dots.
+/// Returns the number at a path of keys separated by dots.
 fn find(document: &Value, path: &str) -> Option<f64> {
     path.split('.').try_fold(document, |at, key| at.get(key))?.as_f64()
 }
 
+/// Returns a table in Markdown.
 fn markdown_table(headings: &[String], rows: &[Vec<String>]) -> String {
     let mut text = format!("| {} |\n|{}\n", headings.join(" | "), "---|".repeat(headings.len()));
     for row in rows {
@@ -265,8 +279,8 @@ mod tests {
         .unwrap()
     }
 
-    fn cell(case: usize, seed: u64, method: usize, document: Result<f64, &str>) -> Cell {
-        Cell {
+    fn cell(case: usize, seed: u64, method: usize, document: Result<f64, &str>) -> ExperimentCell {
+        ExperimentCell {
             case,
             value: 0,
             seed,
@@ -291,7 +305,7 @@ mod tests {
             cell(1, 0, 1, Err("no board")),
             cell(1, 1, 1, Err("no board")),
         ];
-        let numbers = Numbers::of(&experiment, &cells);
+        let numbers = ExperimentNumbers::of(&experiment, &cells);
         let (headings, rows) = numbers.pivot(0);
         assert_eq!(headings, ["", "m", "n"]);
         let texts: Vec<Vec<(&str, bool)>> =

@@ -9,7 +9,10 @@ use nelu3d::result::picture::Picture;
 
 use super::number::short;
 
-/// Text that can stand anywhere in a page, attributes in quotes included.
+/// Maximum width of pictures of maps, so that a page stays small, px.
+pub(crate) const MAX_MAP_WIDTH: usize = 640;
+
+/// Makes text safe to stand anywhere in a page, attributes in quotes included.
 pub(crate) fn escape(text: &str) -> String {
     text.chars().fold(String::with_capacity(text.len()), |mut s, c| {
         match c {
@@ -38,7 +41,7 @@ pub(crate) fn fill(template: &str, parts: &[(&str, String)]) -> String {
     out + rest
 }
 
-/// A table that scrolls sideways by itself; cells are text, not HTML.
+/// Returns a table that scrolls sideways by itself; cells are text, not HTML.
 pub(crate) fn table<S: AsRef<str>>(headings: &[&str], rows: &[Vec<S>]) -> String {
     let mut html = "<div class=scroll><table><tr>".to_owned();
     for h in headings {
@@ -56,7 +59,7 @@ pub(crate) fn table<S: AsRef<str>>(headings: &[&str], rows: &[Vec<S>]) -> String
     html
 }
 
-/// Large numbers with a label each: what one looks for first.
+/// Returns large numbers with a label each: what one looks for first.
 pub(crate) fn tiles<S: AsRef<str>>(tiles: &[(S, S)]) -> String {
     let html = tiles.iter().fold(String::new(), |mut html, (number, label)| {
         let (number, label) = (escape(number.as_ref()), escape(label.as_ref()));
@@ -66,25 +69,26 @@ pub(crate) fn tiles<S: AsRef<str>>(tiles: &[(S, S)]) -> String {
     format!("<div class=tiles>{html}</div>")
 }
 
-/// A picture, an SVG or anything else in a frame, with its name and a few words on what it is above it.
+/// Returns a picture, an SVG or anything else in a frame, with its name and a few words on what it is above it.
 pub(crate) fn figure(name: &str, note: &str, content: &str) -> String {
     let (name, note) = (escape(name), escape(note));
     format!("<figure><figcaption><b>{name}</b> <span>{note}</span></figcaption>{content}</figure>")
 }
 
-/// A picture in a frame with its name below it.
+/// Returns a picture in a frame with its name below it.
 pub(crate) fn thumbnail(picture: &Picture, name: &str) -> String {
     format!("<figure>{}<figcaption>{}</figcaption></figure>", img(picture, name), escape(name))
 }
 
-/// A picture inside the page.
+/// Returns a picture inside the page.
 pub(crate) fn img(picture: &Picture, alt: &str) -> String {
     let [w, h] = picture.size();
     let data = STANDARD.encode(picture.png());
     format!("<img width={w} height={h} alt=\"{}\" src=\"data:image/png;base64,{data}\">", escape(alt))
 }
 
-/// A bar of colors with five labels, `range[0]` at the left in the gradient's first color unless the range is reversed.
+/// Returns a bar of colors with five labels, `range[0]` at the left in the gradient's first color unless the range is
+/// reversed.
 pub(crate) fn color_bar(gradient: Gradient, range: [f64; 2], unit: &str) -> String {
     let stops: Vec<String> =
         (0..=16).map(|i| gradient.eval_continuous(f64::from(i) / 16.0)).map(|c| format!("#{c:x}")).collect();
@@ -100,7 +104,7 @@ pub(crate) fn color_bar(gradient: Gradient, range: [f64; 2], unit: &str) -> Stri
     )
 }
 
-/// What colors mean, one label each.
+/// Returns what colors mean, one label each.
 pub(crate) fn legend(items: &[([u8; 3], &str)]) -> String {
     let items = items.iter().fold(String::new(), |mut s, ([r, g, b], label)| {
         let _ = write!(s, "<span><i style='background:rgb({r},{g},{b})'></i>{}</span>", escape(label));

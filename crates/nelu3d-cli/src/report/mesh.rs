@@ -6,15 +6,15 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use nelu3d_scan::Mesh;
 
-/// Vertices a page holds at most: their numbers fit 16 bits, and all of it stays below 2 MB.
+/// Maximum number of vertices of a page: their numbers fit 16 bits, and all of it stays below 2 MB.
 const MAX_VERTICES: usize = 48_000;
 
 /// What the page's viewer reads, as the content of a JSON script block.
 #[derive(serde::Serialize)]
 pub(crate) struct PageMesh {
-    /// Vertices.
+    /// Number of vertices.
     vertices: usize,
-    /// Triangles.
+    /// Number of triangles.
     faces: usize,
     /// A corner of the bounding box, mm.
     low: [f32; 3],
@@ -118,6 +118,7 @@ fn clustered(mesh: &Mesh, limit: usize) -> Mesh {
     small
 }
 
+/// Returns the corners of the bounding box.
 fn bounds(mesh: &Mesh) -> ([f32; 3], [f32; 3]) {
     let mut low = [f32::INFINITY; 3];
     let mut high = [f32::NEG_INFINITY; 3];

@@ -1,6 +1,6 @@
 //! Numbers for people.
 
-/// A number in few characters.
+/// Formats a number in few characters.
 pub(crate) fn short(v: f64) -> String {
     match v.abs() {
         a if !v.is_finite() => format!("{a}"),
@@ -14,17 +14,17 @@ pub(crate) fn short(v: f64) -> String {
     }
 }
 
-/// A number with its unit; a dash where there is none.
+/// Formats a number with its unit; a dash where there is none.
 pub(crate) fn with_unit(v: f64, digits: usize, unit: &str) -> String {
     if v.is_finite() { format!("{v:.digits$} {unit}") } else { "–".to_owned() }
 }
 
-/// A share in [0, 1].
+/// Formats a fraction in [0, 1] as a percentage.
 pub(crate) fn percent(v: f64) -> String {
     with_unit(100.0 * v, 1, "%")
 }
 
-/// Digits in groups of three.
+/// Formats a count in groups of three digits.
 pub(crate) fn grouped(n: usize) -> String {
     let digits = n.to_string();
     let mut out = String::new();

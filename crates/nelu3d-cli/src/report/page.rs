@@ -6,7 +6,7 @@ const TEMPLATE: &str = include_str!("template.html");
 const STYLE: &str = include_str!("style.css");
 const VIEWER: &str = include_str!("viewer.js");
 
-/// A whole page: `title` and `subtitle` are text, `body` is HTML. It needs no other file and no network.
+/// Returns a whole page: `title` and `subtitle` are text, `body` is HTML. It needs no other file and no network.
 pub(crate) fn page(title: &str, subtitle: &str, body: &str) -> String {
     let parts = [
         ("title", escape(title)),
@@ -18,12 +18,12 @@ pub(crate) fn page(title: &str, subtitle: &str, body: &str) -> String {
     fill(TEMPLATE, &parts)
 }
 
-/// A part of a page under a heading; `content` is HTML.
+/// Returns a part of a page under a heading; `content` is HTML.
 pub(crate) fn section(heading: &str, content: &str) -> String {
     format!("<section><h2>{}</h2>{content}</section>", escape(heading))
 }
 
-/// The same folded away behind its heading, or open at first.
+/// Returns a part of a page that folds away behind its heading, open at first if asked for.
 pub(crate) fn details(heading: &str, open: bool, content: &str) -> String {
     let open = if open { " open" } else { "" };
     format!("<section><details{open}><summary>{}</summary>{content}</details></section>", escape(heading))

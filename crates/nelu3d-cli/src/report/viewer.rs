@@ -22,6 +22,7 @@ pub(crate) enum Coloring {
 }
 
 impl Coloring {
+    /// Returns the label of its button.
     fn label(self) -> &'static str {
         match self {
             Self::Clay => "Clay",
@@ -32,7 +33,7 @@ impl Coloring {
         }
     }
 
-    /// Its number in viewer.js.
+    /// Returns its number in viewer.js.
     fn mode(self) -> u8 {
         match self {
             Self::Clay => 0,
@@ -44,7 +45,7 @@ impl Coloring {
     }
 }
 
-/// A surface in the camera's frame with a button for each coloring, the first one chosen.
+/// Returns a surface in the camera's frame with a button for each coloring, the first one chosen.
 pub(crate) fn viewer(mesh: &Mesh, colorings: &[Coloring]) -> String {
     let buttons = colorings.iter().enumerate().fold(String::new(), |mut s, (i, c)| {
         let _ = write!(s, "<button data-mode={} aria-pressed={}>{}</button>", c.mode(), i == 0, c.label());

@@ -1,5 +1,5 @@
-//! Poses by voting with point pair features: Drost, Ulrich, Navab and Ilic, "Model globally, match locally: efficient and
-//! robust 3D object recognition", CVPR 2010. Made for views from one side, with other things around.
+//! Poses by voting with point pair features: Drost, Ulrich, Navab and Ilic, "Model globally, match locally: efficient
+//! and robust 3D object recognition", CVPR 2010. Made for views from one side, with other things around.
 
 use std::collections::HashMap;
 use std::f64::consts::TAU;
@@ -7,22 +7,25 @@ use std::f64::consts::TAU;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
-use super::sample::Oriented;
+use super::sample::OrientedPoint;
 
-/// Bins of a full turn about a normal, and of a right angle's double between directions (12°).
+/// Number of bins of a full turn about a normal.
 const TURN_BINS: usize = 30;
+/// Width of a bin of the angle between two directions, radians (12°).
 const ANGLE_STEP: f64 = TAU / 30.0;
-/// Bins of the distance up to the model's diagonal.
+/// Number of bins of the distance up to the model's diagonal.
 const DISTANCE_BINS: f64 = 20.0;
-/// Points of the scan that vote.
+/// Number of points of the scan that vote.
 const VOTERS: usize = 160;
-/// Pairs of each of them.
+/// Number of pairs that each of them votes with.
 const PARTNERS: usize = 500;
 
+/// Quantized feature of a pair of points.
 type Key = [u8; 4];
 
-/// Poses `scan_from_model`, most votes first, that differ by more than a tenth of `diagonal` or 15°; at most `n`.
-pub(super) fn poses(model: &[Oriented], scan: &[Oriented], diagonal: f64, n: usize) -> Vec<Isometry3<f64>> {
+/// Returns poses `scan_from_model`, most votes first, that differ by more than a tenth of `diagonal` or 15°; at most
+/// `n`.
+pub(super) fn poses(model: &[OrientedPoint], scan: &[OrientedPoint], diagonal: f64, n: usize) -> Vec<Isometry3<f64>> {
     let mut table: HashMap<Key, Vec<(u32, f32)>> = HashMap::new();
     for (i, a) in model.iter().enumerate() {
         let onto_axis = onto_axis(a);
@@ -32,7 +35,7 @@ pub(super) fn poses(model: &[Oriented], scan: &[Oriented], diagonal: f64, n: usi
             }
         }
     }
-    let vote = |a: &Oriented| -> Option<(u32, Isometry3<f64>)> {
+    let vote = |a: &OrientedPoint| -> Option<(u32, Isometry3<f64>)> {
         let onto_axis_scan = onto_axis(a);
         let mut votes = vec![0u32; model.len() * TURN_BINS];
         let near = scan.iter().filter(|b| (b.point - a.point).norm() <= diagonal);
@@ -56,7 +59,7 @@ pub(super) fn poses(model: &[Oriented], scan: &[Oriented], diagonal: f64, n: usi
     clustered(&found, diagonal, n)
 }
 
-/// Poses near each other add their votes; each group is represented by its strongest.
+/// Groups poses that are near each other: votes add up, and each group is represented by its strongest pose.
 fn clustered(found: &[(u32, Isometry3<f64>)], diagonal: f64, n: usize) -> Vec<Isometry3<f64>> {
     let mut groups: Vec<(u32, Isometry3<f64>)> = Vec::new();
     for &(votes, pose) in found {
@@ -73,8 +76,9 @@ fn clustered(found: &[(u32, Isometry3<f64>)], diagonal: f64, n: usize) -> Vec<Is
     groups.into_iter().take(n).map(|g| g.1).collect()
 }
 
-/// Section 3.1 of the paper: distance, the two normals against the line between the points, and against each other.
-fn key(a: &Oriented, b: &Oriented, diagonal: f64) -> Option<Key> {
+/// Computes the feature of a pair (Section 3.1 of the paper): the distance, and the angles of the two normals against
+/// the line between the points, and against each other.
+fn key(a: &OrientedPoint, b: &OrientedPoint, diagonal: f64) -> Option<Key> {
     let d = b.point - a.point;
     let length = d.norm();
     if length < 1e-9 * diagonal {
@@ -86,15 +90,15 @@ fn key(a: &Oriented, b: &Oriented, diagonal: f64) -> Option<Key> {
         .then(|| [distance as u8, angle(&a.normal, &d), angle(&b.normal, &d), angle(&a.normal, &b.normal)])
 }
 
-/// Moves a point into the origin and its normal onto x.
-fn onto_axis(a: &Oriented) -> Isometry3<f64> {
+/// Returns the motion of a point into the origin and of its normal onto x.
+fn onto_axis(a: &OrientedPoint) -> Isometry3<f64> {
     let half_turn = || UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::PI);
     let rotation = UnitQuaternion::rotation_between(&a.normal, &Vector3::x()).unwrap_or_else(half_turn);
     Isometry3::from_parts(Translation3::identity(), rotation) * Translation3::from(Point3::origin() - a.point)
 }
 
-/// Angle about x at which the other point lies.
-fn turn(onto_axis: &Isometry3<f64>, b: &Oriented) -> f64 {
+/// Returns the angle about x at which the other point lies.
+fn turn(onto_axis: &Isometry3<f64>, b: &OrientedPoint) -> f64 {
     let p = onto_axis * b.point;
     p.z.atan2(p.y)
 }

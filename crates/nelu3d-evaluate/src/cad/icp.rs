@@ -3,36 +3,39 @@
 use nalgebra::{Isometry3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
 use rayon::prelude::*;
 
-use super::sample::Oriented;
-use super::{CadSurface, NORMALS_AGREE_COS};
+use super::CadSurface;
+use super::sample::OrientedPoint;
 
-/// How to run it.
+/// Returns the cosine of the angle between normals beyond which they belong to different surfaces: cos 60°.
+pub(super) const MIN_NORMAL_AGREEMENT: f64 = 0.5;
+
+/// How the scale of the robust weights shrinks from iteration to iteration.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Schedule {
-    /// Residual at which a point has a quarter of its say left, mm: at first.
+pub(super) struct IcpSchedule {
+    /// Residual at which the weight of a point has dropped to a quarter, mm, in the first iteration.
     pub(super) first: f64,
-    /// The same at last.
+    /// Residual at which the weight of a point has dropped to a quarter, mm, in the last iterations.
     pub(super) last: f64,
-    /// Factor from one iteration to the next.
+    /// Factor of that residual from one iteration to the next.
     pub(super) shrink: f64,
-    /// Iterations at most.
+    /// Maximum number of iterations.
     pub(super) iterations: usize,
 }
 
 /// Moves `pose` (`cam_from_cad`) until the points of the scan lie on the surface as well as they can.
 pub(super) fn refine(
     surface: &CadSurface,
-    scan: &[Oriented],
+    scan: &[OrientedPoint],
     pose: &Isometry3<f64>,
-    schedule: &Schedule,
+    schedule: &IcpSchedule,
 ) -> Isometry3<f64> {
     let mut cad_from_cam = pose.inverse();
     let mut scale = schedule.first;
     let done = 1e-7 * surface.diagonal();
     for _ in 0..schedule.iterations {
-        let Some((step, moved)) = step(surface, scan, &cad_from_cam, scale) else { break };
+        let Some((step, motion)) = step(surface, scan, &cad_from_cam, scale) else { break };
         cad_from_cam = step * cad_from_cam;
-        if scale <= schedule.last && moved < done {
+        if scale <= schedule.last && motion < done {
             break;
         }
         scale = (scale * schedule.shrink).max(schedule.last);
@@ -40,10 +43,10 @@ pub(super) fn refine(
     cad_from_cam.inverse()
 }
 
-/// One Gauss-Newton step in the mesh's frame, and how far it moves the points at most, about, mm.
+/// Computes one Gauss-Newton step in the mesh's frame, and about how far it moves the points at most, mm.
 fn step(
     surface: &CadSurface,
-    scan: &[Oriented],
+    scan: &[OrientedPoint],
     cad_from_cam: &Isometry3<f64>,
     scale: f64,
 ) -> Option<(Isometry3<f64>, f64)> {
@@ -53,9 +56,9 @@ fn step(
         .par_chunks(512)
         .map(|points| {
             let pairs = points.iter().filter_map(|o| {
-                let q = o.moved(cad_from_cam);
+                let q = o.transformed(cad_from_cam);
                 let c = surface.closest(&q.point, reach)?;
-                if c.on_border || agreement(surface, &c.normal, &q.normal) < NORMALS_AGREE_COS {
+                if c.on_border || agreement(surface, &c.normal, &q.normal) < MIN_NORMAL_AGREEMENT {
                     return None;
                 }
                 let d2 = c.distance * c.distance;
@@ -89,7 +92,8 @@ fn step(
     Some((shift * about_center, x.norm()))
 }
 
-/// Cosine of the angle between the mesh's normal and the scan's; without a sign where the mesh has no outside.
+/// Returns the cosine of the angle between the mesh's normal and the scan's; without a sign where the mesh has no
+/// outside.
 pub(super) fn agreement(surface: &CadSurface, cad: &Vector3<f64>, scan: &Vector3<f64>) -> f64 {
     let cos = cad.dot(scan);
     if surface.closed() { cos } else { cos.abs() }

@@ -6,8 +6,8 @@ use nalgebra::{Isometry3, Matrix4, Rotation3, Translation3, UnitQuaternion};
 
 use super::CadError;
 
-/// Reads `cam_from_cad`: the key of that name in a JSON file (such as an earlier `alignment.json`), or sixteen numbers, row
-/// by row, separated by spaces, commas or line breaks. Lengths are mm, after any scale.
+/// Reads `cam_from_cad`: the key of that name in a JSON file (such as an earlier `alignment.json`), or sixteen numbers,
+/// row by row, separated by spaces, commas or line breaks. Lengths are mm, after any scale.
 ///
 /// # Errors
 ///
@@ -41,7 +41,7 @@ pub fn read_pose(path: &Path) -> Result<Isometry3<f64>, CadError> {
     Ok(Isometry3::from_parts(Translation3::new(m[(0, 3)], m[(1, 3)], m[(2, 3)]), rotation))
 }
 
-/// The same as rows of a matrix.
+/// Returns a pose as the rows of a 4 × 4 matrix.
 pub fn pose_rows(pose: &Isometry3<f64>) -> [[f64; 4]; 4] {
     let m = pose.to_homogeneous();
     std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]))

@@ -9,23 +9,27 @@ use rand::{RngExt, SeedableRng};
 
 use super::CadSurface;
 
-/// A point of a surface.
+/// Number of points below which a scan is no surface.
+pub(super) const MIN_POINTS: usize = 50;
+
+/// A point of a surface with its normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Oriented {
-    /// Where, mm.
+pub(super) struct OrientedPoint {
+    /// The point, mm.
     pub(super) point: Point3<f64>,
-    /// Unit normal.
+    /// The unit normal.
     pub(super) normal: Vector3<f64>,
 }
 
-impl Oriented {
-    pub(super) fn moved(&self, pose: &Isometry3<f64>) -> Self {
+impl OrientedPoint {
+    /// Applies a rigid motion.
+    pub(super) fn transformed(&self, pose: &Isometry3<f64>) -> Self {
         Self { point: pose * self.point, normal: pose * self.normal }
     }
 }
 
-/// One point of each cell of a cubic grid, about `spacing` mm apart, in random order.
-pub(super) fn thinned(points: &[Oriented], spacing: f64, seed: u64) -> Vec<Oriented> {
+/// Picks one point of each cell of a cubic grid, about `spacing` mm apart, in random order.
+pub(super) fn thinned(points: &[OrientedPoint], spacing: f64, seed: u64) -> Vec<OrientedPoint> {
     let mut rng = StdRng::seed_from_u64(seed);
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.shuffle(&mut rng);
@@ -34,8 +38,8 @@ pub(super) fn thinned(points: &[Oriented], spacing: f64, seed: u64) -> Vec<Orien
     order.into_iter().map(|i| points[i]).filter(|o| taken.insert(cell(&o.point), ()).is_none()).collect()
 }
 
-/// `n` random points of the mesh, evenly over its area.
-pub(super) fn of_surface(surface: &CadSurface, n: usize, seed: u64) -> Vec<Oriented> {
+/// Draws `n` random points of the mesh, evenly over its area.
+pub(super) fn of_surface(surface: &CadSurface, n: usize, seed: u64) -> Vec<OrientedPoint> {
     let mut rng = StdRng::seed_from_u64(seed);
     let mut sum = 0.0;
     let sums: Vec<f64> = surface
@@ -53,7 +57,7 @@ pub(super) fn of_surface(surface: &CadSurface, n: usize, seed: u64) -> Vec<Orien
             let ([a, b, c], normal) = surface.triangle(face);
             // Evenly over a triangle (Osada et al. 2002, Eq. 1).
             let (r, s) = (f64::sqrt(rng.random_range(0.0..1.0)), rng.random_range(0.0..1.0));
-            Oriented { point: a + (b - a) * (r * (1.0 - s)) + (c - a) * (r * s), normal }
+            OrientedPoint { point: a + (b - a) * (r * (1.0 - s)) + (c - a) * (r * s), normal }
         })
         .collect()
 }

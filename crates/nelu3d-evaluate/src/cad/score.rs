@@ -2,27 +2,28 @@
 
 use nalgebra::{Isometry3, Point3};
 
-use super::icp::agreement;
-use super::sample::Oriented;
-use super::{CadSurface, NORMALS_AGREE_COS, Scan};
+use super::icp::{MIN_NORMAL_AGREEMENT, agreement};
+use super::sample::OrientedPoint;
+use super::{CadSurface, ScanMaps};
 
 /// How well a pose explains a scan, by samples of both.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Score {
-    /// Mean over the scan of the distance, cut at the tolerance, in tolerances: 0 = all lies on the mesh, 1 = nothing.
+pub(super) struct PoseScore {
+    /// Mean over the scan of the distance, cut at the tolerance, in tolerances: 0 if all lies on the mesh, 1 if nothing
+    /// does.
     pub(super) off: f64,
-    /// Share of the mesh's samples that face the camera which lie in front of what was measured: impossible.
+    /// Fraction of the mesh's samples facing the camera that lie in front of what was measured, which is impossible.
     pub(super) in_front: f64,
-    /// Share of them where nothing was measured.
+    /// Fraction of the mesh's samples facing the camera where nothing was measured.
     pub(super) unseen: f64,
-    /// Share of those where something was measured, and which are not hidden behind it, that lie on it.
+    /// Fraction of the samples where something was measured, and which are not hidden behind it, that lie on it.
     pub(super) explained: f64,
-    /// Share of all that face the camera that lie on it: hidden ones count as lost.
+    /// Fraction of the samples facing the camera that lie on what was measured; hidden ones count as lost.
     pub(super) on: f64,
 }
 
-impl Score {
-    /// Smaller is better.
+impl PoseScore {
+    /// Returns the cost of the pose: smaller is better.
     pub(super) fn cost(&self) -> f64 {
         // Pixels without depth may be dark or ambiguous: they speak against a pose, but not loudly.
         self.off + self.in_front + 0.3 * self.unseen
@@ -32,23 +33,23 @@ impl Score {
 /// Scores `pose` (`cam_from_cad`) with a tolerance in mm.
 pub(super) fn score(
     surface: &CadSurface,
-    model: &[Oriented],
-    scan: &Scan<'_>,
-    points: &[Oriented],
+    model: &[OrientedPoint],
+    scan: &ScanMaps<'_>,
+    points: &[OrientedPoint],
     pose: &Isometry3<f64>,
     tolerance: f64,
-) -> Score {
+) -> PoseScore {
     let cad_from_cam = pose.inverse();
-    let off = |o: &Oriented| {
-        let q = o.moved(&cad_from_cam);
+    let off = |o: &OrientedPoint| {
+        let q = o.transformed(&cad_from_cam);
         match surface.closest(&q.point, tolerance) {
-            Some(c) if agreement(surface, &c.normal, &q.normal) >= NORMALS_AGREE_COS => c.distance.abs() / tolerance,
+            Some(c) if agreement(surface, &c.normal, &q.normal) >= MIN_NORMAL_AGREEMENT => c.distance.abs() / tolerance,
             _ => 1.0,
         }
     };
     let (mut facing, mut in_front, mut unseen, mut on) = (0.0, 0.0, 0.0, 0.0);
     for m in model {
-        let p = m.moved(pose);
+        let p = m.transformed(pose);
         // Open meshes have two sides, and one of them faces the camera.
         let towards = -p.normal.dot(&p.point.coords.normalize());
         let towards = if surface.closed() { towards } else { towards.abs() };
@@ -67,20 +68,20 @@ pub(super) fn score(
             on += 1.0;
         }
     }
-    let share = |n: f64, of: f64| if of > 0.0 { n / of } else { 0.0 };
-    Score {
+    let fraction = |n: f64, of: f64| if of > 0.0 { n / of } else { 0.0 };
+    PoseScore {
         off: points.iter().map(off).sum::<f64>() / points.len().max(1) as f64,
         // Nothing of the mesh in the image explains nothing.
         in_front: if facing > 0.0 { in_front / facing } else { 1.0 },
-        unseen: share(unseen, facing),
-        explained: share(on, on + in_front),
-        on: share(on, facing),
+        unseen: fraction(unseen, facing),
+        explained: fraction(on, on + in_front),
+        on: fraction(on, facing),
     }
 }
 
-/// The measured depth where a point of the camera's frame is seen; NaN where nothing was measured, `None` outside of the
-/// image.
-fn depth_at(scan: &Scan<'_>, p: &Point3<f64>) -> Option<f64> {
+/// Returns the measured depth where a point of the camera's frame is seen; NaN where nothing was measured, `None`
+/// outside of the image.
+fn depth_at(scan: &ScanMaps<'_>, p: &Point3<f64>) -> Option<f64> {
     let [u, v] = scan.camera.project(p)?;
     let (x, y) = (u.round(), v.round());
     let inside = x >= 0.0 && y >= 0.0 && x < scan.camera.width as f64 && y < scan.camera.height as f64;

@@ -5,13 +5,13 @@ use rand::SeedableRng;
 use rand::rngs::StdRng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::sample::Oriented;
+use super::sample::OrientedPoint;
 
-/// The 24 ways to lay the principal axes of `model` on those of `scan`.
+/// Returns the 24 ways to lay the principal axes of `model` on those of `scan`.
 ///
-/// A scan sees one side, so moments are compared with those of the part that faces the camera, which depends on the pose:
-/// centers come from [`centered`], and all axes are tried in all orders.
-pub(super) fn by_moments(model: &[Oriented], scan: &[Oriented]) -> Vec<Isometry3<f64>> {
+/// A scan sees one side, so moments are compared with those of the part that faces the camera, which depends on the
+/// pose: centers come from [`centered`], and all axes are tried in all orders.
+pub(super) fn by_moments(model: &[OrientedPoint], scan: &[OrientedPoint]) -> Vec<Isometry3<f64>> {
     let (ours, theirs) = (axes(model), axes(scan));
     let mut poses = Vec::with_capacity(24);
     for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]] {
@@ -28,8 +28,8 @@ pub(super) fn by_moments(model: &[Oriented], scan: &[Oriented]) -> Vec<Isometry3
     poses
 }
 
-/// `n` rotations, spread evenly at random.
-pub(super) fn all_over(model: &[Oriented], scan: &[Oriented], n: usize, seed: u64) -> Vec<Isometry3<f64>> {
+/// Returns poses with `n` rotations, spread evenly at random.
+pub(super) fn all_over(model: &[OrientedPoint], scan: &[OrientedPoint], n: usize, seed: u64) -> Vec<Isometry3<f64>> {
     let mut rng = StdRng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
     (0..n)
@@ -38,8 +38,8 @@ pub(super) fn all_over(model: &[Oriented], scan: &[Oriented], n: usize, seed: u6
         .collect()
 }
 
-/// The pose with this rotation that lays the center of what would face the camera onto the center of the scan.
-fn centered(model: &[Oriented], scan: &[Oriented], rotation: &UnitQuaternion<f64>) -> Isometry3<f64> {
+/// Returns the pose with this rotation that lays the center of what would face the camera onto the center of the scan.
+fn centered(model: &[OrientedPoint], scan: &[OrientedPoint], rotation: &UnitQuaternion<f64>) -> Isometry3<f64> {
     let center = mean(scan.iter().map(|s| s.point));
     let view = center.coords.normalize();
     let facing = model.iter().filter(|m| (rotation * m.normal).dot(&view) < 0.0).map(|m| m.point);
@@ -47,13 +47,14 @@ fn centered(model: &[Oriented], scan: &[Oriented], rotation: &UnitQuaternion<f64
     Isometry3::from_parts((center - rotation * of_model).into(), *rotation)
 }
 
+/// Returns the mean of some points.
 fn mean(points: impl Iterator<Item = Point3<f64>>) -> Point3<f64> {
     let (sum, n) = points.fold((Vector3::zeros(), 0.0), |(sum, n), p| (sum + p.coords, n + 1.0));
     Point3::from(sum / n)
 }
 
-/// Principal axes, largest spread first.
-fn axes(points: &[Oriented]) -> Matrix3<f64> {
+/// Returns the principal axes, largest spread first.
+fn axes(points: &[OrientedPoint]) -> Matrix3<f64> {
     let center = mean(points.iter().map(|o| o.point));
     let spread = points.iter().fold(Matrix3::zeros(), |m, o| {
         let d = o.point - center;

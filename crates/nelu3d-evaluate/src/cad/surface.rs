@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use nelu3d_scan::Mesh;
 
 use super::tree::{Feature, TriangleTree};
@@ -10,9 +10,9 @@ use super::tree::{Feature, TriangleTree};
 /// A mesh that can be asked for closest points, in its own frame, mm.
 pub struct CadSurface {
     tree: TriangleTree,
-    /// Outward when closed.
+    /// Unit normals of the triangles, outward when the mesh is closed.
     normals: Vec<Vector3<f64>>,
-    /// Of edges and vertices; empty when the mesh is open.
+    /// Directions outward at edges and vertices; empty when the mesh is open.
     pseudo_normals: PseudoNormals,
     areas: Vec<f64>,
     /// Whether every edge joins exactly two triangles that are oriented alike.
@@ -23,15 +23,16 @@ pub struct CadSurface {
     high: Point3<f64>,
 }
 
+/// The border of an open mesh.
 #[derive(Default)]
 struct Border {
     edges: std::collections::HashSet<(u32, u32)>,
     vertices: std::collections::HashSet<u32>,
 }
 
-/// Directions outward at edges and vertices of a closed mesh, of any length: whether a point is inside is told by that of
-/// the edge or vertex that is closest to it (Bærentzen and Aanæs, Signed distance computation using the angle weighted
-/// pseudonormal, 2005).
+/// Directions outward at edges and vertices of a closed mesh, of any length: whether a point is inside is told by that
+/// of the edge or vertex that is closest to it (Bærentzen and Aanæs, Signed distance computation using the angle
+/// weighted pseudonormal, 2005).
 #[derive(Default)]
 struct PseudoNormals {
     edges: HashMap<(u32, u32), Vector3<f64>>,
@@ -40,20 +41,21 @@ struct PseudoNormals {
 
 /// The closest point of a [`CadSurface`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Closest {
-    /// Where.
+pub struct ClosestPoint {
+    /// The point itself.
     pub point: Point3<f64>,
     /// Unit normal of its triangle; outward when the mesh is closed.
     pub normal: Vector3<f64>,
     /// Distance, mm; negative inside of a closed mesh, never negative on an open one.
     pub distance: f64,
-    /// Whether it lies on the border of an open mesh: the surface ends there, so that this says nothing about its error.
+    /// Whether it lies on the border of an open mesh: the surface ends there, so that this says nothing about its
+    /// error.
     pub on_border: bool,
 }
 
 impl CadSurface {
-    /// Builds the surface. Vertices at equal places are merged, triangles without area left out, and a closed mesh that is
-    /// inside out is turned. `None` when no triangle is left.
+    /// Builds the surface. Vertices at equal places are merged, triangles without area dropped, and a closed mesh that
+    /// is inside out is turned. `None` when no triangle is left.
     pub fn new(mesh: &Mesh, scale: f64) -> Option<Self> {
         let mut number: HashMap<[u32; 3], u32> = HashMap::with_capacity(mesh.vertices.len());
         let mut vertices: Vec<Point3<f64>> = Vec::new();
@@ -107,33 +109,49 @@ impl CadSurface {
         })
     }
 
-    /// Whether the mesh bounds a volume.
+    /// Returns whether the mesh bounds a volume.
     pub fn closed(&self) -> bool {
         self.closed
     }
 
-    /// Length of the diagonal of the bounding box, mm.
+    /// Returns the length of the diagonal of the bounding box, mm.
     pub fn diagonal(&self) -> f64 {
         (self.high - self.low).norm()
     }
 
-    /// Number of triangles.
+    /// Returns the number of triangles.
     pub fn n_faces(&self) -> usize {
         self.areas.len()
     }
 
-    /// The corners and normal of a triangle.
+    /// Returns the signed distance of a point of the camera's frame, mm, as in
+    /// [`CadComparison::distances`](super::CadComparison::distances).
+    pub fn signed_distance(&self, cam_from_cad: &Isometry3<f64>, p: &Point3<f64>) -> f64 {
+        let q = cam_from_cad.inverse_transform_point(p);
+        let Some(c) = self.closest(&q, f64::MAX) else { return f64::NAN };
+        if self.closed() {
+            return c.distance;
+        }
+        if c.on_border {
+            return f64::NAN;
+        }
+        let eye = cam_from_cad.inverse_transform_point(&Point3::origin());
+        let same_side = c.normal.dot(&(q - c.point)) * c.normal.dot(&(eye - c.point)) >= 0.0;
+        if same_side { c.distance } else { -c.distance }
+    }
+
+    /// Returns the corners and the normal of a triangle.
     pub(super) fn triangle(&self, face: usize) -> ([Point3<f64>; 3], Vector3<f64>) {
         (self.tree.corners(face), self.normals[face])
     }
 
-    /// Areas of the triangles, mm².
+    /// Returns the areas of the triangles, mm².
     pub(super) fn areas(&self) -> &[f64] {
         &self.areas
     }
 
-    /// The closest point, if there is one within `reach` mm.
-    pub fn closest(&self, p: &Point3<f64>, reach: f64) -> Option<Closest> {
+    /// Returns the closest point, if there is one within `reach` mm.
+    pub fn closest(&self, p: &Point3<f64>, reach: f64) -> Option<ClosestPoint> {
         let found = self.tree.closest(p, reach)?;
         let corners = self.tree.faces()[found.face];
         let edge = |i: usize| key(corners[i], corners[(i + 1) % 3]);
@@ -149,7 +167,7 @@ impl CadSurface {
                 Feature::Edge(i) => self.pseudo_normals.edges[&edge(i)],
                 Feature::Vertex(i) => self.pseudo_normals.vertices[corners[i] as usize],
             }) < 0.0;
-        Some(Closest {
+        Some(ClosestPoint {
             point: found.point,
             normal: self.normals[found.face],
             distance: if inside { -offset.norm() } else { offset.norm() },
@@ -173,12 +191,12 @@ impl PseudoNormals {
     }
 }
 
-/// An edge, whatever its direction.
+/// Returns an edge as a key that does not depend on its direction.
 fn key(a: u32, b: u32) -> (u32, u32) {
     (a.min(b), a.max(b))
 }
 
-/// Whether every edge is passed once in each direction, and the edges that are passed but once.
+/// Returns whether every edge is passed once in each direction, and the edges that are passed only once.
 fn topology(faces: &[[u32; 3]]) -> (bool, Border) {
     // Passes in the direction of growing numbers, and against it.
     let mut passes: HashMap<(u32, u32), [u32; 2]> = HashMap::with_capacity(3 * faces.len() / 2);

@@ -1,4 +1,4 @@
-//! The numbers for people.
+//! The numbers of a comparison as a table for people.
 
 use std::fmt;
 
@@ -6,17 +6,17 @@ use super::{CadErrors, CadMetrics};
 use crate::table::{aligned, number, percent, signed};
 
 impl CadMetrics {
-    /// The groups of points with their names, in the order they are shown in.
+    /// Returns the groups of points with their names, in the order they are shown in.
     pub fn groups(&self) -> [(&'static str, &CadErrors); 3] {
         [("all points", &self.all), ("the part", &self.part), ("body", &self.body)]
     }
 
-    /// Column headings of [`Self::rows`].
+    /// Returns the column headings of [`Self::rows`].
     pub fn headings() -> [&'static str; 10] {
         ["points", "number", "mean mm", "median", "RMSE", "p95", "max", "bias", "<0.5 mm", "<1 mm"]
     }
 
-    /// One row of cells per group; a dash where no point gave a number.
+    /// Returns one row of cells per group; a dash where no point gave a number.
     pub fn rows(&self) -> Vec<Vec<String>> {
         let row = |(name, e): (&str, &CadErrors)| {
             let d = &e.distance_mm;
@@ -35,14 +35,14 @@ impl fmt::Display for CadMetrics {
         f.write_str(&aligned(&Self::headings(), &self.rows()))?;
         writeln!(
             f,
-            "{} of {} points are of the part (within {} mm of the mesh)",
+            "{} of {} points belong to the part (within {} mm of the mesh)",
             percent(self.inliers),
             self.n_points,
             number(self.within_mm, 2)
         )?;
         writeln!(f, "{} of the mesh that the camera should see was found", percent(self.visible_found))?;
         if self.in_front > 0.02 {
-            writeln!(f, "{} of the mesh lies before what was measured", percent(self.in_front))?;
+            writeln!(f, "{} of the mesh lies in front of what was measured", percent(self.in_front))?;
         }
         writeln!(f, "cam_from_cad ({})", if self.aligned { "aligned" } else { "as given" })?;
         for row in self.cam_from_cad {

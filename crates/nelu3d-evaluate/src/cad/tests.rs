@@ -1,4 +1,6 @@
-use nalgebra::{Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nelu3d::Progress;
+use nelu3d_scan::{Camera, Mesh};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -51,8 +53,8 @@ fn ball(radius: impl Fn(&Vector3<f64>) -> f64) -> Mesh {
     mesh
 }
 
-/// A prism over a polygon in x and y (counter-clockwise, star-shaped from its first corner), from z = 0 to the height of each
-/// corner: all faces are planes or nearly so, and no two sides are alike.
+/// A prism over a polygon in x and y (counter-clockwise, star-shaped from its first corner), from z = 0 to the height
+/// of each corner: all faces are planes or nearly so, and no two sides are alike.
 fn bracket() -> Mesh {
     let outline = [[0.0, 0.0], [70.0, 0.0], [70.0, 14.0], [18.0, 14.0], [12.0, 50.0], [0.0, 50.0]];
     let heights = [30.0, 18.0, 18.0, 30.0, 30.0, 30.0];
@@ -125,7 +127,7 @@ fn random_pose(mesh: &Mesh, seed: u64) -> Isometry3<f64> {
 
 fn compare(depth: &[f32], mesh: &Mesh, options: &CadOptions) -> Result<CadComparison, CadError> {
     let camera = camera();
-    compare_with_cad(&Scan { camera: &camera, depth, normals: None }, mesh, options, &Progress::none())
+    compare_with_cad(&ScanMaps { camera: &camera, depth, normals: None }, mesh, options, &Progress::none())
 }
 
 /// How far two poses put the mesh apart, mm at its center and degrees.
@@ -146,7 +148,8 @@ fn any_pose_of_a_part_is_found_from_one_view() {
             println!("{name} {seed}: {shift:.4} mm, {turn:.4}°, {:?}", m.part.distance_mm);
             assert!(shift < 0.1 && turn < 0.1, "{name} {seed}: {shift} mm, {turn}°\n{m}");
             assert!(m.inliers > 0.99 && m.visible_found > 0.97 && m.in_front < 0.02, "{name} {seed}\n{m}");
-            // Noise along z is shorter along the normal: at most what was added, and most of it where the view is straight.
+            // Noise along z is shorter along the normal: at most what was added, and most of it where the view is
+            // straight.
             assert!((0.02..0.051).contains(&m.body.distance_mm.rmse), "{name} {seed}\n{m}");
             assert!(m.body.distance_mm.bias.abs() < 0.005, "{name} {seed}\n{m}");
         }
@@ -179,7 +182,8 @@ fn a_given_pose_keeps_the_bias_and_an_alignment_takes_it() {
     let truth = random_pose(&mesh, 7);
     let mut depth = render(&mesh, &truth, 0.03, 7);
     depth.iter_mut().for_each(|z| *z -= 0.4);
-    let fixed = compare(&depth, &mesh, &CadOptions { start: Start::Fixed(truth), ..CadOptions::default() }).unwrap();
+    let fixed =
+        compare(&depth, &mesh, &CadOptions { start: InitialPose::Fixed(truth), ..CadOptions::default() }).unwrap();
     let body = &fixed.metrics.body.distance_mm;
     // Nearer than the surface is outside of it: by 0.4 mm times the cosine of the slant.
     assert!((0.25..0.4).contains(&body.bias) && !fixed.metrics.aligned, "{}", fixed.metrics);
@@ -191,7 +195,8 @@ fn a_given_pose_keeps_the_bias_and_an_alignment_takes_it() {
     let nudge = Isometry3::new(Vector3::new(2.0, -1.0, 2.0), Vector3::new(0.02, 0.04, -0.02));
     let center = Translation3::from((truth * surface_center(&mesh)).coords);
     let guess = center * nudge * center.inverse() * truth;
-    let near = compare(&depth, &mesh, &CadOptions { start: Start::Near(guess), ..CadOptions::default() }).unwrap();
+    let near =
+        compare(&depth, &mesh, &CadOptions { start: InitialPose::Near(guess), ..CadOptions::default() }).unwrap();
     assert!(near.metrics.body.distance_mm.bias.abs() < 0.005, "{}", near.metrics);
     let moved = near.pose.translation.vector - truth.translation.vector;
     let (_, turn) = apart(&near.pose, &truth, &mesh);
@@ -245,8 +250,8 @@ fn distances_are_signed_at_faces_edges_and_corners() {
         cube.faces.iter_mut().for_each(|f| f.swap(0, 1));
     }
 
-    // Without its lid it has no inside: what faces the camera at the origin is the positive side, and what lies beyond the
-    // border says nothing.
+    // Without its lid it has no inside: what faces the camera at the origin is the positive side, and what lies beyond
+    // the border says nothing.
     cube.faces = vec![[4, 5, 6], [5, 7, 6]];
     let surface = CadSurface::new(&cube, 1.0).unwrap();
     assert!(!surface.closed());
@@ -311,7 +316,7 @@ fn what_cannot_be_compared_is_refused_with_a_remedy() {
     assert!(complaint(&vec![f32::NAN; depth.len()], &mesh).contains("0 points"));
     let sized =
         |scale: f32| Mesh { vertices: mesh.vertices.iter().map(|v| v.map(|c| scale * c)).collect(), ..mesh.clone() };
-    for (scale, remedy) in [(0.001, "--scale 1000"), (1000.0, "--scale 0.001")] {
+    for (scale, remedy) in [(0.001, "a scale of 1000"), (1000.0, "a scale of 0.001")] {
         let e = complaint(&depth, &sized(scale));
         assert!(e.contains("another unit") && e.contains(remedy), "{e}");
     }
@@ -325,7 +330,7 @@ fn what_cannot_be_compared_is_refused_with_a_remedy() {
         ..Mesh::default()
     };
     let e = complaint(&depth, &plate);
-    assert!(e.contains("does not fit") && e.contains("--initial-pose"), "{e}");
+    assert!(e.contains("does not fit") && e.contains("give its pose"), "{e}");
 }
 
 #[test]

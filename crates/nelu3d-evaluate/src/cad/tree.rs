@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-/// Triangles in a leaf at most.
+/// Maximum number of triangles in a leaf.
 const MAX_LEAF: usize = 4;
 
 /// The part of a triangle that a point lies on.
@@ -18,10 +18,12 @@ pub(super) enum Feature {
 
 /// The closest point of a [`TriangleTree`].
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
+pub(super) struct TreeHit {
+    /// The point itself.
     pub point: Point3<f64>,
     /// Its triangle; of several equally close ones any, but always the same.
     pub face: usize,
+    /// The part of the triangle that it lies on.
     pub feature: Feature,
 }
 
@@ -36,6 +38,7 @@ pub(super) struct TriangleTree {
     order: Vec<u32>,
 }
 
+/// A box around some triangles.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     low: Point3<f64>,
@@ -47,7 +50,7 @@ struct Node {
 }
 
 impl Node {
-    /// Squared distance from a point to the box; 0 inside.
+    /// Returns the squared distance from a point to the box; 0 inside.
     fn distance_squared(&self, p: &Point3<f64>) -> f64 {
         let gap = (self.low - p).sup(&(p - self.high)).sup(&Vector3::zeros());
         gap.norm_squared()
@@ -95,18 +98,18 @@ impl TriangleTree {
         Self { vertices, faces, nodes, order }
     }
 
-    /// The triangles as numbers of vertices.
+    /// Returns the triangles as numbers of vertices.
     pub(super) fn faces(&self) -> &[[u32; 3]] {
         &self.faces
     }
 
-    /// The corners of a triangle.
+    /// Returns the corners of a triangle.
     pub(super) fn corners(&self, face: usize) -> [Point3<f64>; 3] {
         self.faces[face].map(|i| self.vertices[i as usize])
     }
 
-    /// The closest point, if there is one within `reach`.
-    pub(super) fn closest(&self, p: &Point3<f64>, reach: f64) -> Option<Found> {
+    /// Returns the closest point, if there is one within `reach`.
+    pub(super) fn closest(&self, p: &Point3<f64>, reach: f64) -> Option<TreeHit> {
         let mut best = None;
         let mut best_squared = reach * reach;
         // A node and its distance; the nearer child on top.
@@ -131,7 +134,7 @@ impl TriangleTree {
                 let squared = (p - point).norm_squared();
                 if squared < best_squared || (best.is_none() && squared <= best_squared) {
                     best_squared = squared;
-                    best = Some(Found { point, face: face as usize, feature });
+                    best = Some(TreeHit { point, face: face as usize, feature });
                 }
             }
         }
@@ -139,8 +142,8 @@ impl TriangleTree {
     }
 }
 
-/// The closest point of a triangle, by the Voronoi region of the part that it lies on (Ericson, Real-Time Collision
-/// Detection, 2005, §5.1.5).
+/// Returns the closest point of a triangle, by the Voronoi region of the part that it lies on (Ericson, Real-Time
+/// Collision Detection, 2005, §5.1.5).
 fn closest_of_triangle(p: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> (Point3<f64>, Feature) {
     let (ab, ac) = (b - a, c - a);
     let from_a = p - a;

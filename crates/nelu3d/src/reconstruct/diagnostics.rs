@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::effort::EffortSettings;
 use super::neural::TrainingRecord;
 use super::options::ReconstructionOptions;
 use super::settings::FastSettings;
@@ -66,6 +67,8 @@ pub enum RecipeDiagnostics {
 /// Diagnostics of recipe `fast`.
 #[derive(Clone, Debug, Serialize)]
 pub struct FastDiagnostics {
+    /// How much work was put in.
+    pub effort: EffortSettings,
     /// All settings of the recipe.
     pub fast: FastSettings,
     /// The origin of the initial surface.

@@ -152,6 +152,12 @@ fn diagnose(initial: &Initial, refined: &Refined, depth: &[f32], fast: FastSetti
     let mut residuals: Vec<f32> =
         (0..depth.len()).filter(|i| depth[*i].is_finite()).map(|i| refined.abs_residual[i]).collect();
     FastDiagnostics {
+        effort: EffortSettings {
+            decoded_pixels: fast.max_decoded_pixels,
+            steps: fast.refine.steps,
+            gathers: fast.refine.gathers,
+            patches: fast.refine.patches,
+        },
         fast,
         start: initial.decoded.map_or(Start::Scene, |decoded| Start::PreviousFrame { decoded }),
         crosstalk: initial.crosstalk,

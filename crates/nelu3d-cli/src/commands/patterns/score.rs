@@ -12,15 +12,16 @@ use nelu3d_scan::output::write_atomic;
 use nelu3d_scan::pattern::{Axis, Codewords, Score, ScoreOptions, Stripes, confusion_matrix, score};
 use serde::Serialize;
 
-use super::super::{Context, shown};
-use crate::args::PatternScore;
+use crate::args::PatternScoreArgs;
+use crate::context::CommandContext;
+use crate::paths::shown;
 
-/// Side of the picture at most, px.
-const PICTURE_PX: usize = 1000;
+/// Maximum side of the picture, px.
+const MAX_PICTURE_PX: usize = 1000;
 /// Values that differ by less are equal: two codes of 8 bits.
 const TOLERANCE: f32 = 2.5 / 255.0;
 
-/// The patterns that change along one axis.
+/// Score of the patterns that change along one axis.
 #[derive(Debug, Serialize)]
 struct AxisScore {
     axis: Axis,
@@ -32,7 +33,7 @@ struct AxisScore {
 }
 
 /// Runs the command.
-pub(crate) fn run(args: &PatternScore, context: &Context) -> Result<ExitCode> {
+pub(crate) fn run(args: &PatternScoreArgs, context: &CommandContext) -> Result<ExitCode> {
     context.progress.stage("read patterns");
     let read = read(&args.dir, context)?;
     let options = ScoreOptions {
@@ -65,30 +66,31 @@ pub(crate) fn run(args: &PatternScore, context: &Context) -> Result<ExitCode> {
     let json = serde_json::json!({
         "patterns": args.dir,
         "size": read.size,
-        "left_aside": read.left_aside,
+        "left_aside": read.skipped,
         "codes": scores,
     });
     context.answer(&json, || scores.iter().map(text).collect::<Vec<_>>().join("\n"))?;
     Ok(ExitCode::SUCCESS)
 }
 
-/// A folder's patterns.
-struct Read {
+/// The patterns of a folder.
+struct ReadPatterns {
     size: [usize; 2],
-    lines: Vec<Line>,
-    /// White, black, inverse and constant images.
-    left_aside: Vec<String>,
+    lines: Vec<PatternLine>,
+    /// Names of white, black, inverse and constant images.
+    skipped: Vec<String>,
 }
 
-/// What a pattern shows along its axis.
-struct Line {
+/// A pattern along its axis.
+struct PatternLine {
     name: String,
     axis: Axis,
     /// One row or one column.
     line: Image,
 }
 
-fn read(dir: &Path, context: &Context) -> Result<Read> {
+/// Reads the patterns of a folder, which must all be of one size and change along one axis each.
+fn read(dir: &Path, context: &CommandContext) -> Result<ReadPatterns> {
     let unreadable = || format!("{}: cannot be listed; name a folder of pattern images", shown(dir));
     let mut files = Vec::new();
     for entry in std::fs::read_dir(dir).with_context(unreadable)? {
@@ -99,7 +101,7 @@ fn read(dir: &Path, context: &Context) -> Result<Read> {
         }
     }
     files.sort();
-    let mut left_aside = Vec::new();
+    let mut skipped = Vec::new();
     let mut lines = Vec::new();
     let mut first: Option<(PathBuf, [usize; 2])> = None;
     for (i, path) in files.iter().enumerate() {
@@ -107,7 +109,7 @@ fn read(dir: &Path, context: &Context) -> Result<Read> {
         context.stop_if_asked()?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if is_no_pattern(path) {
-            left_aside.push(name);
+            skipped.push(name);
             continue;
         }
         let image = read_any(path)?;
@@ -125,8 +127,8 @@ fn read(dir: &Path, context: &Context) -> Result<Read> {
             );
         }
         match Stripes::of(&image, TOLERANCE) {
-            Stripes::Along(axis) => lines.push(Line { name, axis, line: line(&image, axis) }),
-            Stripes::Constant => left_aside.push(name),
+            Stripes::Along(axis) => lines.push(PatternLine { name, axis, line: line(&image, axis) }),
+            Stripes::Constant => skipped.push(name),
             Stripes::Both => bail!(
                 "{}: changes along x and along y; only codes of stripes can be scored: take such images out of the folder",
                 shown(path)
@@ -134,29 +136,30 @@ fn read(dir: &Path, context: &Context) -> Result<Read> {
         }
     }
     match first {
-        Some((_, size)) if !lines.is_empty() => Ok(Read { size, lines, left_aside }),
+        Some((_, size)) if !lines.is_empty() => Ok(ReadPatterns { size, lines, skipped }),
         _ => bail!(
             "{}: holds no pattern (of {} images: {}); name a folder of pattern images as `nelu3d patterns gray` writes it",
             shown(dir),
             files.len(),
-            if left_aside.is_empty() { "none".into() } else { left_aside.join(", ") }
+            if skipped.is_empty() { "none".into() } else { skipped.join(", ") }
         ),
     }
 }
 
-/// White, black and inverse images, by their names.
+/// Returns whether an image is white, black or inverse, by its name.
 fn is_no_pattern(path: &Path) -> bool {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     stem == "white" || stem == "black" || stem.split(['_', '-']).any(|part| part == "inv" || part == "inverse")
 }
 
-/// The image's mean over the direction in which it does not change.
+/// Returns the image's mean over the direction in which it does not change.
 fn line(image: &Image, axis: Axis) -> Image {
     let words = Codewords::of_images(std::slice::from_ref(image), axis);
     let (width, height) = if axis == Axis::X { (image.width, 1) } else { (1, image.height) };
     Image { width, height, channels: image.channels, data: words.data }
 }
 
+/// Returns the file of the picture of an axis.
 fn picture_path(path: &Path, axis: Axis, several: bool) -> PathBuf {
     if !several {
         return path.to_path_buf();
@@ -165,23 +168,23 @@ fn picture_path(path: &Path, axis: Axis, several: bool) -> PathBuf {
     path.with_file_name(format!("{stem}-{}.png", axis.letter()))
 }
 
-/// The distance in code space of every two columns: equal codes are dark.
+/// Writes the picture of the distance in code space of every two columns: equal codes are dark.
 fn write_picture(path: &Path, words: &Codewords) -> Result<()> {
-    let (side, squared) = confusion_matrix(words, PICTURE_PX);
+    let (side, squared) = confusion_matrix(words, MAX_PICTURE_PX);
     let map: Vec<f32> = squared.iter().map(|d| d.sqrt()).collect();
-    let most = map.iter().copied().fold(0.0, f32::max);
-    let picture = Picture::of_map(&map, side, side, [0.0, f64::from(most)], colorous::MAGMA);
+    let max = map.iter().copied().fold(0.0, f32::max);
+    let picture = Picture::of_map(&map, side, side, [0.0, f64::from(max)], colorous::MAGMA);
     write_atomic(path, |w: &mut dyn Write| w.write_all(&picture.png()))?;
     Ok(())
 }
 
-/// A code's statistics for people.
+/// Returns a code's statistics for people.
 fn text(code: &AxisScore) -> String {
     let s = &code.score;
     let (what, letter) = if code.axis == Axis::X { ("columns", 'x') } else { ("rows", 'y') };
     let mut text = format!("code         {} {what} along {letter}, {} values a pixel\n", s.columns, s.values);
     let slope = &s.sensitivity;
-    text += &format!("sensitivity  {:.4} per px (median), {:.4} (least)\n", slope.median, slope.min);
+    text += &format!("sensitivity  {:.4} per px (median), {:.4} (minimum)\n", slope.median, slope.min);
     text += &format!("noise        {:.4}: {:.2} px at the median sensitivity\n", s.sigma, slope.sigma_px);
     for (name, errors) in [("nearest", Some(&s.nearest)), ("zncc", s.zncc.as_ref())] {
         if let Some(e) = errors {

@@ -9,18 +9,18 @@ use nelu3d_scan::output::{OutputDir, create_dir, write_atomic};
 use nelu3d_scan::rig::Shot;
 use serde_json::Value;
 
-use super::super::shown;
+use crate::paths::shown;
 
-/// What every frame of the folder was made with.
+/// File of the settings that every frame of the folder was made with.
 const SETTINGS: &str = "settings.json";
 
 /// A folder of results, one per frame.
-pub(super) struct Folder {
+pub(super) struct SequenceFolder {
     root: PathBuf,
 }
 
-impl Folder {
-    /// Opens or creates it, and removes what a killed run has left half written. Frames of one folder have the same settings: others are refused.
+impl SequenceFolder {
+    /// Opens or creates the folder. Frames of one folder have the same settings: others are refused.
     pub(super) fn open(root: &Path, settings: &Value) -> Result<Self> {
         let path = root.join(SETTINGS);
         if path.exists() {
@@ -45,22 +45,23 @@ impl Folder {
         Ok(Self { root: root.to_owned() })
     }
 
-    /// The folder itself.
+    /// Returns the folder itself.
     pub(super) fn root(&self) -> &Path {
         &self.root
     }
 
-    /// Where a frame's result is.
+    /// Returns where a frame's result is.
     pub(super) fn frame(&self, frame: &Shot) -> PathBuf {
         self.root.join(&frame.name)
     }
 
-    /// Whether a frame's result is there. It appears whole or not at all.
+    /// Returns whether a frame's result is there. It appears whole or not at all.
     pub(super) fn is_done(&self, frame: &Shot) -> bool {
         self.frame(frame).join("result.json").is_file()
     }
 
-    /// Begins a frame's result. What a killed run has left of this frame goes away: two runs never work on one frame at a time unless told to.
+    /// Begins a frame's result and removes what a killed run has left of it: two runs never work on one frame at a time
+    /// unless told to.
     pub(super) fn start(&self, frame: &Shot) -> Result<OutputDir> {
         let begins = format!(".{}.partial-", frame.name);
         for entry in std::fs::read_dir(&self.root)?.flatten() {
@@ -72,43 +73,44 @@ impl Folder {
         Ok(OutputDir::create(&self.frame(frame), "result.json")?)
     }
 
-    /// What a frame left for the next; `None` if it failed.
+    /// Reads what a frame left for the next; `None` if it failed.
     pub(super) fn state(&self, frame: &Shot) -> Result<Option<FrameState>> {
         Ok(if self.is_done(frame) { Some(read_frame_state(&self.frame(frame))?) } else { None })
     }
 
-    /// The result.json of a frame that is done.
+    /// Reads the result.json of a frame that is done.
     pub(super) fn summary(&self, frame: &Shot) -> Result<Value> {
         let path = self.frame(frame).join("result.json");
         let text = std::fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", shown(&path)))?;
         serde_json::from_str(&text).with_context(|| format!("{}: is broken; delete the frame's folder", shown(&path)))
     }
 
-    fn note(&self, frame: &Shot) -> PathBuf {
+    /// Returns the file that says why a frame failed.
+    fn failure_file(&self, frame: &Shot) -> PathBuf {
         self.root.join(format!("{}.failed.txt", frame.name))
     }
 
     /// Writes down why a frame has no result.
     pub(super) fn note_failure(&self, frame: &Shot, why: &str) -> Result<()> {
-        Ok(write_atomic(&self.note(frame), |w| writeln!(w, "{why}"))?)
+        Ok(write_atomic(&self.failure_file(frame), |w| writeln!(w, "{why}"))?)
     }
 
-    /// A frame that has a result now has not failed.
+    /// Removes the note of a failure of a frame that has a result now.
     pub(super) fn forget_failure(&self, frame: &Shot) -> Result<()> {
-        let path = self.note(frame);
+        let path = self.failure_file(frame);
         if path.exists() {
             std::fs::remove_file(&path).with_context(|| format!("{}: cannot be removed", shown(&path)))?;
         }
         Ok(())
     }
 
-    /// Why a frame has no result, if it was tried.
+    /// Returns why a frame has no result, if it was tried.
     pub(super) fn failure(&self, frame: &Shot) -> Option<String> {
-        std::fs::read_to_string(self.note(frame)).ok().map(|text| text.trim().to_owned())
+        std::fs::read_to_string(self.failure_file(frame)).ok().map(|text| text.trim().to_owned())
     }
 }
 
-/// Keys at which two objects differ, as paths.
+/// Returns the keys at which two objects differ.
 fn differences(a: &Value, b: &Value) -> Vec<String> {
     let (Some(x), Some(y)) = (a.as_object(), b.as_object()) else { return vec!["its content".into()] };
     let mut keys: Vec<&String> = x.keys().chain(y.keys()).collect();

@@ -1,4 +1,5 @@
-//! The job array that computes a sequence on a cluster. Slurm schedules; every task is the command itself with a part of the frames.
+//! The job array that computes a sequence on a cluster. Slurm schedules; every task is the command itself with a part
+//! of the frames.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -7,16 +8,17 @@ use anyhow::{Context as _, Result};
 use nelu3d::sequence::Plan;
 use nelu3d_scan::output::write_atomic;
 
-use super::super::{Context, shown};
-use crate::args;
+use crate::args::SequenceArgs;
+use crate::context::CommandContext;
+use crate::paths::shown;
 
 /// Writes the script.
 pub(super) fn write(
     script: &Path,
-    args: &args::Sequence,
+    args: &SequenceArgs,
     output: &Path,
     frames: usize,
-    context: &Context,
+    context: &CommandContext,
 ) -> Result<ExitCode> {
     let plan = Plan { frames, keyframe: args.keyframe.get() };
     let tasks = args.tasks.map_or(plan.stretches(), |n| n.get().min(plan.stretches())).max(1);
@@ -33,8 +35,9 @@ pub(super) fn write(
     Ok(ExitCode::SUCCESS)
 }
 
-/// The command of one task, without its part: what was typed, with paths that hold on every machine that sees the same disk.
-fn command(args: &args::Sequence, output: &Path) -> Result<String> {
+/// Returns the command of one task, without its part: what was typed, with paths that hold on every machine that sees
+/// the same disk.
+fn command(args: &SequenceArgs, output: &Path) -> Result<String> {
     let program = std::env::current_exe().context("cannot tell where this program is")?;
     let here = std::env::current_dir().context("cannot tell the current folder")?;
     let full = |path: &Path| -> String { quoted(&here.join(path).display().to_string()) };
@@ -66,12 +69,13 @@ fn command(args: &args::Sequence, output: &Path) -> Result<String> {
     Ok(words.join(" "))
 }
 
+/// Returns the script.
 fn text(command: &str, tasks: usize, frames: usize, plan: Plan) -> String {
     format!(
         "#!/bin/sh\n\
          # {frames} frames, a keyframe every {}: {} stretches that do not need each other, in {tasks} tasks.\n\
-         # Fewer frames between keyframes (--keyframe) allow more tasks; more make a frame cheaper. Submit again after a failure: finished\n\
-         # frames are not computed twice. The task that finishes last writes the moving surface.\n\
+         # Fewer frames between keyframes (--keyframe) allow more tasks; more make a frame cheaper. Submit again after a\n\
+         # failure: finished frames are not computed twice. The task that finishes last writes the moving surface.\n\
          #SBATCH --job-name=nelu3d\n\
          #SBATCH --array=1-{tasks}\n\
          #SBATCH --ntasks=1\n\
@@ -82,7 +86,7 @@ fn text(command: &str, tasks: usize, frames: usize, plan: Plan) -> String {
     )
 }
 
-/// A word as the shell reads it back.
+/// Quotes a word so that the shell reads it back.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:+".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

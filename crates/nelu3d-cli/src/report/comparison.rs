@@ -5,22 +5,22 @@ use nelu3d::result::picture::Picture;
 use nelu3d_scan::Mesh;
 
 use super::chart::Chart;
-use super::html::{color_bar, figure, img, table, tiles};
+use super::html::{MAX_MAP_WIDTH, color_bar, figure, img, table, tiles};
+use super::page;
 use super::viewer::{Coloring, viewer};
-use super::{MAP_WIDTH, page};
 
 /// Colors of signed differences: red below zero, blue above, white at zero.
 pub(crate) const DIFFERENCE_COLORS: Gradient = colorous::RED_BLUE;
 
-/// What a page of differences shows.
-pub(crate) struct Differences<'a> {
-    /// Its title.
+/// The page of a comparison.
+pub(crate) struct ComparisonReport<'a> {
+    /// Title of the page.
     pub title: String,
     /// What is compared how.
     pub subtitle: String,
     /// The numbers one looks for first, with their names.
     pub tiles: Vec<(String, String)>,
-    /// What the values are: `Distance`.
+    /// Name of the values: `Distance`.
     pub quantity: &'static str,
     /// Values by pixel, mm; NaN where there is none.
     pub map: &'a [f32],
@@ -32,26 +32,26 @@ pub(crate) struct Differences<'a> {
     pub histogram_of: &'a [f64],
     /// The surface in these colors.
     pub mesh: Mesh,
-    /// Tables.
-    pub tables: Vec<Numbers>,
+    /// Tables of numbers.
+    pub tables: Vec<NamedTable>,
 }
 
 /// A table of a page: its name, headings and rows.
-pub(crate) type Numbers = (&'static str, Vec<&'static str>, Vec<Vec<String>>);
+pub(crate) type NamedTable = (&'static str, Vec<&'static str>, Vec<Vec<String>>);
 
-impl Differences<'_> {
-    /// How many values are how large.
+impl ComparisonReport<'_> {
+    /// Returns the histogram of the values.
     pub(crate) fn histogram(&self) -> Chart {
         // Somewhat beyond the colors, so that it can be seen what they do not show.
         let range = self.range.map(|v| 1.6 * v);
         Chart::histogram(&format!("{}, mm", self.quantity.to_lowercase()), self.histogram_of, range, 64)
     }
 
-    /// The page.
+    /// Returns the page.
     pub(crate) fn html(&self) -> String {
         let picture = Picture::of_map(self.map, self.size[0], self.size[1], self.range, DIFFERENCE_COLORS);
         let bar = color_bar(DIFFERENCE_COLORS, self.range, "mm");
-        let pictures = figure(self.quantity, "by pixel", &(img(&picture.at_most(MAP_WIDTH), self.quantity) + &bar))
+        let pictures = figure(self.quantity, "by pixel", &(img(&picture.at_most(MAX_MAP_WIDTH), self.quantity) + &bar))
             + &figure("Histogram", "number of points", &self.histogram().svg());
         let tables = self.tables.iter().map(|(name, headings, rows)| page::section(name, &table(headings, rows)));
         let body = [

@@ -1,7 +1,8 @@
-//! The frames to come, read while the one before is computed, and the motion that their flashes show.
+//! Frames that are read while the one before is computed, with the motion between their white images.
 //!
-//! Each image is read and decoded once, though a flash serves three frames: its own and both neighbors'. Errors wait for the turn of the
-//! frame they belong to. One frame waits ready and the one after it has its flash read: no more is ever held.
+//! Each image is read and decoded once, though a white image serves three frames: its own and both neighbors'. Errors
+//! wait for the turn of the frame they belong to. One frame waits ready, and of the one after it the white image is
+//! read: no more is ever held.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::SyncSender;
@@ -14,61 +15,63 @@ use nelu3d_evaluate::GroundTruth;
 use nelu3d_scan::rig::{Capture, PatternSet, Shot, ShotReader};
 use nelu3d_scan::{Image, Rig};
 
-use super::super::shown;
+use crate::paths::shown;
 
-/// All that a frame is made from, but for what the frame before it leaves.
+/// All that a frame is made from, except what the previous frame leaves.
 pub(super) struct ReadFrame {
+    /// The images.
     pub(super) capture: Capture,
+    /// The white images of the neighboring frames.
     pub(super) neighbors: Neighbors,
     /// The files of its capture, hashed.
     pub(super) inputs: Vec<Input>,
-    /// Where it was asked for.
+    /// The ground truth, where it was asked for.
     pub(super) truth: Option<GroundTruth>,
 }
 
-/// Reads frames one after the other.
-pub(super) struct Ahead<'a> {
+/// Reads frames one after the other, ahead of the computation.
+pub(super) struct ReadAhead<'a> {
     pub(super) rig: &'a Rig,
     pub(super) set: &'a PatternSet,
     pub(super) frames: &'a [Shot],
     pub(super) plan: Plan,
-    /// What flashes of neighbors are for: frames come without them where it is nothing.
+    /// How motion is compensated; where it is not, frames come without the white images of their neighbors.
     pub(super) motion: MotionMode,
-    /// Whether frames come with their truth.
+    /// Whether frames come with their ground truth.
     pub(super) with_truth: bool,
-    /// Flashes that a frame to come needs, with the reader that goes on with the other images of their folder.
-    pub(super) flashes: BTreeMap<usize, ReadWhite<'a>>,
+    /// White images that a frame to come needs, with the reader that goes on with the other images of their folder.
+    pub(super) whites: BTreeMap<usize, ReadWhite<'a>>,
 }
 
-/// A flash that was read.
+/// A white image that was read.
 pub(super) struct ReadWhite<'a> {
     image: Image,
     rest: ShotReader<'a>,
 }
 
-impl<'a> Ahead<'a> {
-    /// Reads the frames of these numbers, which rise, and hands each over with its number. It ends early when nobody takes them anymore, or
-    /// the user stops the work.
+impl<'a> ReadAhead<'a> {
+    /// Reads the frames of these rising numbers, and hands each over with its number. It ends early when the receiver
+    /// is dropped or the user stops the work.
     pub(super) fn run(mut self, todo: &[usize], to: &SyncSender<(usize, Result<ReadFrame>)>, progress: &Progress) {
         for (n, &i) in todo.iter().enumerate() {
             let frame = self.frame(i, progress);
             // Before it is handed over, which is when this thread waits.
             let next = todo.get(n + 1).copied().unwrap_or(usize::MAX);
-            self.flashes.retain(|&j, _| j + 1 >= next);
+            self.whites.retain(|&j, _| j + 1 >= next);
             if progress.cancelled() || to.send((i, frame)).is_err() {
                 return;
             }
         }
     }
 
-    /// One frame.
+    /// Reads one frame.
     fn frame(&mut self, i: usize, progress: &Progress) -> Result<ReadFrame> {
         let shot = &self.frames[i];
         let truth =
             self.with_truth.then(|| GroundTruth::read(&shot.dir.join("truth"), &self.rig.camera)).transpose()?;
-        let ReadWhite { image: white, mut rest } = match self.flashes.remove(&i) {
-            Some(flash) => flash,
-            None => self.flash(i)?,
+        let ReadWhite { image: white, mut rest } = match self.whites.remove(&i) {
+            Some(white) => white,
+            None => self.read_white(i)?,
         };
         anyhow::ensure!(!progress.cancelled(), "stopped");
         let black = shot.dir.join(&self.rig.black).exists().then(|| rest.read(&self.rig.black)).transpose()?;
@@ -91,28 +94,29 @@ impl<'a> Ahead<'a> {
             inputs.push(Input::of(&path).with_context(|| format!("{}: cannot be read", shown(&path)))?);
         }
         anyhow::ensure!(!progress.cancelled(), "stopped");
-        // Where it is needed; a frame that is not the first nearly always has the one before to begin with.
+        // A frame that is no keyframe nearly always starts from the previous one.
         if self.motion == MotionMode::Auto || !self.plan.is_key(i) {
             neighbors.motion(&white);
         }
         if self.motion != MotionMode::Off {
             // For the frame after this one.
-            self.flashes.insert(i, ReadWhite { image: white.clone(), rest });
+            self.whites.insert(i, ReadWhite { image: white.clone(), rest });
         }
         Ok(ReadFrame { capture: Capture { white, black, patterns, mono }, neighbors, inputs, truth })
     }
 
-    /// The flash of a neighboring frame; a neighbor that cannot be read is none, and fails by itself when its turn comes.
+    /// Returns the white image of a neighboring frame; a neighbor that cannot be read is none, and fails when its turn
+    /// comes.
     fn neighbor(&mut self, i: usize) -> Option<Image> {
-        if !self.flashes.contains_key(&i) {
-            let flash = self.flash(i).ok()?;
-            self.flashes.insert(i, flash);
+        if !self.whites.contains_key(&i) {
+            let white = self.read_white(i).ok()?;
+            self.whites.insert(i, white);
         }
-        self.flashes.get(&i).map(|flash| flash.image.clone())
+        self.whites.get(&i).map(|white| white.image.clone())
     }
 
-    /// Reads a frame's flash.
-    fn flash(&self, i: usize) -> Result<ReadWhite<'a>> {
+    /// Reads a frame's white image.
+    fn read_white(&self, i: usize) -> Result<ReadWhite<'a>> {
         let mut rest = self.rig.reader(&self.frames[i]);
         Ok(ReadWhite { image: rest.read(&self.rig.white)?, rest })
     }
@@ -135,7 +139,8 @@ mod tests {
         write_gray8(path, w, h, &data).unwrap();
     }
 
-    /// Six frames of 40 × 30 px; the second has no flash, the fourth a pattern of another depth, the fifth a black image.
+    /// Six frames of 40 × 30 px; the second has no white image, the fourth a pattern of another depth, the fifth a
+    /// black image.
     fn rig(root: &Path) -> Rig {
         let toml = "format = 1\n[camera]\nchannels = \"mono\"\nblack_level = 0\nsaturation = 255\n[[pattern_sets]]\n\
                     name = \"a\"\nimages = [\"a0.png\", \"a1.png\"]\n";
@@ -172,7 +177,7 @@ mod tests {
         for (motion, todo) in [(MotionMode::Auto, vec![0, 1, 2, 3, 4, 5]), (MotionMode::Off, vec![1, 2, 4])] {
             let plan = Plan { frames: 6, keyframe: 2 };
             let ahead =
-                Ahead { rig: &rig, set, frames: &frames, plan, motion, with_truth: false, flashes: BTreeMap::new() };
+                ReadAhead { rig: &rig, set, frames: &frames, plan, motion, with_truth: false, whites: BTreeMap::new() };
             let (to, read) = std::sync::mpsc::sync_channel(0);
             let numbers = &todo;
             std::thread::scope(|scope| {
@@ -215,7 +220,7 @@ mod tests {
             let progress = Progress::new(Arc::new(Nobody), Arc::new(AtomicBool::new(stopped)));
             let (plan, motion) = (Plan { frames: 6, keyframe: 6 }, MotionMode::Auto);
             let (rig, frames) = (&rig, &frames[..]);
-            let ahead = Ahead { rig, set, frames, plan, motion, with_truth: false, flashes: BTreeMap::new() };
+            let ahead = ReadAhead { rig, set, frames, plan, motion, with_truth: false, whites: BTreeMap::new() };
             let (to, read) = std::sync::mpsc::sync_channel(0);
             std::thread::scope(|scope| {
                 scope.spawn(|| ahead.run(&[0, 2, 4, 5], &to, &progress));
