@@ -31,9 +31,9 @@ const FACES_MAY_USE: &[&str] =
 /// The layers of `crates/nelu3d/src`, lowest first: a folder uses itself and lower layers, never its neighbor.
 const LAYERS: &[&[&str]] = &[
     &["progress"],
+    &["surface"],
     &["sensor"],
     &["color_field"],
-    &["surface"],
     &["calibrate"],
     &["reconstruct"],
     &["from_projector", "sequence"],

@@ -7,103 +7,21 @@
 //! Everything runs on one thread unless said otherwise, and is timed in seconds of the processor, best of several:
 //! other programs on the machine then disturb least.
 
+mod demand;
 mod kernels;
 mod machine;
 mod rays;
 mod report;
 mod steps;
+mod timing;
 
+pub use demand::{Accesses, Case, Demand};
 pub use kernels::kernels;
 pub use machine::{Machine, Rate};
 pub use rays::RaySet;
 pub use report::{BenchError, BenchReport, KernelResult, StepResult};
 pub use steps::{StepShape, SurfaceBench, steps};
-
-use cpu_time::ProcessTime;
-
-/// Bytes of a cache line.
-pub const LINE: usize = 64;
-
-/// Accesses to one table at random.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Accesses {
-    /// Bytes of the table, or of all that is used between two uses of a line.
-    pub table_bytes: usize,
-    /// Accesses.
-    pub n: f64,
-    /// Cache lines they need: several accesses by one point to one line need it once.
-    pub lines: f64,
-}
-
-/// The demand of a piece of work on the machine.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
-pub struct Demand {
-    /// Floating-point operations; a fused multiply-add is two.
-    pub flops: f64,
-    /// Bytes that come from or go to main memory in order.
-    pub bytes: f64,
-    /// Reading at random.
-    pub reads: Vec<Accesses>,
-    /// Reading and writing at random.
-    pub updates: Vec<Accesses>,
-    /// Exponentials in double precision.
-    pub exponentials: f64,
-}
-
-impl Demand {
-    /// Returns the least time of every part on a machine, s.
-    fn parts(&self, machine: &Machine) -> [(&'static str, f64); 5] {
-        // Every access takes a place in the processor's pipeline; every line must come from where it is.
-        let random = |demand: &[Accesses], rates: &[Rate]| -> f64 {
-            let near = 1.0 / rates[0].lines_per_sec;
-            let secs = |a: &Accesses| {
-                a.n * near + a.lines * (1.0 / machine::interpolate(rates, a.table_bytes) - near).max(0.0)
-            };
-            demand.iter().map(secs).sum()
-        };
-        [
-            ("arithmetic", self.flops / machine.flops_per_sec),
-            ("bandwidth", self.bytes / machine.bytes_per_sec),
-            ("random reads", random(&self.reads, &machine.reads)),
-            ("random updates", random(&self.updates, &machine.updates)),
-            ("exponentials", self.exponentials / machine.exponentials_per_sec),
-        ]
-    }
-
-    /// Returns the least time on a machine, s: its slowest part, as if everything else went on beside it; and which
-    /// part that is.
-    pub fn floor(&self, machine: &Machine) -> (&'static str, f64) {
-        self.parts(machine).into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("five parts")
-    }
-}
-
-/// A kernel at a named size.
-pub struct Case {
-    /// What is run, and on what.
-    pub name: String,
-    /// Points (samples, parameters) of one run.
-    pub points: usize,
-    /// What one run asks of the machine.
-    pub demand: Demand,
-    /// One run, on the calling thread.
-    pub run: Box<dyn FnMut()>,
-}
-
-/// Returns the processor seconds of one call of `run`: the best of several repetitions that take about `budget_secs`
-/// together.
-pub fn best_secs(budget_secs: f64, mut run: impl FnMut()) -> f64 {
-    run();
-    let time = |n: usize, run: &mut dyn FnMut()| {
-        let start = ProcessTime::now();
-        (0..n).for_each(|_| run());
-        start.elapsed().as_secs_f64() / n as f64
-    };
-    let once = time(1, &mut run).max(1e-9);
-    // Repetitions of a millisecond at least, so that the clock's resolution does not matter; five of them at least.
-    let n = (1e-3 / once).ceil().max(1.0) as usize;
-    let repetitions = (budget_secs / (once * n as f64)).clamp(5.0, 1000.0) as usize;
-    (0..repetitions).map(|_| time(n, &mut run)).fold(once, f64::min)
-}
+pub use timing::{LINE, best_secs};
 
 #[cfg(test)]
 mod tests {
