@@ -3,7 +3,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use nelu3d::decode::lookup3d::file;
+use nelu3d_baselines::lookup3d::file;
 
 fuzz_target!(|bytes: &[u8]| {
     let table = tempfile::NamedTempFile::new().expect("a temporary file");
