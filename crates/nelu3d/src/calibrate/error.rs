@@ -34,6 +34,16 @@ pub enum CalibrationError {
         "{0}: [board] is missing; describe the target of the sweep, or use --from-projector with a calibrated projector"
     )]
     NoBoard(PathBuf),
+    /// A position to be left out does not exist.
+    #[error("{path}: there is no board position {name} to leave out; there are {known}")]
+    NoPosition {
+        /// The calibration folder.
+        path: PathBuf,
+        /// The name that was given.
+        name: String,
+        /// The names that there are.
+        known: String,
+    },
     /// There are too few positions.
     #[error("{path}: {found} usable board positions, and at least 3 are needed; capture more{reasons}")]
     TooFew {

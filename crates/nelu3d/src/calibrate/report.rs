@@ -17,6 +17,9 @@ pub struct CalibrationReport {
     pub quality: Option<Quality>,
     /// Where the frame is centered, and why.
     pub frame: String,
+    /// Why the field stays more than 3 dB below what noise allows, if it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shortfall: Option<String>,
     /// Cells of the field along a, b and w.
     pub cells: [usize; 3],
     /// What took how long.

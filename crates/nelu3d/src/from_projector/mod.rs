@@ -167,6 +167,7 @@ pub fn calibrate_from_projector(
             "light: the calibrated projector, blur {:.2} px, response {:.3} + {:.3} v^{:.2}, median misfit {residual:.3}",
             response.blur_px, response.offset, response.scale, response.gamma
         ),
+        shortfall: None,
         cells,
         stages: clock.finish(),
     };

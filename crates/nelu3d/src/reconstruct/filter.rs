@@ -28,15 +28,16 @@ impl Default for FilterSettings {
 
 /// Returns the depth of every valid pixel (camera z, mm; NaN elsewhere) and notes in the scene's measurements why the
 /// others are rejected: outside the calibrated volume, unexplained codeword, mixed pixel at a depth discontinuity,
-/// component too small.
+/// component too small. `step` is the spacing of the depth hypotheses in 1/z, 1/mm.
 pub(crate) fn filter(
     scene: &mut Scene<'_>,
     refined: &Refined,
+    step: f32,
     settings: &FilterSettings,
     cx: &mut Context<'_>,
 ) -> Result<Vec<f32>, Failure> {
     cx.clock.begin("filter");
-    let Scene { camera, rays, measurements: m, .. } = scene;
+    let Scene { camera, rays, field, measurements: m, .. } = scene;
     let mut depth: Vec<f32> = refined.inv_z.iter().map(|v| 1.0 / v).collect();
     let chi2 = local_mean(&refined.chi2, m.width, m.height, 2);
     for i in 0..m.n() {
@@ -44,8 +45,12 @@ pub(crate) fn filter(
             continue;
         }
         let [near, far] = rays.range[i];
-        let t = depth[i] / rays.dir_z(i);
-        if !(t >= near && t <= far) {
+        let dir_z = rays.dir_z(i);
+        let t = depth[i] / dir_z;
+        // The ends of the volume reject what may lie beyond, they do not collect it.
+        let (last, first) = (1.0 / (near * dir_z) - 0.5 * step, 1.0 / (far * dir_z) + 0.5 * step);
+        let inside = refined.inv_z[i] >= first && refined.inv_z[i] <= last;
+        if !(inside && field.validity.is_lit(rays.in_frame(i).at(f64::from(t)).q)) {
             m.status[i] = PixelStatus::OutsideVolume;
         } else if chi2[i] > settings.max_chi2 {
             m.status[i] = PixelStatus::Ambiguous;

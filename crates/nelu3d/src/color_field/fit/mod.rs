@@ -24,6 +24,8 @@ pub struct Smoothness {
     pub across: f32,
     /// Along w.
     pub along: f32,
+    /// How constant it is along w.
+    pub slope_along: f32,
 }
 
 /// Fits the spline to the binned samples, started from `grid`'s present coefficients. Deterministic for any number of
@@ -80,7 +82,7 @@ fn typical(diag: &[f32], k: usize) -> Vec<f32> {
 
 /// One over the diagonal of the normal equations, from the samples' part of it.
 fn invert(mut diag: Vec<f32>, smooth: Smoothness, lambda: &[f32]) -> Vec<f32> {
-    let share = 6.0 * (2.0 * smooth.across + smooth.along) + 1e-6;
+    let share = 6.0 * (2.0 * smooth.across + smooth.along) + 2.0 * smooth.slope_along + 1e-6;
     let k = lambda.len();
     diag.par_chunks_mut(k << 12).for_each(|diag| {
         for node in diag.chunks_exact_mut(k) {
@@ -132,7 +134,7 @@ mod tests {
                 bins.add(q, &v, &vec![1.0; k]);
             }
             let mut grid = Grid::new([40, 30, 4], k);
-            fit(&mut grid, &bins, Smoothness { across: 1e-4, along: 1e-4 }, 60, &Progress::none());
+            fit(&mut grid, &bins, Smoothness { across: 1e-4, along: 1e-4, slope_along: 0.0 }, 60, &Progress::none());
             let (mut v, mut d) = (vec![0.0; k], vec![0.0; k]);
             for _ in 0..500 {
                 let q = [0.05 + 0.9 * unit(), 0.05 + 0.9 * unit(), 0.05 + 0.9 * unit()];
@@ -171,7 +173,7 @@ mod tests {
             };
             let (x, y) = (random(), random());
             let normal = Normal::new(&x, &bins);
-            let smooth = Smoothness { across: 0.3, along: 0.7 };
+            let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2 };
             let lambda: Vec<f32> = (0..k).map(|c| 1.0 + c as f32).collect();
             let mut ax = vec![0.0; x.coeffs.len()];
             Penalty::new(&x, smooth, &lambda).apply(&x.coeffs, &mut ax);
@@ -222,6 +224,11 @@ mod tests {
                         }
                     }
                 }
+            }
+            let (xg, yg) = (&x, &y);
+            for (i, (x, y)) in x.coeffs.iter().zip(&y.coeffs).enumerate().filter(|(i, _)| i / k % nw + 1 < nw) {
+                let d = |g: &Grid, v: f32| g.coeffs[i + k] - v;
+                expected += f64::from(lambda[i % k] * smooth.slope_along * d(xg, *x) * d(yg, *y));
             }
             assert!(close(penalty, expected), "k {k}: {penalty} {expected}");
         }
