@@ -52,7 +52,7 @@ pub(super) struct Level {
 
 impl Level {
     /// An empty level for blocks that keep the images of `n` positions of `k` channels within their budget.
-    fn finest(camera: &Camera, k: usize, n: usize) -> Self {
+    pub(super) fn finest(camera: &Camera, k: usize, n: usize) -> Self {
         let bytes = camera.n_pixels() * (k + 1) * 4 * n;
         let block = (1..).find(|f| bytes / (f * f) <= VIEWS_BUDGET).expect("some block is large enough");
         let (width, height) = (camera.width / block, camera.height / block);
@@ -95,7 +95,7 @@ impl Level {
 
 impl Views {
     /// Orders the views by the depth of their boards along `middle`, and adds the coarser levels.
-    fn new(k: usize, boards: Vec<(usize, BoardPlane)>, mut finest: Level, middle: &Vector3<f64>) -> Self {
+    pub(super) fn new(k: usize, boards: Vec<(usize, BoardPlane)>, mut finest: Level, middle: &Vector3<f64>) -> Self {
         let depth = |b: &BoardPlane| b.offset / b.normal.dot(middle);
         let mut order: Vec<usize> = (0..boards.len()).collect();
         order.sort_by(|a, b| depth(&boards[*a].1).total_cmp(&depth(&boards[*b].1)));

@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::context::Context;
 use super::error::Failure;
 use super::maps::local_mean;
+use super::pieces::reject_unexplained_pieces;
 use super::refine::Refined;
 use super::scene::Scene;
 use crate::surface::{Links, MAX_SLOPE, PixelStatus, reject_small_components};
@@ -16,13 +17,18 @@ pub struct FilterSettings {
     pub max_chi2: f32,
     /// χ² per measurement of a pixel at a depth discontinuity above which its codeword is a mixture of two surfaces.
     pub max_edge_chi2: f32,
+    /// Median χ² per measurement of a connected piece above which no part of it is explained: a misfit of three standard
+    /// deviations of noise and field error.
+    pub max_piece_chi2: f32,
+    /// Median fraction of light of unseen origin above which a piece is at a wrong depth.
+    pub max_piece_unseen: f32,
     /// Smallest connected component that is valid, px.
     pub min_component: usize,
 }
 
 impl Default for FilterSettings {
     fn default() -> Self {
-        Self { max_chi2: 40.0, max_edge_chi2: 9.0, min_component: 40 }
+        Self { max_chi2: 40.0, max_edge_chi2: 9.0, max_piece_chi2: 9.0, max_piece_unseen: 0.25, min_component: 40 }
     }
 }
 
@@ -66,6 +72,7 @@ pub(crate) fn filter(
             depth[i] = f32::NAN;
         }
     }
+    reject_unexplained_pieces(&mut depth, &mut m.status, camera, refined, settings);
     reject_small_components(&mut depth, &mut m.status, camera, settings.min_component);
     for i in 0..m.n() {
         if depth[i].is_nan() && m.status[i] == PixelStatus::Valid {

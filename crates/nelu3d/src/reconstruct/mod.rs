@@ -17,6 +17,7 @@ mod maps;
 pub mod neural;
 mod observer;
 mod options;
+mod pieces;
 mod previous;
 mod refine;
 mod scene;

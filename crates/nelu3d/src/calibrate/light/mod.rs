@@ -144,3 +144,79 @@ fn undetermined(chart: &Chart, found: &Refined) -> Option<Vector3<f64>> {
     let (a, b) = (moved(-1e-3)?, moved(1e-3)?);
     Some((b - a).normalize())
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+
+    use super::super::placed_sweep::BoardPlane;
+    use super::super::views::Level;
+    use super::*;
+
+    /// Views of boards held by hand under a light at `center` whose rays have the codeword `code(x, y)` at tangents x and y.
+    fn views(camera: &Camera, poses: &[Isometry3<f64>], center: Point3<f64>, code: impl Fn(f64, f64) -> Vec<f32>) -> Views {
+        let k = code(0.0, 0.0).len();
+        let mut finest = Level::finest(camera, k, poses.len());
+        let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, [-90.0, -70.0, 90.0, 70.0])).enumerate().collect();
+        for (_, board) in &boards {
+            let mut image = Vec::new();
+            for i in 0..camera.n_pixels() {
+                let dir = camera.ray([(i % camera.width) as f64, (i / camera.width) as f64]).dir;
+                let values = board.hit(&dir).map(|t| {
+                    let from = Point3::from(dir * t) - center;
+                    code(from.x / from.z, from.y / from.z)
+                });
+                let usable = if values.is_some() { 1.0 } else { 0.0 };
+                image.extend(values.unwrap_or_else(|| vec![0.0; k]));
+                image.push(usable);
+            }
+            finest.images.push(image);
+        }
+        Views::new(k, boards, finest, &Vector3::z())
+    }
+
+    fn poses() -> Vec<Isometry3<f64>> {
+        let tilts = [[0.2, -0.1, 0.0], [-0.25, 0.1, 0.05], [0.05, 0.3, 0.0], [0.1, -0.3, -0.05], [-0.1, 0.05, 0.1]];
+        let places = [[5.0, 0.0, 760.0], [-10.0, 8.0, 640.0], [12.0, -6.0, 700.0], [0.0, 4.0, 735.0], [-4.0, -9.0, 668.0]];
+        (0..5).map(|i| Isometry3::new(Vector3::from(places[i]), Vector3::from(tilts[i]))).collect()
+    }
+
+    /// Gray code of a tangent, 7 bits.
+    fn gray(v: f64) -> impl Iterator<Item = f32> {
+        let n = (((v + 0.6) / 1.2).clamp(0.0, 0.999) * 128.0) as u32;
+        (0..7).map(move |bit| ((n ^ n >> 1) >> bit & 1) as f32)
+    }
+
+    #[test]
+    fn a_few_boards_held_by_hand_tell_where_the_light_is() {
+        let camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
+        let center = Point3::new(-60.0, 140.0, 55.0);
+        let both = views(&camera, &poses(), center, |x, y| gray(x).chain(gray(y)).collect());
+        let found = find_center(both, &camera, &Progress::none()).unwrap();
+        let at = found.center.position().unwrap();
+        assert!((at - center).norm() < 6.0 && found.center.line.is_none(), "{at}");
+        assert!(found.without_consensus.is_empty());
+
+        // Along one axis only: up to a line along y.
+        let rows = views(&camera, &poses(), center, |x, _| gray(x).collect());
+        let found = find_center(rows, &camera, &Progress::none()).unwrap();
+        let (at, line) = (found.center.position().unwrap(), found.center.line.unwrap());
+        assert!(line.y.abs() > 0.95, "{line}");
+        let off = (at - center) - line * line.dot(&(at - center));
+        assert!(off.norm() < 8.0, "{at} {line}");
+    }
+
+    #[test]
+    fn a_position_that_does_not_fit_is_named() {
+        let camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
+        let center = Point3::new(-60.0, 140.0, 55.0);
+        let mut wrong = views(&camera, &poses(), center, |x, y| gray(x).chain(gray(y)).collect());
+        // Taken for 40 mm nearer than it was.
+        wrong.planes[2].1 -= 40.0;
+        let position = wrong.positions[2];
+        let found = find_center(wrong, &camera, &Progress::none()).unwrap();
+        assert_eq!(found.without_consensus, [position]);
+        let at = found.center.position().unwrap();
+        assert!((at - center).norm() < 6.0, "{at}");
+    }
+}

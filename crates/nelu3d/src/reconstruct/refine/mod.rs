@@ -294,6 +294,7 @@ impl<'a> Refinement<'a> {
             out.sigma[px] = sigma[i] * self.unit;
             let fractions = &self.fractions.fractions[i * channels..(i + 1) * channels];
             out.ambient[px] = fractions.iter().map(|s| s.sum()).sum::<f32>() / channels as f32;
+            out.unseen[px] = fractions.iter().map(|s| s.ambient + s.rest).sum::<f32>() / channels as f32;
             out.chi2[px] = self.data[i].chi2 / m.independent;
             for j in 0..k {
                 residuals[j] = self.residual(i, px, j).abs();
