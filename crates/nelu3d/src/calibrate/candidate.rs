@@ -26,6 +26,10 @@ const MIN_GAPS: usize = 4;
 const CELLS_ALONG_VALIDITY: usize = 32;
 /// Shortfall of the held-out PSNR against what the noise allows, beyond which a field is not good, dB.
 pub(super) const MAX_SHORTFALL_DB: f64 = 3.0;
+/// Steps of a fit.
+const STEPS: usize = 20;
+/// Steps of each of several fits that only measure: the error of what is left is far below the noise.
+const STEPS_IN_TURN: usize = 10;
 /// Usable samples without which there is nothing to fit.
 const MIN_SAMPLES: usize = 1000;
 
@@ -83,7 +87,8 @@ impl Candidate {
         let mut usable = pass.gather(&first, Some(&mut support))?;
         // With so few that the held-out ones decide whether there are enough, they are looked at first.
         if usable < MIN_SAMPLES && !in_turn {
-            let (mut bins, mut validity) = (empty_bins(placed, cells, center, opts.form), empty_validity(placed, cells));
+            let (mut bins, mut validity) =
+                (empty_bins(placed, cells, center, opts.form), empty_validity(placed, cells));
             let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
             usable += pass.gather(&folds[0], None)?;
         }
@@ -95,7 +100,7 @@ impl Candidate {
             if in_turn {
                 bins.remove_all(&gathered(placed, &frame, fold, &bins, progress)?);
             }
-            let fitted = fit_form(cx, &bins, cells, center);
+            let fitted = fit_form(cx, &bins, cells, center, if in_turn { STEPS_IN_TURN } else { STEPS });
             let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
             // A position supports its own samples, too, where it was counted.
             let least = if in_turn { 2 } else { 1 };
@@ -112,10 +117,13 @@ impl Candidate {
                 return Err(CalibrationError::Cancelled);
             }
         }
+        tracing::debug!(?by_position, "held out");
         validity.close();
+        validity.fill_holes();
         let held_out = folds.concat().iter().map(|p| placed.sweep.shots[*p].name.clone()).collect();
         let quality = errors.quality(held_out);
-        let reached = if quality.psnr_db > quality.ceiling_db - MAX_SHORTFALL_DB { [0.0, 1.0] } else { swept };
+        let is_good = quality.psnr_db > quality.ceiling_db - MAX_SHORTFALL_DB;
+        let reached = if is_good || ends_hold(placed, &by_position) { [0.0, 1.0] } else { swept };
         if center == Center::Light {
             validity.extend(reached);
             find_ranges(placed, &frame, &mut validity);
@@ -196,6 +204,22 @@ fn enclose(placed: &PlacedSweep<'_>, frame: &mut FieldFrame, center: Center) -> 
     [unit(lo), unit(hi)]
 }
 
+/// Whether the nearest and the farthest position, held out in turn, were predicted from the others as well as those between
+/// them: then the field holds beyond its boards as far as these are apart.
+fn ends_hold(placed: &PlacedSweep<'_>, by_position: &[(String, f64)]) -> bool {
+    let n = placed.n_positions();
+    if by_position.len() < n {
+        return false;
+    }
+    let middle = placed.mean_point().normalize();
+    let depth = |p: &usize| placed.boards[*p].offset / placed.boards[*p].normal.dot(&middle);
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|a, b| depth(a).total_cmp(&depth(b)));
+    let db = |p: usize| by_position.iter().find(|q| q.0 == placed.sweep.shots[p].name).map_or(f64::NAN, |q| q.1);
+    let between = order[1..n - 1].iter().map(|p| db(*p)).sum::<f64>() / (n - 2) as f64;
+    [order[0], order[n - 1]].into_iter().all(|p| db(p) > between - MAX_SHORTFALL_DB)
+}
+
 /// Ranges of the tiles' rays, from the lit cells.
 fn find_ranges(placed: &PlacedSweep<'_>, frame: &FieldFrame, validity: &mut Validity) {
     let (mut near, mut far) = (f64::INFINITY, 0.0f64);
@@ -209,7 +233,7 @@ fn find_ranges(placed: &PlacedSweep<'_>, frame: &FieldFrame, validity: &mut Vali
 }
 
 /// Fits a form of the field from nothing.
-fn fit_form(cx: &FitContext<'_, '_>, bins: &Bins, cells: [usize; 3], center: Center) -> Form {
+fn fit_form(cx: &FitContext<'_, '_>, bins: &Bins, cells: [usize; 3], center: Center, steps: usize) -> Form {
     let FitContext { placed, opts, progress, .. } = *cx;
     let k = placed.sweep.k;
     match opts.form {
@@ -220,7 +244,7 @@ fn fit_form(cx: &FitContext<'_, '_>, bins: &Bins, cells: [usize; 3], center: Cen
             let mut grid = Grid::new([few[0], few[1], cells[2]], k);
             fit(&mut grid, &coarse, smoothness(center), 30, progress);
             let mut grid = grid.resampled(cells);
-            fit(&mut grid, bins, smoothness(center), 20, progress);
+            fit(&mut grid, bins, smoothness(center), steps, progress);
             Form::Grid(grid)
         }
         FormKind::Hash => {

@@ -30,7 +30,13 @@ struct Passed {
 }
 
 impl Passed {
-    fn of(placed: &PlacedSweep<'_>, frame: &FieldFrame, into: (&Gathered, &Validity), p: usize, read: &Position) -> Self {
+    fn of(
+        placed: &PlacedSweep<'_>,
+        frame: &FieldFrame,
+        into: (&Gathered, &Validity),
+        p: usize,
+        read: &Position,
+    ) -> Self {
         let mut out = Self { gathered: into.0.clone(), validity: into.1.clone(), n: 0 };
         let width = placed.camera.width;
         placed.for_each(p, read, |i, t, v, w| {

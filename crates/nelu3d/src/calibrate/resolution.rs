@@ -23,7 +23,8 @@ pub(super) fn resolution(
     let n_positions = placed.n_positions();
     let [pitch_a, pitch_b] = pitch(placed, frame);
     let span = |i: usize| frame.hi[i] - frame.lo[i];
-    let across = [(span(0) / pitch_a).ceil() as usize, (span(1) / pitch_b).ceil() as usize].map(|n| n * cells_per_pixel);
+    let across =
+        [(span(0) / pitch_a).ceil() as usize, (span(1) / pitch_b).ceil() as usize].map(|n| n * cells_per_pixel);
     let nodes = |along: usize| (across[0] + 3) * (across[1] + 3) * (along + 3) * placed.sweep.k;
     let along = match center {
         Center::Light => {

@@ -25,9 +25,7 @@ impl Support {
     /// Adds what one position lit.
     pub(super) fn add(&mut self, position: &Validity) {
         let n = position.shape.cells[2];
-        for ((column, count), reach) in
-            position.lit.chunks_exact(n).zip(&mut self.count).zip(&mut self.reach)
-        {
+        for ((column, count), reach) in position.lit.chunks_exact(n).zip(&mut self.count).zip(&mut self.reach) {
             let Some(first) = column.iter().position(|l| *l == 1) else { continue };
             let last = column.iter().rposition(|l| *l == 1).unwrap_or(first);
             *count += 1;

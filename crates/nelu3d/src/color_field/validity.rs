@@ -73,6 +73,31 @@ impl Validity {
         }
     }
 
+    /// Lights columns of cells that most of their eight neighbors surround: samples lie as far apart as pixels, and the field
+    /// interpolates between them.
+    pub fn fill_holes(&mut self) {
+        let [na, nb, nw] = self.shape.cells;
+        let is_lit = |a: usize, b: usize| self.lit[(b * na + a) * nw..][..nw].contains(&1);
+        let lit: Vec<bool> = (0..na * nb).map(|i| is_lit(i % na, i / na)).collect();
+        for i in (0..na * nb).filter(|i| !lit[*i]) {
+            let (a, b) = (i % na, i / na);
+            if a == 0 || b == 0 || a + 1 == na || b + 1 == nb {
+                continue;
+            }
+            let around = [i - na - 1, i - na, i - na + 1, i - 1, i + 1, i + na - 1, i + na, i + na + 1];
+            let of: Vec<usize> = around.into_iter().filter(|j| lit[*j]).collect();
+            if of.len() < 5 {
+                continue;
+            }
+            for w in 0..nw {
+                let votes = of.iter().filter(|j| self.lit[**j * nw + w] == 1).count();
+                if 2 * votes > of.len() {
+                    self.lit[i * nw + w] = 1;
+                }
+            }
+        }
+    }
+
     /// Extends every column of cells that was lit anywhere along w to the part `w` of unit coordinates (first, last): the rays
     /// of light are known to be straight, and what a ray carries there is what it carries elsewhere.
     pub fn extend(&mut self, [first, last]: [f32; 2]) {

@@ -154,7 +154,12 @@ mod tests {
     use super::*;
 
     /// Views of boards held by hand under a light at `center` whose rays have the codeword `code(x, y)` at tangents x and y.
-    fn views(camera: &Camera, poses: &[Isometry3<f64>], center: Point3<f64>, code: impl Fn(f64, f64) -> Vec<f32>) -> Views {
+    fn views(
+        camera: &Camera,
+        poses: &[Isometry3<f64>],
+        center: Point3<f64>,
+        code: impl Fn(f64, f64) -> Vec<f32>,
+    ) -> Views {
         let k = code(0.0, 0.0).len();
         let mut finest = Level::finest(camera, k, poses.len());
         let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, [-90.0, -70.0, 90.0, 70.0])).enumerate().collect();
@@ -177,7 +182,8 @@ mod tests {
 
     fn poses() -> Vec<Isometry3<f64>> {
         let tilts = [[0.2, -0.1, 0.0], [-0.25, 0.1, 0.05], [0.05, 0.3, 0.0], [0.1, -0.3, -0.05], [-0.1, 0.05, 0.1]];
-        let places = [[5.0, 0.0, 760.0], [-10.0, 8.0, 640.0], [12.0, -6.0, 700.0], [0.0, 4.0, 735.0], [-4.0, -9.0, 668.0]];
+        let places =
+            [[5.0, 0.0, 760.0], [-10.0, 8.0, 640.0], [12.0, -6.0, 700.0], [0.0, 4.0, 735.0], [-4.0, -9.0, 668.0]];
         (0..5).map(|i| Isometry3::new(Vector3::from(places[i]), Vector3::from(tilts[i]))).collect()
     }
 
