@@ -17,7 +17,7 @@ pub struct FilterSettings {
     pub max_chi2: f32,
     /// χ² per measurement of a pixel at a depth discontinuity above which its codeword is a mixture of two surfaces.
     pub max_edge_chi2: f32,
-    /// Median χ² per measurement of a connected piece above which no part of it is explained: a misfit of three standard
+    /// Median χ² per measurement of a connected piece above which no part of it is explained: a misfit of two standard
     /// deviations of noise and field error.
     pub max_piece_chi2: f32,
     /// Median fraction of light of unseen origin above which a piece is at a wrong depth.
@@ -28,7 +28,7 @@ pub struct FilterSettings {
 
 impl Default for FilterSettings {
     fn default() -> Self {
-        Self { max_chi2: 40.0, max_edge_chi2: 9.0, max_piece_chi2: 9.0, max_piece_unseen: 0.25, min_component: 40 }
+        Self { max_chi2: 40.0, max_edge_chi2: 9.0, max_piece_chi2: 4.0, max_piece_unseen: 0.25, min_component: 40 }
     }
 }
 

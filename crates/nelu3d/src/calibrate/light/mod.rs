@@ -19,14 +19,16 @@ use super::views::Views;
 use crate::progress::Progress;
 pub(super) use center::LightCenter;
 use center::{Chart, HOME};
-use refine::{Refined, refine};
+use refine::{Refined, Steps, refine};
 use search::{search_levels, starts};
-use transport::{Transport, disagreement, seeds};
+use transport::{PULL, Transport, disagreement, seeds};
 
 /// Numbers of a sweep that the last refinement looks at: samples times channels.
 const MEASUREMENTS: usize = 720_000;
+/// Factor by which residuals may rise where the center is moved along the line that codes of one axis leave open.
+const MAX_WORSE: f64 = 1.005;
 /// Disagreement with the other positions beyond which a position has no consensus with them.
-const NO_CONSENSUS: f64 = 0.75;
+const NO_CONSENSUS: f64 = 0.6;
 
 /// What the search found.
 pub(super) struct FoundLight {
@@ -62,32 +64,52 @@ pub(super) fn find_center(mut views: Views, camera: &Camera, progress: &Progress
 fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
     let levels = search_levels(t);
     let finest = levels.first()?;
-    let n = t.views.len();
+    let (n, k) = (t.views.len(), t.views.k);
     let last = (n / 3).max(3.min(n - 1));
     let mut candidates = starts(t, &levels);
-    candidates.push(refine(t, finest.level, &finest.seeds, HOME, 1, 6).state);
+    candidates.push(HOME);
     let scored = candidates.into_par_iter().map(|start| {
         let arms = [1, 2, 4].into_iter().filter(|arm| *arm <= last);
-        let s = arms.fold(start, |s, arm| refine(t, finest.level, &finest.seeds, s, arm, 6).state);
+        let s = arms.fold(start, |s, arm| refine(t, finest.level, &finest.seeds, s, finest.steps(k, arm)).state);
         (t.score(finest.level, &finest.seeds, s, 2.min(last), finest.by_chance, 1.0), s)
     });
     let scored: Vec<_> = scored.collect();
     let (score, state) = scored.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
     tracing::debug!(score, ?state, "best start of the light");
     let all = seeds(t.camera, t.views, finest.level, MEASUREMENTS / t.views.k.max(6));
+    let how = Steps { arm: last, count: 12, min_scale: 0.1 * finest.spread(k), pull: PULL };
     let (mut best, mut arm) = (Refined::at(state), 2);
     loop {
         if progress.cancelled() {
             return None;
         }
         // The longest arms decide; along what the patterns hardly tell, that takes more steps.
-        best = refine(t, finest.level, &all, best.state, arm.min(last), if arm >= last { 20 } else { 6 });
+        let count = if arm >= last { 20 } else { 6 };
+        best = refine(t, finest.level, &all, best.state, Steps { arm: arm.min(last), count, ..how });
         if arm >= last {
             break;
         }
         arm *= 2;
     }
+    if is_one_axis(&best) {
+        // Anywhere on a line along the fringes is as good: as near to the camera as the codewords do not mind.
+        for pull in [1e-3, 3e-3, 1e-2, 3e-2] {
+            let nearer = refine(t, finest.level, &all, best.state, Steps { pull, ..how });
+            if nearer.scale > MAX_WORSE * best.scale {
+                break;
+            }
+            best = nearer;
+        }
+    }
     best.scale.is_finite().then_some(best)
+}
+
+/// Whether the codes vary along one axis only: a shift of the center along the other says as little as one along the light.
+fn is_one_axis(found: &Refined) -> bool {
+    let mut eigenvalues: [f64; 3] = found.information.symmetric_eigenvalues().into();
+    eigenvalues.sort_by(f64::total_cmp);
+    tracing::debug!(?eigenvalues, "information on the light's center");
+    eigenvalues[1] < 0.15 * eigenvalues[2]
 }
 
 /// Which views' codewords, carried to the other views, do not fit there, while those of most views do.
@@ -131,14 +153,13 @@ fn without_consensus(t: &Transport<'_>, found: &Refined) -> Vec<bool> {
     if left >= 3 { outliers } else { vec![false; n] }
 }
 
-/// The direction of the line on which the center lies, if the codes hardly tell where on it: a shift by a tenth of the
-/// camera's distance changes them by less than a third of the residuals.
+/// The direction of the line on which the center lies, if the codes vary along one axis only and hardly tell where on it.
 fn undetermined(chart: &Chart, found: &Refined) -> Option<Vector3<f64>> {
-    let eigen = found.information.symmetric_eigen();
-    let weakest = eigen.eigenvalues.imin();
-    if 0.1 * eigen.eigenvalues[weakest].max(0.0).sqrt() > 0.3 * found.scale {
+    if !is_one_axis(found) {
         return None;
     }
+    let eigen = found.information.symmetric_eigen();
+    let weakest = eigen.eigenvalues.imin();
     let v = eigen.eigenvectors.column(weakest);
     let moved = |by: f64| chart.center([0, 1, 2].map(|i| found.state[i] + by * v[i])).position();
     let (a, b) = (moved(-1e-3)?, moved(1e-3)?);

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::super::views::Level;
 use super::center::{HOME, State};
-use super::transport::{PULL, Seed, Transport, partner};
+use super::transport::{Seed, Transport, partner};
 
 /// What a refinement found.
 #[derive(Clone, Copy, Debug)]
@@ -24,11 +24,25 @@ impl Refined {
     }
 }
 
-/// Gauss-Newton with Cauchy weights on samples carried over `arm` steps.
-pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, arm: usize, steps: usize) -> Refined {
+/// How a refinement is done.
+#[derive(Clone, Copy)]
+pub(super) struct Steps {
+    /// Steps in depth between the views that are compared.
+    pub(super) arm: usize,
+    /// Largest number of steps.
+    pub(super) count: usize,
+    /// Smallest residual that is not taken for noise. Most pixels of a binary code say nothing (0 stays 0), and without a
+    /// bound the few at its edges, which tell everything, would be taken for outliers.
+    pub(super) min_scale: f64,
+    /// Strength of the pull towards the camera, as a share of the best determined direction's information.
+    pub(super) pull: f64,
+}
+
+/// Gauss-Newton with Cauchy weights on carried samples.
+pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, how: Steps) -> Refined {
     let mut out = Refined::at(s);
-    for _ in 0..steps {
-        let rows = linearize(t, level, seeds, out.state, arm);
+    for _ in 0..how.count {
+        let rows = linearize(t, level, seeds, out.state, how.arm);
         if rows.len() < 100 {
             return Refined { scale: f64::INFINITY, ..out };
         }
@@ -38,7 +52,7 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
         let (mut a, mut b, mut weights) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
         for row in &rows {
             let j = Vector3::new(row[0], row[1], row[2]);
-            let w = 1.0 / (1.0 + (row[3] / (2.0 * out.scale)).powi(2));
+            let w = 1.0 / (1.0 + (row[3] / (2.0 * out.scale.max(how.min_scale))).powi(2));
             a += j * j.transpose() * w;
             b += j * (row[3] * w);
             weights += w;
@@ -46,7 +60,7 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
         out.information = a / weights;
         // Patterns that vary along one axis only leave the center free along the other: a faint pull to the camera decides
         // there, and is not felt elsewhere.
-        let pull = a.diagonal().max() * PULL;
+        let pull = a.diagonal().max() * how.pull;
         for i in 0..3 {
             a[(i, i)] += pull;
             b[i] += pull * (out.state[i] - HOME[i]);

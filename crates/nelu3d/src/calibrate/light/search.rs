@@ -9,11 +9,11 @@ use rayon::prelude::*;
 
 use super::super::views::Level;
 use super::center::State;
-use super::refine::refine;
-use super::transport::{Seed, Transport, by_chance, hash, partner, seeds};
+use super::refine::{Steps, refine};
+use super::transport::{DISAGREEMENT, PULL, Seed, Transport, by_chance, hash, partner, seeds};
 
 /// Most centers that are tried.
-const MAX_TRIED: usize = 60_000;
+const MAX_TRIED: usize = 40_000;
 /// Largest tangent of the angle between the light's direction and the camera's.
 const MAX_TANGENT: f64 = 1.1;
 /// Largest inverse distance: the light is no nearer to the volume than a third of the camera's distance.
@@ -22,14 +22,30 @@ const MAX_KAPPA: f64 = 3.0;
 const MIN_SIGNAL: f64 = 0.15;
 /// Seeds of a level.
 const SEEDS: usize = 1500;
-/// Starts that are followed down the levels.
-const STARTS: usize = 8;
+/// Levels that are searched, the coarsest useful ones.
+const SEARCHED_LEVELS: usize = 3;
+/// Centers that are refined at the level they were found at.
+const REFINED: usize = 64;
+/// Starts of a level that are followed down to the finest.
+const STARTS: usize = 6;
 
 /// A level, ready to be searched.
 pub(super) struct SearchLevel<'a> {
     pub(super) level: &'a Level,
     pub(super) seeds: Vec<Seed>,
     pub(super) by_chance: f64,
+}
+
+impl SearchLevel<'_> {
+    /// Typical standard deviation of a channel.
+    pub(super) fn spread(&self, k: usize) -> f64 {
+        (0.5 * self.by_chance / k as f64).sqrt()
+    }
+
+    /// Steps of a refinement from afar.
+    pub(super) fn steps(&self, k: usize, arm: usize) -> Steps {
+        Steps { arm, count: 6, min_scale: 0.3 * self.spread(k), pull: PULL }
+    }
 }
 
 /// Samples of every level, the finest first, as far as there are enough.
@@ -43,37 +59,57 @@ pub(super) fn search_levels<'a>(t: &Transport<'a>) -> Vec<SearchLevel<'a>> {
     t.views.levels.iter().map(with_seeds).take_while(|l| l.seeds.len() >= 100).collect()
 }
 
-/// The best starts, refined at every level from the one they were found at down to the finest.
+/// The best starts of several levels, refined at every level from the one they were found at down to the finest.
 pub(super) fn starts(t: &Transport<'_>, levels: &[SearchLevel<'_>]) -> Vec<State> {
     let arm = (t.views.len() / 4).max(1);
-    let signal = |l: &SearchLevel<'_>| l.by_chance / levels[0].by_chance;
-    let basins: Vec<f64> = levels.iter().map(|l| basin_px(t, l)).collect();
-    let useful = (0..levels.len()).filter(|l| signal(&levels[*l]) >= MIN_SIGNAL);
-    let Some(first) = useful.max_by(|a, b| basins[*a].total_cmp(&basins[*b])) else { return Vec::new() };
-    let (states, steps) = grid(t, &levels[first], arm, basins[first].max(1.0));
-    tracing::debug!(level = first, basin_px = basins[first], tried = states.len(), "search for the light");
-    let mut scored = best_of(t, &levels[first], arm, states);
-    let mut best: Vec<State> = Vec::new();
-    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    for (_, s) in scored {
-        let is_new = |b: &State| (0..3).any(|i| (b[i] - s[i]).abs() > 1.5 * steps[i]);
-        if best.len() < STARTS && best.iter().all(is_new) {
-            best.push(s);
-        }
+    let signal = |l: usize| levels[l].by_chance / levels[0].by_chance;
+    let useful = (0..levels.len()).rev().filter(|l| signal(*l) >= MIN_SIGNAL);
+    let mut found = Vec::new();
+    for l in useful.filter(|l| basin_px(t, &levels[*l]) > 0.0).take(SEARCHED_LEVELS).collect::<Vec<_>>() {
+        let basin = basin_px(t, &levels[l]);
+        let (states, steps) = grid(t, &levels[l], arm, basin);
+        let n = states.len();
+        let best = best_of(t, &levels[l], arm, states, steps);
+        tracing::debug!(level = l, signal = signal(l), basin, tried = n, best = best[0].0, "search for the light");
+        found.extend(best.into_iter().map(|(_, s)| (l, s)));
     }
-    best.into_par_iter()
-        .map(|s| (0..=first).rev().fold(s, |s, l| refine(t, levels[l].level, &levels[l].seeds, s, arm, 6).state))
+    found
+        .into_par_iter()
+        .map(|(first, s)| {
+            (0..=first)
+                .rev()
+                .fold(s, |s, l| refine(t, levels[l].level, &levels[l].seeds, s, levels[l].steps(t.views.k, arm)).state)
+        })
         .collect()
 }
 
-/// Scores of centers: all with a few seeds, a promising part with all of them.
-fn best_of(t: &Transport<'_>, level: &SearchLevel<'_>, arm: usize, states: Vec<State>) -> Vec<(f64, State)> {
-    let score = |s: State, n: usize| (t.score(level.level, &level.seeds[..n], s, arm, level.by_chance, 0.75), s);
+/// The best of many centers: all are scored with a few seeds, a promising part is refined at this level and scored again, and
+/// of what lies closer together than `steps` one is kept.
+fn best_of(
+    t: &Transport<'_>,
+    level: &SearchLevel<'_>,
+    arm: usize,
+    states: Vec<State>,
+    steps: State,
+) -> Vec<(f64, State)> {
+    let score = |s: State, n: usize| (t.score(level.level, &level.seeds[..n], s, arm, level.by_chance, 0.85), s);
     let few = level.seeds.len().min(200);
     let mut scored: Vec<(f64, State)> = states.into_par_iter().map(|s| score(s, few)).collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    scored.truncate(200);
-    scored.into_par_iter().map(|(_, s)| score(s, level.seeds.len())).collect()
+    scored.truncate(REFINED);
+    let some = &level.seeds[..level.seeds.len().min(500)];
+    let refined =
+        scored.into_par_iter().map(|(_, s)| refine(t, level.level, some, s, level.steps(t.views.k, arm)).state);
+    let mut scored: Vec<(f64, State)> = refined.map(|s| score(s, level.seeds.len())).collect();
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut best: Vec<(f64, State)> = Vec::new();
+    for (score, s) in scored {
+        let is_new = |(_, b): &(f64, State)| (0..3).any(|i| (b[i] - s[i]).abs() > 0.5 * steps[i]);
+        if best.len() < STARTS && best.iter().all(is_new) {
+            best.push((score, s));
+        }
+    }
+    best
 }
 
 /// How far apart samples may be, in pixels, and still have much the same codeword.
@@ -91,7 +127,7 @@ fn basin_px(t: &Transport<'_>, level: &SearchLevel<'_>) -> f64 {
                 n += 1;
             }
         }
-        n < 20 || sum / n as f64 > 0.2 * level.by_chance
+        n < 20 || sum / n as f64 > 0.7 * DISAGREEMENT * level.by_chance
     };
     let reach = (1..24).take_while(|d| !far(*d, 1) && !far(*d, l.width)).count();
     reach as f64 * l.block as f64
@@ -109,8 +145,8 @@ fn grid(t: &Transport<'_>, level: &SearchLevel<'_>, arm: usize, basin_px: f64) -
     let lever = level.seeds.iter().map(apart).sum::<f64>() / n;
     let spread = (level.seeds.iter().map(|s| (s.point - t.chart.origin).norm_squared()).sum::<f64>() / n).sqrt();
     let px_per_radian = t.camera.fx * lever / t.chart.scale;
-    let angle = (1.4 * basin_px / px_per_radian.max(1e-9)).min(0.14);
-    let kappa = (1.4 * basin_px * t.chart.scale / (px_per_radian * spread).max(1e-9)).clamp(0.15, 0.6);
+    let angle = (basin_px / px_per_radian.max(1e-9)).min(0.14);
+    let kappa = (basin_px * t.chart.scale / (px_per_radian * spread).max(1e-9)).clamp(0.15, 0.6);
     let count = std::f64::consts::PI * (MAX_TANGENT / angle).powi(2) * (MAX_KAPPA / kappa + 1.0);
     let angle = angle * (count / MAX_TRIED as f64).max(1.0).sqrt();
     let (na, nk) = ((MAX_TANGENT / angle) as i32, (MAX_KAPPA / kappa).ceil() as i32);

@@ -9,7 +9,7 @@ use super::center::{Chart, HOME, LightCenter, State};
 /// Strength of the pull towards the camera, as a share of the best determined direction's information.
 pub(super) const PULL: f64 = 1e-4;
 /// Squared difference of codewords, as a share of what two samples drawn by chance have, at which they do not agree at all.
-const DISAGREEMENT: f64 = 0.3;
+pub(super) const DISAGREEMENT: f64 = 0.6;
 
 /// The views, and the chart of centers.
 pub(super) struct Transport<'a> {
