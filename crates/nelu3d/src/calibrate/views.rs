@@ -139,11 +139,13 @@ pub(super) fn estimate_noise(
     let mut finest = keep.then(|| Level::finest(&placed.camera, k, which.len()));
     let mut placed_at = Vec::new();
     let block = finest.as_ref().map(|v| v.block);
-    let boards = &placed.boards;
+    let (boards, dirs) = (&placed.boards, &placed.dirs);
     let mut noise = NoiseEstimator::default();
     let map = |p: usize, noise: NoiseEstimator, position: &Position| {
         debug_assert_eq!(position.channels, channels);
-        (noise, (p, boards[p]), block.map(|block| smoothed(position, block)))
+        // Beside the board there is a room that stands still: it would tell of a light in the camera.
+        let on_board = |i: usize| boards[p].hit(&dirs[i]).is_some();
+        (noise, (p, boards[p]), block.map(|block| smoothed(&masked(position, on_board), block)))
     };
     let take = |wave: Vec<_>| {
         for (n, board, image) in wave {
@@ -158,6 +160,13 @@ pub(super) fn estimate_noise(
     placed.noise = noise.finish(quantization_step(rig.black_level, rig.saturation));
     let middle = placed.mean_point().normalize();
     Ok(finest.map(|finest| Views::new(k, placed_at, finest, &middle)))
+}
+
+/// The position with only those pixels usable for which `keep` holds.
+fn masked(position: &Position, keep: impl Fn(usize) -> bool) -> Position {
+    let Position { width, height, k, channels, ref values, ref contrast } = *position;
+    let kept = contrast.iter().enumerate().map(|(i, c)| if keep(i / channels) { *c } else { 0.0 }).collect();
+    Position { width, height, k, channels, values: values.clone(), contrast: kept }
 }
 
 /// A position's values, averaged over blocks of `block` pixels and smoothed by a small binomial kernel (linear interpolation
