@@ -41,8 +41,16 @@ pub fn solve_board_poses<'a>(
     let detector = Detector::new(board)
         .map_err(|source| CalibrationError::Board { path: rig_file, source })?
         .with_camera(&rig.camera);
-    let shots = rig.positions()?;
+    let mut shots = rig.positions()?;
     let folder = rig.root.join("calibration");
+    for name in &opts.leave_out {
+        let before = shots.len();
+        shots.retain(|s| s.name != *name);
+        if shots.len() == before {
+            let known = shots.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ");
+            return Err(CalibrationError::NoPosition { path: folder, name: name.clone(), known });
+        }
+    }
     if shots.len() < 3 {
         return Err(CalibrationError::TooFew { path: folder, found: shots.len(), reasons: String::new() });
     }

@@ -1,13 +1,15 @@
 //! A field in one frame, fitted without the held-out positions and measured at them.
 
-use nalgebra::Point3;
+use std::borrow::Cow;
 
 use super::error::CalibrationError;
 use super::held_out::HeldOutErrors;
 use super::options::{CalibrationOptions, FormKind};
+use super::pass::{Pass, gathered};
 use super::placed_sweep::PlacedSweep;
-use super::sweep::Position;
-use crate::color_field::bins::{Bins, Gathered};
+use super::resolution::{is_limited, resolution};
+use super::support::Support;
+use crate::color_field::bins::Bins;
 use crate::color_field::fit::{Smoothness, fit};
 use crate::color_field::frame::{Center, FieldFrame};
 use crate::color_field::frequency::{FrequencyForm, FrequencySettings};
@@ -18,10 +20,16 @@ use crate::color_field::{Form, Quality};
 use crate::progress::Progress;
 use nelu3d_field::device::Device;
 
-/// Most coefficients of a field: 24 million in f16 are 48 MB.
-const MAX_COEFFS: usize = 24_000_000;
-/// Most cells along w in the light's frame, where only defocus changes.
-const CELLS_ALONG_LIGHT: usize = 4;
+/// Gaps between boards that a sweep is taken to have at least, where it says how far its rays reach beyond it.
+const MIN_GAPS: usize = 4;
+/// Cells of the validity volume along w.
+const CELLS_ALONG_VALIDITY: usize = 32;
+/// Shortfall of the held-out PSNR against what the noise allows, beyond which a field is not good, dB.
+pub(super) const MAX_SHORTFALL_DB: f64 = 3.0;
+/// Steps of a fit.
+const STEPS: usize = 20;
+/// Steps of each of several fits that only measure: the error of what is left is far below the noise.
+const STEPS_IN_TURN: usize = 10;
 /// Usable samples without which there is nothing to fit.
 const MIN_SAMPLES: usize = 1000;
 
@@ -47,92 +55,93 @@ pub(super) struct Candidate {
     bins: Option<Bins>,
     pub(super) validity: Validity,
     pub(super) quality: Quality,
-}
-
-/// What one position leaves: its samples on their way to the bins, where they were, and how a field did there.
-struct Passed {
-    gathered: Gathered,
-    validity: Validity,
-    n: usize,
-    errors: HeldOutErrors,
+    /// Held-out PSNR of every position that was held out, dB; those that no others support are missing.
+    pub(super) by_position: Vec<(String, f64)>,
+    /// Whether it has fewer cells across than the camera has pixels there.
+    pub(super) is_limited: bool,
+    /// Steps that the final fit takes.
+    final_steps: usize,
 }
 
 impl Candidate {
-    /// Fits a field in `frame` (whose box is still empty). Every position is read once: first those that are fitted,
-    /// then the held-out ones, which are compared with the field and join the others in the bins.
+    /// Fits a field in `frame` (whose box is still empty) without the positions of each of `folds` in turn, and measures it at
+    /// these. With one fold, every position is read once: first those that are fitted, then the held-out ones, which are
+    /// compared with the field and join the others in the bins. With several, all are gathered first, and every fold's are
+    /// taken out while the others are fitted.
     pub(super) fn fit(
         cx: &FitContext<'_, '_>,
         mut frame: FieldFrame,
         center: Center,
         cells_per_pixel: usize,
-        held: &[usize],
+        folds: &[Vec<usize>],
     ) -> Result<Self, CalibrationError> {
         let FitContext { placed, opts, progress, .. } = *cx;
-        placed.for_each_point(|x| frame.enclose(x));
-        // A hair of margin: the box was found from every seventh sample.
-        for i in 0..3 {
-            let margin = 0.01 * (frame.hi[i] - frame.lo[i]);
-            frame.lo[i] -= margin;
-            frame.hi[i] += margin;
-        }
+        let swept = enclose(placed, &mut frame, center);
         let cells = resolution(placed, &frame, center, cells_per_pixel);
         let mut validity = empty_validity(placed, cells);
         let mut bins = empty_bins(placed, cells, center, opts.form);
-        let fitted: Vec<usize> = (0..placed.n_positions()).filter(|p| !held.contains(p)).collect();
-        let mut usable = pass(placed, &frame, None, 0, &fitted, &mut bins, &mut validity, progress)?.0;
+        let mut support = Support::new(center, &validity);
+        let in_turn = folds.len() > 1;
+        let first: Vec<usize> = (0..placed.n_positions()).filter(|p| in_turn || !folds[0].contains(p)).collect();
+        let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
+        let mut usable = pass.gather(&first, Some(&mut support))?;
         // With so few that the held-out ones decide whether there are enough, they are looked at first.
-        if usable < MIN_SAMPLES {
-            let (mut bins, mut validity) = (empty_bins(placed, cells, center, opts.form), validity.clone());
-            usable += pass(placed, &frame, None, 0, held, &mut bins, &mut validity, progress)?.0;
+        if usable < MIN_SAMPLES && !in_turn {
+            let (mut bins, mut validity) =
+                (empty_bins(placed, cells, center, opts.form), empty_validity(placed, cells));
+            let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
+            usable += pass.gather(&folds[0], None)?;
         }
         if usable < MIN_SAMPLES {
-            return Err(CalibrationError::NoSamples {
-                path: placed.sweep.folder(),
-                reason: format!(
-                    "no pixel of the board is usable in any position: white − black is below {:.0} % of full scale or an \
-                     image is clipped everywhere; check exposure, `saturation` and `black_level`, and that white.png is \
-                     the flash",
-                    opts.min_contrast * 100.0
-                ),
-            });
+            return Err(no_samples(placed, opts));
         }
-        let k = placed.sweep.k;
-        let form = match opts.form {
-            FormKind::Grid => {
-                // Coarse to fine: the coarse fit fills what the fine one cannot see. It needs no more bins than it has
-                // cells for.
-                let few = [cells[0] / 4 + 1, cells[1] / 4 + 1];
-                let coarse = bins.merged([few[0], few[1], bins.counts()[2]]);
-                let mut grid = Grid::new([few[0], few[1], cells[2]], k);
-                fit(&mut grid, &coarse, smoothness(center), 30, progress);
-                let mut grid = grid.resampled(cells);
-                fit(&mut grid, &bins, smoothness(center), 20, progress);
-                Form::Grid(grid)
+        let (mut errors, mut by_position, mut form) = (HeldOutErrors::default(), Vec::new(), None);
+        for fold in folds {
+            if in_turn {
+                bins.remove_all(&gathered(placed, &frame, fold, &bins, progress)?);
             }
-            FormKind::Hash => {
-                let mut hash = HashForm::new(HashSettings::for_cells(cells), k, opts.seed);
-                hash.train(&bins, opts.seed, cx.device, progress);
-                Form::Hash(Box::new(hash))
+            let fitted = fit_form(cx, &bins, cells, center, if in_turn { STEPS_IN_TURN } else { STEPS });
+            let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
+            // A position supports its own samples, too, where it was counted.
+            let least = if in_turn { 2 } else { 1 };
+            // Depth errors of every fourth sample at most, however many positions are held out.
+            let stride = 4 * folds.iter().map(Vec::len).sum::<usize>().max(1);
+            let grid = as_grid(&fitted);
+            for (p, e) in pass.compare(fold, &grid, stride, &support, least)? {
+                by_position.extend(e.psnr_db().map(|db| (placed.sweep.shots[p].name.clone(), db)));
+                errors.merge(e);
             }
-            FormKind::Frequency => {
-                let settings = FrequencySettings::for_cells(cells, opts.octaves);
-                let mut frequency = FrequencyForm::new(settings, k, opts.seed);
-                frequency.train(&bins, opts.seed, progress);
-                Form::Frequency(Box::new(frequency))
+            drop(grid);
+            form = Some(fitted);
+            if progress.cancelled() {
+                return Err(CalibrationError::Cancelled);
             }
-        };
-        let grid = match &form {
-            Form::Grid(g) => std::borrow::Cow::Borrowed(g),
-            Form::Hash(h) => std::borrow::Cow::Owned(h.to_grid()),
-            Form::Frequency(f) => std::borrow::Cow::Owned(f.to_grid()),
-        };
-        // Depth errors of every fourth sample at most, however many positions are held out.
-        let stride = 4 * held.len().max(1);
-        let (_, errors) = pass(placed, &frame, Some(&grid), stride, held, &mut bins, &mut validity, progress)?;
-        drop(grid);
+        }
+        tracing::debug!(?by_position, "held out");
         validity.close();
-        let quality = errors.quality(held.iter().map(|p| placed.sweep.shots[*p].name.clone()).collect());
-        Ok(Self { frame, center, cells, cells_per_pixel, form, bins: Some(bins), validity, quality })
+        validity.fill_holes();
+        let held_out = folds.concat().iter().map(|p| placed.sweep.shots[*p].name.clone()).collect();
+        let quality = errors.quality(held_out);
+        let is_good = quality.psnr_db > quality.ceiling_db - MAX_SHORTFALL_DB;
+        let reached = if is_good || ends_hold(placed, &by_position) { [0.0, 1.0] } else { swept };
+        if center == Center::Light {
+            validity.extend(reached);
+            find_ranges(placed, &frame, &mut validity);
+        }
+        Ok(Self {
+            frame,
+            center,
+            cells,
+            cells_per_pixel,
+            form: form.expect("there is a fold"),
+            bins: Some(bins),
+            validity,
+            quality,
+            by_position,
+            is_limited: is_limited(placed, &frame, cells),
+            // The last fold's position is new to the field.
+            final_steps: if in_turn { 20 } else { 8 },
+        })
     }
 
     /// Frees the bins' memory for another candidate's.
@@ -149,14 +158,15 @@ impl Candidate {
                 let mut bins = empty_bins(placed, self.cells, self.center, opts.form);
                 let mut validity = empty_validity(placed, self.cells);
                 let all: Vec<usize> = (0..placed.n_positions()).collect();
-                pass(placed, &self.frame, None, 0, &all, &mut bins, &mut validity, progress)?;
+                let frame = &self.frame;
+                Pass { placed, frame, progress, bins: &mut bins, validity: &mut validity }.gather(&all, None)?;
                 bins
             }
         };
         let empty = Form::Grid(Grid::new([1, 1, 1], 1));
         let mut form = std::mem::replace(&mut self.form, empty);
         match &mut form {
-            Form::Grid(grid) => fit(grid, &bins, smoothness(self.center), 8, progress),
+            Form::Grid(grid) => fit(grid, &bins, smoothness(self.center), self.final_steps, progress),
             Form::Hash(hash) => {
                 hash.train(&bins, opts.seed.wrapping_add(1), cx.device, progress);
             }
@@ -166,105 +176,130 @@ impl Candidate {
     }
 }
 
+/// Puts the box of a frame around the sweep; in the light's frame, with room for what its rays reach beyond the first and
+/// the last board: as far as boards are apart. Returns the part along w where boards were, in unit coordinates.
+fn enclose(placed: &PlacedSweep<'_>, frame: &mut FieldFrame, center: Center) -> [f32; 2] {
+    placed.for_each_point(|x| frame.enclose(x));
+    // A hair of margin: the box was found from every seventh sample.
+    for i in 0..3 {
+        let margin = 0.01 * (frame.hi[i] - frame.lo[i]);
+        frame.lo[i] -= margin;
+        frame.hi[i] += margin;
+    }
+    let [lo, hi] = [frame.lo[2], frame.hi[2]];
+    if center == Center::Light {
+        let mm = |w: f64| w / (1.0 - frame.kappa * w);
+        let w = |mm: f64| mm / (1.0 + frame.kappa * mm);
+        let reach = (mm(hi) - mm(lo)) / (placed.n_positions() - 1).max(MIN_GAPS) as f64;
+        let (near, far) = (mm(lo) - reach, mm(hi) + reach);
+        // Not into the light itself.
+        if 1.0 + frame.kappa * near > 0.1 {
+            frame.lo[2] = w(near);
+        }
+        if 1.0 + frame.kappa * far > 0.1 {
+            frame.hi[2] = w(far);
+        }
+    }
+    let unit = |w: f64| ((w - frame.lo[2]) / (frame.hi[2] - frame.lo[2])) as f32;
+    [unit(lo), unit(hi)]
+}
+
+/// Whether the nearest and the farthest position, held out in turn, were predicted from the others as well as those between
+/// them: then the field holds beyond its boards as far as these are apart.
+fn ends_hold(placed: &PlacedSweep<'_>, by_position: &[(String, f64)]) -> bool {
+    let n = placed.n_positions();
+    if by_position.len() < n {
+        return false;
+    }
+    let middle = placed.mean_point().normalize();
+    let depth = |p: &usize| placed.boards[*p].offset / placed.boards[*p].normal.dot(&middle);
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|a, b| depth(a).total_cmp(&depth(b)));
+    let db = |p: usize| by_position.iter().find(|q| q.0 == placed.sweep.shots[p].name).map_or(f64::NAN, |q| q.1);
+    let between = order[1..n - 1].iter().map(|p| db(*p)).sum::<f64>() / (n - 2) as f64;
+    [order[0], order[n - 1]].into_iter().all(|p| db(p) > between - MAX_SHORTFALL_DB)
+}
+
+/// Ranges of the tiles' rays, from the lit cells.
+fn find_ranges(placed: &PlacedSweep<'_>, frame: &FieldFrame, validity: &mut Validity) {
+    let (mut near, mut far) = (f64::INFINITY, 0.0f64);
+    for corner in 0..8 {
+        let t = frame.from_unit([0, 1, 2].map(|i| f64::from(corner >> i & 1))).coords.norm();
+        (near, far) = (near.min(t), far.max(t));
+    }
+    let middle = frame.from_unit([0.5, 0.5, 0.0]).coords.norm();
+    let unit = |px: [f64; 2], t: f64| frame.along_ray(&placed.camera.ray(px).dir).at(t).q;
+    validity.find_ranges([0.9 * near.min(middle), 1.1 * far], unit);
+}
+
+/// Fits a form of the field from nothing.
+fn fit_form(cx: &FitContext<'_, '_>, bins: &Bins, cells: [usize; 3], center: Center, steps: usize) -> Form {
+    let FitContext { placed, opts, progress, .. } = *cx;
+    let k = placed.sweep.k;
+    match opts.form {
+        FormKind::Grid => {
+            // Coarse to fine: the coarse fit fills what the fine one cannot see. It needs no more bins than it has cells for.
+            let few = [cells[0] / 4 + 1, cells[1] / 4 + 1];
+            let coarse = bins.merged([few[0], few[1], bins.counts()[2]]);
+            let mut grid = Grid::new([few[0], few[1], cells[2]], k);
+            fit(&mut grid, &coarse, smoothness(center), 30, progress);
+            let mut grid = grid.resampled(cells);
+            fit(&mut grid, bins, smoothness(center), steps, progress);
+            Form::Grid(grid)
+        }
+        FormKind::Hash => {
+            let mut hash = HashForm::new(HashSettings::for_cells(cells), k, opts.seed);
+            hash.train(bins, opts.seed, cx.device, progress);
+            Form::Hash(Box::new(hash))
+        }
+        FormKind::Frequency => {
+            let settings = FrequencySettings::for_cells(cells, opts.octaves);
+            let mut frequency = FrequencyForm::new(settings, k, opts.seed);
+            frequency.train(bins, opts.seed, progress);
+            Form::Frequency(Box::new(frequency))
+        }
+    }
+}
+
+fn as_grid(form: &Form) -> Cow<'_, Grid> {
+    match form {
+        Form::Grid(g) => Cow::Borrowed(g),
+        Form::Hash(h) => Cow::Owned(h.to_grid()),
+        Form::Frequency(f) => Cow::Owned(f.to_grid()),
+    }
+}
+
+fn no_samples(placed: &PlacedSweep<'_>, opts: &CalibrationOptions) -> CalibrationError {
+    CalibrationError::NoSamples {
+        path: placed.sweep.folder(),
+        reason: format!(
+            "no pixel of the board is usable in any position: white − black is below {:.0} % of full scale or an image is \
+             clipped everywhere; check exposure, `saturation` and `black_level`, and that white.png is the flash",
+            opts.min_contrast * 100.0
+        ),
+    }
+}
+
 fn smoothness(center: Center) -> Smoothness {
     match center {
-        Center::Light => Smoothness { across: 3e-4, along: 3e-3 },
-        Center::Camera => Smoothness { across: 3e-3, along: 1e-4 },
+        Center::Light => Smoothness { across: 3e-4, along: 3e-3, slope_along: 3e-4 },
+        Center::Camera => Smoothness { across: 3e-3, along: 1e-4, slope_along: 0.0 },
     }
 }
 
 /// Two bins a cell along w, and three along the light's rays for the forms with a network, which are no splines and lose by
-/// less.
+/// less; no fewer than four.
 fn empty_bins(placed: &PlacedSweep<'_>, cells: [usize; 3], center: Center, form: FormKind) -> Bins {
-    let along = match (center, form) {
-        // However few positions there are: more must not take more memory.
-        (Center::Light, FormKind::Grid) => CELLS_ALONG_LIGHT * 2,
-        (Center::Light, FormKind::Hash | FormKind::Frequency) => CELLS_ALONG_LIGHT * 3,
-        (Center::Camera, _) => cells[2] * 2,
+    let per_cell = match (center, form) {
+        (Center::Light, FormKind::Hash | FormKind::Frequency) => 3,
+        _ => 2,
     };
-    Bins::new([cells[0], cells[1], along], placed.sweep.k)
+    Bins::new([cells[0], cells[1], (cells[2] * per_cell).max(4)], placed.sweep.k)
 }
 
-/// Ranges along the rays of tiles of pixels, and lit cells of the frame.
+/// Ranges along the rays of tiles of pixels, and lit cells of the frame: two field cells wide.
 fn empty_validity(placed: &PlacedSweep<'_>, cells: [usize; 3]) -> Validity {
     const TILE: usize = 8;
-    let lit = [(cells[0] / 4).max(1), (cells[1] / 4).max(1), (placed.n_positions() / 2).clamp(1, 32)];
+    let lit = [(cells[0] / 2).max(1), (cells[1] / 2).max(1), CELLS_ALONG_VALIDITY];
     Validity::new(placed.camera.width, placed.camera.height, TILE, lit)
-}
-
-/// Reads the positions `which` and adds them to bins and validity; with a `grid` they are compared with it first, every
-/// `stride`th sample's depth error kept. Returns the number of usable samples.
-fn pass(
-    placed: &PlacedSweep<'_>,
-    frame: &FieldFrame,
-    grid: Option<&Grid>,
-    stride: usize,
-    which: &[usize],
-    bins: &mut Bins,
-    validity: &mut Validity,
-    progress: &Progress,
-) -> Result<(usize, HeldOutErrors), CalibrationError> {
-    let blank = Validity::new(placed.camera.width, placed.camera.height, validity.shape.tile_px, validity.shape.cells);
-    let gathered = bins.gathered();
-    let map = |p: usize, (): (), position: &Position| {
-        let mut out =
-            Passed { gathered: gathered.clone(), validity: blank.clone(), n: 0, errors: HeldOutErrors::default() };
-        let width = placed.camera.width;
-        placed.for_each(p, position, |i, t, v, w| {
-            out.n += 1;
-            if let Some(q) = frame.to_unit(&Point3::from(placed.dirs[i] * t)) {
-                out.validity.add([(i % width) as f64, (i / width) as f64], t as f32, q);
-                out.gathered.push(q, v, w);
-            }
-        });
-        if let Some(grid) = grid {
-            out.errors = HeldOutErrors::of(placed, frame, grid, p, position, stride);
-        }
-        out
-    };
-    let (mut usable, mut errors) = (0, HeldOutErrors::default());
-    let take = |wave: Vec<Passed>| {
-        let mut gathered = Vec::with_capacity(wave.len());
-        for p in wave {
-            usable += p.n;
-            validity.merge(&p.validity);
-            errors.merge(p.errors);
-            gathered.push(p.gathered);
-        }
-        bins.add_all(&gathered);
-    };
-    placed.sweep.stream(which, progress, |(), _| {}, map, take)?;
-    Ok((usable, errors))
-}
-
-/// Cells along a, b and w: across, `cells_per_pixel` per pixel where the volume is; along, what the sweep can supervise.
-fn resolution(placed: &PlacedSweep<'_>, frame: &FieldFrame, center: Center, cells_per_pixel: usize) -> [usize; 3] {
-    let n_positions = placed.n_positions();
-    let mid = Point3::from(placed.mean_point());
-    // Pitch of samples at the middle of the volume, in the frame's units.
-    let px = placed.camera.project(&mid).unwrap_or([placed.camera.cx, placed.camera.cy]);
-    let at = |dx: f64, dy: f64| {
-        let dir = placed.camera.ray([px[0] + dx, px[1] + dy]).dir;
-        frame.to_abw(&Point3::from(dir * (mid.z / dir.z))).unwrap_or([0.0; 3])
-    };
-    let (o, r, d) = (at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0));
-    let pitch_a = (r[0] - o[0]).hypot(d[0] - o[0]).max(1e-9);
-    let pitch_b = (r[1] - o[1]).hypot(d[1] - o[1]).max(1e-9);
-    let span = |i: usize| frame.hi[i] - frame.lo[i];
-    let along = match center {
-        // Only defocus changes along a ray of light.
-        Center::Light => (n_positions / 4).clamp(1, CELLS_ALONG_LIGHT),
-        Center::Camera => n_positions - 1,
-    };
-    let mut cells = [
-        (span(0) / pitch_a).ceil() as usize * cells_per_pixel,
-        (span(1) / pitch_b).ceil() as usize * cells_per_pixel,
-        along,
-    ];
-    let nodes = |c: [usize; 3]| c.iter().map(|c| c + 3).product::<usize>() * placed.sweep.k;
-    let shrink = (MAX_COEFFS as f64 / nodes(cells) as f64).sqrt().min(1.0);
-    for c in &mut cells[..2] {
-        *c = ((*c as f64 * shrink) as usize).max(4);
-    }
-    cells
 }

@@ -32,6 +32,16 @@ pub enum CalibrationError {
     /// The rig describes no board.
     #[error("{0}: [board] is missing; describe the target of the sweep, or make the field from a calibrated projector")]
     NoBoard(PathBuf),
+    /// A position to be left out does not exist.
+    #[error("{path}: there is no board position {name} to leave out; there are {known}")]
+    NoPosition {
+        /// The calibration folder.
+        path: PathBuf,
+        /// The name that was given.
+        name: String,
+        /// The names that there are.
+        known: String,
+    },
     /// Too few board positions are usable.
     #[error("{path}: {found} usable board positions, and at least 3 are needed; capture more{reasons}")]
     TooFew {

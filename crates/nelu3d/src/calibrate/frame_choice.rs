@@ -2,16 +2,16 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::candidate::{Candidate, FitContext};
+use super::candidate::{Candidate, FitContext, MAX_SHORTFALL_DB};
 use super::error::CalibrationError;
 use super::light::LightCenter;
-use super::options::FrameKind;
+use super::options::{FormKind, FrameKind};
 use crate::color_field::frame::{Center, FieldFrame};
 
 /// Cells per pixel across where one is not enough.
 const FINE_CELLS_PER_PIXEL: usize = 2;
-/// Shortfall of the held-out PSNR against what the noise allows, beyond which another candidate is tried, dB.
-const MAX_SHORTFALL_DB: f64 = 3.0;
+/// Number of positions up to which each of them is held out in turn.
+const IN_TURN: usize = 8;
 
 /// Fits the field without the held-out positions, in the light's frame if there is one, finer if one cell per pixel is too
 /// coarse (codes with edges are finer than pixels, and the positions see them between each other's pixels), in the
@@ -21,17 +21,18 @@ pub(super) fn fit_best_frame(
     light: Option<&LightCenter>,
 ) -> Result<Candidate, CalibrationError> {
     let (opts, progress) = (fit.opts, fit.progress);
-    let held = held_out_positions(fit.placed.n_positions(), opts.hold_out);
+    let folds = folds(fit.placed.n_positions(), opts.hold_out, opts.form);
     let is_good = |c: &Candidate| c.quality.psnr_db > c.quality.ceiling_db - MAX_SHORTFALL_DB;
     let mut tried: Vec<Candidate> = Vec::new();
     if let Some(light) = light {
         let frame = || FieldFrame::new(light.origin, light.along, light.kappa, Vector3::x());
-        tried.push(Candidate::fit(fit, frame(), Center::Light, 1, &held)?);
+        tried.push(Candidate::fit(fit, frame(), Center::Light, 1, &folds)?);
         let q = &tried[0].quality;
         tracing::debug!(psnr = q.psnr_db, ceiling = q.ceiling_db, "field in the light's frame");
-        if !tried.iter().any(is_good) {
+        // Finer is no finer where the number of coefficients is the limit.
+        if !tried.iter().any(is_good) && !tried[0].is_limited {
             tried.iter_mut().for_each(Candidate::drop_bins);
-            tried.push(Candidate::fit(fit, frame(), Center::Light, FINE_CELLS_PER_PIXEL, &held)?);
+            tried.push(Candidate::fit(fit, frame(), Center::Light, FINE_CELLS_PER_PIXEL, &folds)?);
         }
     }
     let finer_is_better = tried.len() == 2 && tried[1].quality.psnr_db > tried[0].quality.psnr_db + MAX_SHORTFALL_DB;
@@ -40,13 +41,22 @@ pub(super) fn fit_best_frame(
         tried.iter_mut().for_each(Candidate::drop_bins);
         let middle = Point3::from(fit.placed.mean_point());
         let frame = FieldFrame::around(Point3::origin(), middle, Vector3::x());
-        tried.push(Candidate::fit(fit, frame, Center::Camera, 1, &held)?);
+        tried.push(Candidate::fit(fit, frame, Center::Camera, 1, &folds)?);
     }
     if progress.cancelled() {
         return Err(CalibrationError::Cancelled);
     }
     let best = tried.into_iter().max_by(|a, b| a.quality.psnr_db.total_cmp(&b.quality.psnr_db));
     Ok(best.expect("at least one frame was tried"))
+}
+
+/// The positions that are held out together: every one in turn where there are few, so that the measure does not rest on
+/// one of them; else an even selection at once. Networks take too long to be trained that often.
+fn folds(n: usize, stride: usize, form: FormKind) -> Vec<Vec<usize>> {
+    if n <= IN_TURN && form == FormKind::Grid {
+        return (0..n).map(|p| vec![p]).collect();
+    }
+    vec![held_out_positions(n, stride)]
 }
 
 /// Every `stride`th of `n` positions, from the middle of the first stride on, so that held-out positions lie between
@@ -62,11 +72,52 @@ fn held_out_positions(n: usize, stride: usize) -> Vec<usize> {
 }
 
 /// Why the field's frame is centered where it is, in words.
-pub(super) fn reason(center: Center, light_was_found: bool, asked: FrameKind) -> &'static str {
-    match (center, light_was_found, asked) {
-        (Center::Light, ..) => "light: codewords are constant along its rays",
-        (Center::Camera, _, FrameKind::Camera) => "camera: as asked",
-        (Center::Camera, true, _) => "camera: it predicts held-out positions better than the light's frame",
-        (Center::Camera, false, _) => "camera: no center of the light explains the sweep",
+pub(super) fn reason(center: Center, light: Option<&LightCenter>, asked: FrameKind) -> String {
+    match (center, light, asked) {
+        (Center::Light, Some(LightCenter { line: Some(line), .. }), _) => format!(
+            "light: codewords are constant along its rays; they vary along one axis, which tells its center only up to a line \
+             along ({:.2}, {:.2}, {:.2})",
+            line.x, line.y, line.z
+        ),
+        (Center::Light, ..) => "light: codewords are constant along its rays".into(),
+        (Center::Camera, _, FrameKind::Camera) => "camera: as asked".into(),
+        (Center::Camera, Some(_), _) => "camera: it predicts held-out positions better than the light's frame".into(),
+        (Center::Camera, None, _) => "camera: no center of the light explains the sweep".into(),
     }
+}
+
+/// Why a field stays more than 3 dB below its noise, in words; `None` if it does not.
+pub(super) fn shortfall(best: &Candidate, light: Option<&LightCenter>) -> Option<String> {
+    let q = &best.quality;
+    if !(q.psnr_db < q.ceiling_db - MAX_SHORTFALL_DB) {
+        return q.psnr_db.is_nan().then(|| {
+            "no held-out position could be compared: no two boards share a ray of light; place boards so that they overlap \
+             as the light sees them"
+                .into()
+        });
+    }
+    let mut db: Vec<f64> = best.by_position.iter().map(|p| p.1).collect();
+    db.sort_by(f64::total_cmp);
+    let worst = best.by_position.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    let why = match worst {
+        Some((name, of_worst)) if db.len() > 2 && *of_worst < db[db.len() / 2] - 2.0 * MAX_SHORTFALL_DB => format!(
+            "position {name} does not fit the others ({of_worst:.1} dB): check it, or leave it out with --leave-out {name}"
+        ),
+        _ if best.center == Center::Camera && light.is_some() => {
+            "the center of the light that was found does not predict the sweep, and the camera's frame needs boards that are \
+             closer to each other: add positions between these"
+                .into()
+        }
+        _ if best.center == Center::Camera => "no center of the light was found: add positions".into(),
+        _ if best.is_limited => {
+            "the code has edges finer than the field's cells: calibrate a set of fewer images, or use patterns with wider \
+             stripes"
+                .into()
+        }
+        _ => "the patterns are finer than the camera's pixels, or the boards' poses are not exact".into(),
+    };
+    Some(format!(
+        "the field predicts positions that it has not seen to {:.1} dB, and noise alone allows {:.1}: {why}",
+        q.psnr_db, q.ceiling_db
+    ))
 }

@@ -8,7 +8,7 @@ use crate::color_field::grid::Grid;
 
 /// The contrast (white − black) from which a sample is well lit: a tenth of full scale, or half of what the best tenth of
 /// the position's samples have where the exposure is short. Black ink is below it.
-fn well_lit(contrast: &[f32]) -> f32 {
+pub(super) fn well_lit(contrast: &[f32]) -> f32 {
     let mut usable: Vec<f32> = contrast.iter().copied().filter(|c| *c > 0.0).collect();
     if usable.is_empty() {
         return 0.1;
@@ -32,6 +32,12 @@ pub(super) struct HeldOutErrors {
 }
 
 impl HeldOutErrors {
+    /// PSNR over well-lit samples, dB, if there are any.
+    pub(super) fn psnr_db(&self) -> Option<f64> {
+        (self.lit.1 > 0).then(|| -10.0 * (self.lit.0 / self.lit.1 as f64).log10())
+    }
+
+    /// The errors of a field at position `p`, where it is `supported` at all; depth errors of every `stride`th sample.
     pub(super) fn of(
         placed: &PlacedSweep<'_>,
         frame: &FieldFrame,
@@ -39,6 +45,7 @@ impl HeldOutErrors {
         p: usize,
         position: &Position,
         stride: usize,
+        supported: impl Fn([f32; 3]) -> bool,
     ) -> Self {
         let (k, channels) = (placed.sweep.k, placed.sweep.channels);
         let mut s = Self::default();
@@ -46,8 +53,11 @@ impl HeldOutErrors {
         let mut n = 0usize;
         let lit = well_lit(&position.contrast);
         placed.for_each(p, position, |i, t, v, w| {
-            n += 1;
             let m = frame.along_ray(&placed.dirs[i]).at(t);
+            if !supported(m.q) {
+                return;
+            }
+            n += 1;
             let with_depth = n.is_multiple_of(stride);
             if with_depth {
                 grid.eval_along(m.q, m.dq, &mut c, &mut d);

@@ -8,9 +8,12 @@ mod frame_choice;
 mod held_out;
 mod light;
 mod options;
+mod pass;
 mod placed_sweep;
 mod position;
 mod report;
+mod resolution;
+mod support;
 mod sweep;
 mod views;
 
@@ -49,7 +52,17 @@ pub fn calibrate(
 
     clock.begin("find the light");
     let views = views::estimate_noise(&mut placed, rig, opts.frame != FrameKind::Camera, progress)?;
-    let light = views.and_then(|views| light::find_center(views, &placed.camera, progress));
+    let found = views.and_then(|views| light::find_center(views, &placed.camera, progress));
+    let outliers = found.as_ref().map_or(&[][..], |f| &f.without_consensus);
+    for p in outliers {
+        let name = &placed.sweep.shots[*p].name;
+        progress.warn(format!(
+            "board position {name} is not used: its codewords do not fit those of the other positions; its pose is wrong, \
+             the light or the camera had moved, or something stood in the light"
+        ));
+    }
+    placed.remove(outliers);
+    let light = found.map(|f| f.center);
 
     clock.begin("fit the field without the held-out positions");
     let fit = candidate::FitContext { placed: &placed, opts, device: &device, progress };
@@ -79,12 +92,17 @@ pub fn calibrate(
         quality: Some(best.quality.clone()),
         settings: serde_json::to_value(opts).expect("plain data serializes"),
     };
+    let shortfall = frame_choice::shortfall(&best, light.as_ref());
+    if let Some(why) = &shortfall {
+        progress.warn(why.clone());
+    }
     let Candidate { frame, center, cells, validity, quality, .. } = best;
     let report = CalibrationReport {
         trajectory: Some(geometry.trajectory),
         light_mm: (center == Center::Light).then(|| frame.center()).flatten().map(|c| [c.x, c.y, c.z]),
         quality: Some(quality),
-        frame: frame_choice::reason(center, light.is_some(), opts.frame).into(),
+        frame: frame_choice::reason(center, light.as_ref(), opts.frame),
+        shortfall,
         cells,
         stages: clock.finish(),
     };

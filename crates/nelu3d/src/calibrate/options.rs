@@ -64,6 +64,9 @@ pub struct CalibrationOptions {
     /// Hold out every Nth board position to measure the field (the stored field is then fitted to all)
     #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::default().hold_out))]
     pub hold_out: usize,
+    /// Leave this board position out of the sweep (may be repeated)
+    #[cfg_attr(feature = "clap", arg(long, value_name = "NAME"))]
+    pub leave_out: Vec<String>,
     /// Smallest white − black of a usable sample, as a fraction of full scale
     #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::default().min_contrast))]
     pub min_contrast: f32,
@@ -84,6 +87,7 @@ impl Default for CalibrationOptions {
             frame: FrameKind::Auto,
             trajectory: TrajectoryKind::Auto,
             hold_out: 8,
+            leave_out: Vec::new(),
             min_contrast: 0.02,
             seed: 0,
             device: Choice::Auto,

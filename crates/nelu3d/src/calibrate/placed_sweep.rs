@@ -86,6 +86,17 @@ impl<'a> PlacedSweep<'a> {
         }
     }
 
+    /// Drops positions, by index.
+    pub(super) fn remove(&mut self, which: &[usize]) {
+        let names: Vec<String> = which.iter().map(|p| self.sweep.shots[*p].name.clone()).collect();
+        let mut p = 0;
+        self.boards.retain(|_| {
+            p += 1;
+            !which.contains(&(p - 1))
+        });
+        self.sweep.retain(|name| !names.iter().any(|n| n == name));
+    }
+
     /// Returns the mean point of the boards in the camera's view, mm.
     pub fn mean_point(&self) -> Vector3<f64> {
         let mut sum = Vector3::zeros();

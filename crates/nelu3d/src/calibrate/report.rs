@@ -17,6 +17,9 @@ pub struct CalibrationReport {
     pub quality: Option<Quality>,
     /// Center of the frame, and why, in words.
     pub frame: String,
+    /// Why the field stays more than 3 dB below what noise allows, if it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shortfall: Option<String>,
     /// Number of cells of the field along a, b and w.
     pub cells: [usize; 3],
     /// Wall and CPU time of each stage, in order.

@@ -3,8 +3,10 @@
 
 use nalgebra::Vector3;
 use nelu3d_scan::{Camera, Rig};
+use rayon::prelude::*;
 
 use super::error::CalibrationError;
+use super::held_out::well_lit;
 use super::placed_sweep::{BoardPlane, PlacedSweep};
 use super::sweep::Position;
 use crate::progress::Progress;
@@ -15,40 +17,46 @@ use crate::sensor::{NoiseEstimator, quantization_step};
 const MAX_VIEWS: usize = 48;
 /// Most bytes of their images; larger ones are averaged over square blocks of pixels.
 const VIEWS_BUDGET: usize = 1 << 28;
+/// Fewest samples along the shorter side of a level.
+const MIN_SIDE: usize = 12;
 
 /// Indices of the positions that the search looks at, of `n`: all of them, or an even selection with both ends.
 fn selection(n: usize) -> Vec<usize> {
     if n <= MAX_VIEWS { (0..n).collect() } else { (0..MAX_VIEWS).map(|i| i * (n - 1) / (MAX_VIEWS - 1)).collect() }
 }
 
-/// Smoothed codeword images of some positions, in the sweep's order, and where their boards are.
+/// Codeword images of some positions, in the order of their depth, in levels of resolution, and where their boards are.
 pub(super) struct Views {
+    pub(super) k: usize,
+    /// Which position of the sweep each view is.
+    pub(super) positions: Vec<usize>,
+    /// Normal and offset of each view's board.
+    pub(super) planes: Vec<(Vector3<f64>, f64)>,
+    /// The finest first; each of the others has half the resolution of the one before.
+    pub(super) levels: Vec<Level>,
+}
+
+/// The codeword images of all views at one resolution.
+pub(super) struct Level {
     /// Samples across.
     pub(super) width: usize,
     /// Samples down.
     pub(super) height: usize,
     /// Pixels along the side of one sample's block; 1 = full resolution.
     pub(super) block: usize,
-    pub(super) k: usize,
-    pub(super) planes: Vec<(Vector3<f64>, f64)>,
-    /// Per position, `n × (k + 1)`: smoothed values, then validity.
+    /// Validity from which a sample may be used.
+    pub(super) min_validity: f32,
+    /// Per view, `n × (k + 1)`: values, then validity (the part of the sample that was usable).
     pub(super) images: Vec<Vec<f32>>,
 }
 
-impl Views {
-    /// Room for `n` positions' images of `k` channels, in blocks that keep them within their budget.
-    fn new(camera: &Camera, k: usize, n: usize) -> Self {
+impl Level {
+    /// An empty level for blocks that keep the images of `n` positions of `k` channels within their budget.
+    pub(super) fn finest(camera: &Camera, k: usize, n: usize) -> Self {
         let bytes = camera.n_pixels() * (k + 1) * 4 * n;
         let block = (1..).find(|f| bytes / (f * f) <= VIEWS_BUDGET).expect("some block is large enough");
         let (width, height) = (camera.width / block, camera.height / block);
-        Self { width, height, block, k, planes: Vec::new(), images: Vec::new() }
-    }
-
-    /// Adds the next position: its board and what [`smoothed`] made of it.
-    fn push(&mut self, board: &BoardPlane, image: Vec<f32>) {
-        assert_eq!(image.len(), self.width * self.height * (self.k + 1));
-        self.planes.push((board.normal, board.offset));
-        self.images.push(image);
+        Self { width, height, block, min_validity: 0.99, images: Vec::new() }
     }
 
     /// Pixel coordinates of the center of a sample's block.
@@ -57,8 +65,64 @@ impl Views {
         [(x * self.block) as f64 + half, (y * self.block) as f64 + half]
     }
 
+    /// The level of half the resolution: means over 2 × 2 samples, weighted by validity.
+    fn halved(&self, k: usize) -> Self {
+        let (width, height) = (self.width / 2, self.height / 2);
+        let halve = |from: &Vec<f32>| {
+            let mut image = vec![0.0f32; width * height * (k + 1)];
+            for (i, to) in image.chunks_exact_mut(k + 1).enumerate() {
+                for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                    let (x, y) = (2 * (i % width) + dx, 2 * (i / width) + dy);
+                    let sample = &from[(y * self.width + x) * (k + 1)..][..k + 1];
+                    // Below, values are sums of what little there was.
+                    if sample[k] > 0.5 {
+                        to[..k].iter_mut().zip(sample).for_each(|(t, s)| *t += sample[k] * s);
+                        to[k] += sample[k];
+                    }
+                }
+                if to[k] > 0.0 {
+                    let norm = 1.0 / to[k];
+                    to[..k].iter_mut().for_each(|t| *t *= norm);
+                    to[k] *= 0.25;
+                }
+            }
+            image
+        };
+        let images = self.images.par_iter().map(halve).collect();
+        Self { width, height, block: self.block * 2, min_validity: 0.51, images }
+    }
+}
+
+impl Views {
+    /// Orders the views by the depth of their boards along `middle`, and adds the coarser levels.
+    pub(super) fn new(k: usize, boards: Vec<(usize, BoardPlane)>, mut finest: Level, middle: &Vector3<f64>) -> Self {
+        let depth = |b: &BoardPlane| b.offset / b.normal.dot(middle);
+        let mut order: Vec<usize> = (0..boards.len()).collect();
+        order.sort_by(|a, b| depth(&boards[*a].1).total_cmp(&depth(&boards[*b].1)));
+        let images = order.iter().map(|i| std::mem::take(&mut finest.images[*i])).collect();
+        finest.images = images;
+        let mut levels = vec![finest];
+        while let Some(last) = levels.last().filter(|l| l.width.min(l.height) >= 2 * MIN_SIDE) {
+            levels.push(last.halved(k));
+        }
+        let positions = order.iter().map(|i| boards[*i].0).collect();
+        let planes = order.iter().map(|i| (boards[*i].1.normal, boards[*i].1.offset)).collect();
+        Self { k, positions, planes, levels }
+    }
+
     pub(super) fn len(&self) -> usize {
-        self.images.len()
+        self.positions.len()
+    }
+
+    /// Drops the views for which `keep` is false.
+    pub(super) fn retain(&mut self, keep: &[bool]) {
+        fn retained<T>(v: &mut Vec<T>, keep: &[bool]) {
+            let mut keep = keep.iter();
+            v.retain(|_| *keep.next().expect("one answer per view"));
+        }
+        retained(&mut self.positions, keep);
+        retained(&mut self.planes, keep);
+        self.levels.iter_mut().for_each(|l| retained(&mut l.images, keep));
     }
 }
 
@@ -72,34 +136,48 @@ pub(super) fn estimate_noise(
 ) -> Result<Option<Views>, CalibrationError> {
     let which = selection(placed.n_positions());
     let (k, channels) = (placed.sweep.k, placed.sweep.channels);
-    let mut views = keep.then(|| Views::new(&placed.camera, k, which.len()));
-    let block = views.as_ref().map(|v| v.block);
-    let boards = &placed.boards;
+    let mut finest = keep.then(|| Level::finest(&placed.camera, k, which.len()));
+    let mut placed_at = Vec::new();
+    let block = finest.as_ref().map(|v| v.block);
+    let (boards, dirs) = (&placed.boards, &placed.dirs);
     let mut noise = NoiseEstimator::default();
     let map = |p: usize, noise: NoiseEstimator, position: &Position| {
         debug_assert_eq!(position.channels, channels);
-        (noise, block.map(|block| (boards[p], smoothed(position, block))))
+        // Beside the board there is a room that stands still: it would tell of a light in the camera.
+        let on_board = |i: usize| boards[p].hit(&dirs[i]).is_some();
+        (noise, (p, boards[p]), block.map(|block| smoothed(&masked(position, on_board), block)))
     };
     let take = |wave: Vec<_>| {
-        for (n, view) in wave {
+        for (n, board, image) in wave {
             noise.merge(&n);
-            if let (Some(views), Some((board, image))) = (&mut views, view) {
-                views.push(&board, image);
+            if let (Some(finest), Some(image)) = (&mut finest, image) {
+                placed_at.push(board);
+                finest.images.push(image);
             }
         }
     };
     placed.sweep.stream(&which, progress, NoiseEstimator::add, map, take)?;
     placed.noise = noise.finish(quantization_step(rig.black_level, rig.saturation));
-    Ok(views)
+    let middle = placed.mean_point().normalize();
+    Ok(finest.map(|finest| Views::new(k, placed_at, finest, &middle)))
+}
+
+/// The position with only those pixels usable for which `keep` holds.
+fn masked(position: &Position, keep: impl Fn(usize) -> bool) -> Position {
+    let Position { width, height, k, channels, ref values, ref contrast } = *position;
+    let kept = contrast.iter().enumerate().map(|(i, c)| if keep(i / channels) { *c } else { 0.0 }).collect();
+    Position { width, height, k, channels, values: values.clone(), contrast: kept }
 }
 
 /// A position's values, averaged over blocks of `block` pixels and smoothed by a small binomial kernel (linear interpolation
-/// between pixels is exact enough on the result), with validity 1 where the whole kernel was usable: `n × (k + 1)`.
+/// between pixels is exact enough on the result), with validity 1 where the whole kernel was usable: `n × (k + 1)`. Ink is
+/// not: it reflects too little to tell its codeword.
 fn smoothed(position: &Position, block: usize) -> Vec<f32> {
     let reduced = (block > 1).then(|| position.reduced(block));
     let position = reduced.as_ref().unwrap_or(position);
     let (w, h, k) = (position.width, position.height, position.k);
-    let usable = |i: usize| position.contrast[i * position.channels..][..position.channels].iter().all(|c| *c > 0.0);
+    let lit = 0.5 * well_lit(&position.contrast);
+    let usable = |i: usize| position.contrast[i * position.channels..][..position.channels].iter().all(|c| *c > lit);
     const KERNEL: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
     // What is not usable counts nothing.
     let mut masked = vec![0.0f32; w * h * (k + 1)];
@@ -152,9 +230,9 @@ mod tests {
     #[test]
     fn views_stay_within_their_budget_whatever_the_camera() {
         let camera = Camera::pinhole(640, 480, 800.0, 800.0, 320.0, 240.0);
-        assert_eq!(Views::new(&camera, 3, MAX_VIEWS).block, 1);
+        assert_eq!(Level::finest(&camera, 3, MAX_VIEWS).block, 1);
         let large = Camera::pinhole(6400, 4800, 8000.0, 8000.0, 3200.0, 2400.0);
-        let v = Views::new(&large, 11, MAX_VIEWS);
+        let v = Level::finest(&large, 11, MAX_VIEWS);
         assert!(v.block > 1 && v.width * v.height * 12 * 4 * MAX_VIEWS <= VIEWS_BUDGET);
     }
 

@@ -110,6 +110,21 @@ impl Bins {
         });
     }
 
+    /// Takes collections out again that [`Self::add_all`] added.
+    pub fn remove_all(&mut self, parts: &[Gathered]) {
+        let (counts, k) = (self.counts, self.k);
+        let per_stripe = self.per_row() * STRIPE;
+        self.sums.par_chunks_mut(per_stripe).enumerate().for_each(|(stripe, sums)| {
+            for part in parts {
+                for record in part.stripes[stripe].chunks_exact(3 + 2 * k) {
+                    let (q, rest) = record.split_at(3);
+                    let (values, omegas) = rest.split_at(k);
+                    remove(sums, counts, stripe * STRIPE, [q[0], q[1], q[2]], values, omegas);
+                }
+            }
+        });
+    }
+
     /// Calls `f` for the filled bins of row `b`, in order.
     #[inline(always)]
     pub(crate) fn for_each_in_row(&self, b: usize, mut f: impl FnMut(Sample<'_>)) {
@@ -188,6 +203,30 @@ fn add(sums: &mut [f32], counts: [usize; 3], first: usize, q: [f32; 3], values: 
     }
 }
 
+/// Takes a sample out again.
+fn remove(sums: &mut [f32], counts: [usize; 3], first: usize, q: [f32; 3], values: &[f32], omegas: &[f32]) {
+    let Some(cell) = cell_of(counts, q) else { return };
+    let k = values.len();
+    let mean = omegas.iter().sum::<f32>() / k as f32;
+    if mean <= 0.0 {
+        return;
+    }
+    let stride = 4 + 2 * k;
+    let at = (((cell[1] - first) * counts[0] + cell[0]) * counts[2] + cell[2]) * stride;
+    let bin = &mut sums[at..at + stride];
+    add_weight(bin, counts, cell, q, -mean);
+    // What rounding leaves of the last sample is none.
+    if bin[0] < 1e-4 * mean {
+        bin.fill(0.0);
+        return;
+    }
+    let (w, wv) = bin[4..].split_at_mut(k);
+    for j in 0..k {
+        w[j] = (w[j] - omegas[j]).max(0.0);
+        wv[j] -= omegas[j] * values[j];
+    }
+}
+
 /// Returns the bin of a point; `None` outside the unit cube.
 #[inline(always)]
 fn cell_of(counts: [usize; 3], q: [f32; 3]) -> Option<[usize; 3]> {
@@ -224,6 +263,23 @@ mod tests {
         together.add_all(&parts);
         assert!(one_by_one.sums.iter().any(|s| *s > 0.0));
         assert_eq!(one_by_one.sums, together.sums);
+    }
+
+    #[test]
+    fn what_is_removed_leaves_the_others() {
+        let (mut both, mut first) = (Bins::new([5, 20, 2], 2), Bins::new([5, 20, 2], 2));
+        let mut parts = vec![both.gathered(), both.gathered()];
+        for i in 0..400 {
+            let at = |step: f32| (i as f32 * step).fract();
+            let (q, v) = ([at(0.618_034), at(0.754_878), at(0.569_84)], [at(0.3), at(0.7)]);
+            parts[(i % 3).min(1)].push(q, &v, &[1.0, 2.0]);
+        }
+        both.add_all(&parts);
+        both.remove_all(&parts[1..]);
+        first.add_all(&parts[..1]);
+        for (a, b) in both.sums.iter().zip(&first.sums) {
+            assert!((a - b).abs() < 1e-4, "{a} {b}");
+        }
     }
 
     #[test]

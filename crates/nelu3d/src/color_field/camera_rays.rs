@@ -28,7 +28,10 @@ impl CameraRays {
             .map(|i| {
                 let (x, y) = ((i % w) * f, (i / w) * f);
                 let plane = camera.undistort([x as f64 + half, y as f64 + half]).map(|v| v as f32);
-                (plane, field.validity.range(x + f / 2, y + f / 2).unwrap_or([1.0, 0.0]))
+                let [u, v] = plane.map(f64::from);
+                let ray = field.frame.along_ray(&nalgebra::Vector3::new(u, v, 1.0).normalize());
+                let range = field.validity.range_of_ray(x + f / 2, y + f / 2, |t| ray.at(f64::from(t)).q);
+                (plane, range.unwrap_or([1.0, 0.0]))
             })
             .unzip();
         let focal_px = (0.5 * (camera.fx + camera.fy)) as f32 / f as f32;

@@ -1,6 +1,10 @@
 //! The validity volume: where samples were. Outside it nothing is reconstructed (paper, Fig. 8).
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+
+/// The range of a tile in which nothing was.
+const EMPTY: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
 /// What part of space was calibrated: a range of distances per tile of camera pixels, and the cells of the frame that
 /// were ever lit.
@@ -32,7 +36,7 @@ impl Validity {
         let tiles = [width.div_ceil(tile_px), height.div_ceil(tile_px)];
         Self {
             shape: ValidityShape { tile_px, tiles, cells },
-            t_range: vec![[f32::INFINITY, f32::NEG_INFINITY]; tiles[0] * tiles[1]],
+            t_range: vec![EMPTY; tiles[0] * tiles[1]],
             lit: vec![0; cells.iter().product()],
         }
     }
@@ -69,6 +73,93 @@ impl Validity {
         }
     }
 
+    /// Lights columns of cells that most of their eight neighbors surround: samples lie as far apart as pixels, and the field
+    /// interpolates between them.
+    pub fn fill_holes(&mut self) {
+        let [na, nb, nw] = self.shape.cells;
+        let is_lit = |a: usize, b: usize| self.lit[(b * na + a) * nw..][..nw].contains(&1);
+        let lit: Vec<bool> = (0..na * nb).map(|i| is_lit(i % na, i / na)).collect();
+        for i in (0..na * nb).filter(|i| !lit[*i]) {
+            let (a, b) = (i % na, i / na);
+            if a == 0 || b == 0 || a + 1 == na || b + 1 == nb {
+                continue;
+            }
+            let around = [i - na - 1, i - na, i - na + 1, i - 1, i + 1, i + na - 1, i + na, i + na + 1];
+            let of: Vec<usize> = around.into_iter().filter(|j| lit[*j]).collect();
+            if of.len() < 5 {
+                continue;
+            }
+            for w in 0..nw {
+                let votes = of.iter().filter(|j| self.lit[**j * nw + w] == 1).count();
+                if 2 * votes > of.len() {
+                    self.lit[i * nw + w] = 1;
+                }
+            }
+        }
+    }
+
+    /// Extends every column of cells that was lit anywhere along w to the part `w` of unit coordinates (first, last): the rays
+    /// of light are known to be straight, and what a ray carries there is what it carries elsewhere.
+    pub fn extend(&mut self, [first, last]: [f32; 2]) {
+        let n = self.shape.cells[2];
+        let at = |w: f32| ((w * n as f32).floor().max(0.0) as usize).min(n - 1);
+        for column in self.lit.chunks_exact_mut(n) {
+            if column.contains(&1) {
+                column[at(first)..=at(last)].fill(1);
+            }
+        }
+    }
+
+    /// Finds the range of every tile anew, from the lit cells: `unit` gives the unit coordinates at a distance along the ray of
+    /// a pixel, and `[near, far]` bounds the distances, mm.
+    pub fn find_ranges(&mut self, [near, far]: [f64; 2], unit: impl Fn([f64; 2], f64) -> [f32; 3] + Sync) {
+        const STEPS: usize = 256;
+        let (tile, across) = (self.shape.tile_px, self.shape.tiles[0]);
+        let step = (far - near) / STEPS as f64;
+        let ranges: Vec<[f32; 2]> = (0..self.t_range.len())
+            .into_par_iter()
+            .map(|i| {
+                let mut range = [f32::INFINITY, f32::NEG_INFINITY];
+                for part in 0..9 {
+                    let at = |tile_at: usize, part: usize| (tile_at * tile) as f64 + 0.5 * (part * (tile - 1)) as f64;
+                    let px = [at(i % across, part % 3), at(i / across, part / 3)];
+                    for s in 0..=STEPS {
+                        let t = near + s as f64 * step;
+                        if self.is_lit(unit(px, t)) {
+                            range = [range[0].min((t - step) as f32), range[1].max((t + step) as f32)];
+                        }
+                    }
+                }
+                [range[0].max(near as f32), range[1].min(far as f32)]
+            })
+            .collect();
+        self.t_range = ranges.into_iter().map(|r| if r[0] < r[1] { r } else { EMPTY }).collect();
+    }
+
+    /// `[t_near, t_far]` of the lit part of a ray, mm: from the first lit point to the last, of about 100 along its tile's range;
+    /// `None` where nothing is. `unit` gives the unit coordinates at a distance.
+    pub fn range_of_ray(&self, x: usize, y: usize, unit: impl Fn(f32) -> [f32; 3]) -> Option<[f32; 2]> {
+        const STEPS: usize = 96;
+        let [near, far] = self.range(x, y)?;
+        let step = (far - near) / STEPS as f32;
+        let lit = |s: &usize| self.is_lit(unit(near + *s as f32 * step));
+        let first = (0..=STEPS).find(lit)?;
+        let last = (first..=STEPS).rev().find(lit)?;
+        // To a tenth of a step.
+        let sharpen = |lit_at: f32, dark_at: f32| {
+            let (mut a, mut b) = (lit_at, dark_at);
+            for _ in 0..4 {
+                let mid = 0.5 * (a + b);
+                if self.is_lit(unit(mid)) { a = mid } else { b = mid }
+            }
+            a
+        };
+        let at = |s: usize| near + s as f32 * step;
+        let first_t = if first > 0 { sharpen(at(first), at(first - 1)) } else { near };
+        let last_t = if last < STEPS { sharpen(at(last), at(last + 1)) } else { far };
+        (first_t < last_t).then_some([first_t, last_t])
+    }
+
     #[inline]
     fn cell(&self, q: [f32; 3]) -> Option<usize> {
         let n = self.shape.cells;
@@ -99,6 +190,20 @@ impl Validity {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lit_columns_are_extended_and_found_again_along_rays() {
+        let mut v = Validity::new(16, 8, 8, [4, 1, 10]);
+        v.add([3.0, 2.0], 500.0, [0.3, 0.5, 0.45]);
+        v.extend([0.25, 0.65]);
+        let unit = |px: [f64; 2], t: f64| [if px[0] < 8.0 { 0.3 } else { 0.8 }, 0.5, (t / 1000.0) as f32];
+        v.find_ranges([0.0, 1000.0], unit);
+        let [near, far] = v.range(1, 1).unwrap();
+        assert!((195.0..=201.0).contains(&near) && (699.0..=705.0).contains(&far), "{near} {far}");
+        assert_eq!(v.range(9, 1), None);
+        let [near, far] = v.range_of_ray(1, 1, |t| unit([1.0, 1.0], f64::from(t))).unwrap();
+        assert!((near - 200.0).abs() < 1.0 && (far - 700.0).abs() < 1.0, "{near} {far}");
+    }
 
     #[test]
     fn merged_volumes_have_seen_what_either_saw() {

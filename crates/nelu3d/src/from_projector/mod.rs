@@ -81,6 +81,7 @@ pub fn calibrate_from_projector(
              median residual {residual:.3}",
             response.blur_px, response.offset, response.scale, response.gamma
         ),
+        shortfall: None,
         cells: field.to_grid().cells,
         stages: clock.finish(),
     };

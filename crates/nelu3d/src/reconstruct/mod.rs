@@ -140,7 +140,7 @@ fn fast(
         settings = settings.after_previous_frame(opts);
     }
     let refined = refine(&scene, &initial.depth, &settings.refine, &settings.light_fractions, cx)?;
-    let depth = filter(&mut scene, &refined, &settings.filter, cx)?;
+    let depth = filter(&mut scene, &refined, initial.depth.step, &settings.filter, cx)?;
     cx.observe(Stage::Result, 1, || depth.clone());
     cx.clock.begin("build the surface");
     let diagnostics = diagnose(&initial, &refined, &depth, settings);

@@ -73,7 +73,7 @@ fn mean_node_weight(diag: &[f32], k: usize) -> Vec<f32> {
 
 /// Returns one over the diagonal of the normal equations, from the samples' part of it.
 fn inverse_diagonal(mut diag: Vec<f32>, smooth: Smoothness, lambda: &[f32]) -> Vec<f32> {
-    let penalty = 6.0 * (2.0 * smooth.across + smooth.along) + 1e-6;
+    let penalty = 6.0 * (2.0 * smooth.across + smooth.along) + 2.0 * smooth.slope_along + 1e-6;
     let k = lambda.len();
     diag.par_chunks_mut(k << 12).for_each(|diag| {
         for node in diag.chunks_exact_mut(k) {
@@ -125,7 +125,7 @@ mod tests {
                 bins.add(q, &v, &vec![1.0; k]);
             }
             let mut grid = Grid::new([40, 30, 4], k);
-            fit(&mut grid, &bins, Smoothness { across: 1e-4, along: 1e-4 }, 60, &Progress::none());
+            fit(&mut grid, &bins, Smoothness { across: 1e-4, along: 1e-4, slope_along: 0.0 }, 60, &Progress::none());
             let (mut v, mut d) = (vec![0.0; k], vec![0.0; k]);
             for _ in 0..500 {
                 let q = [0.05 + 0.9 * unit(), 0.05 + 0.9 * unit(), 0.05 + 0.9 * unit()];
@@ -164,7 +164,7 @@ mod tests {
             };
             let (x, y) = (random(), random());
             let normal = Normal::new(&x, &bins);
-            let smooth = Smoothness { across: 0.3, along: 0.7 };
+            let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2 };
             let lambda: Vec<f32> = (0..k).map(|c| 1.0 + c as f32).collect();
             let mut ax = vec![0.0; x.coeffs.len()];
             Penalty::new(&x, smooth, &lambda).apply(&x.coeffs, &mut ax);
@@ -215,6 +215,11 @@ mod tests {
                         }
                     }
                 }
+            }
+            let (xg, yg) = (&x, &y);
+            for (i, (x, y)) in x.coeffs.iter().zip(&y.coeffs).enumerate().filter(|(i, _)| i / k % nw + 1 < nw) {
+                let d = |g: &Grid, v: f32| g.coeffs[i + k] - v;
+                expected += f64::from(lambda[i % k] * smooth.slope_along * d(xg, *x) * d(yg, *y));
             }
             assert!(close(penalty, expected), "k {k}: {penalty} {expected}");
         }

@@ -1,4 +1,4 @@
-//! The penalty on second differences of the spline's coefficients, Σ over axes of λ DᵀD.
+//! The penalty on second differences of the spline's coefficients, Σ over axes of λ DᵀD, and on first differences along w.
 
 use rayon::prelude::*;
 
@@ -29,11 +29,22 @@ fn stencil(n: usize, strength: f32) -> Vec<[f32; 5]> {
     rows
 }
 
+/// Adds rows of DᵀD of first differences.
+fn add_slopes(rows: &mut [[f32; 5]], strength: f32) {
+    for i in 1..rows.len() {
+        rows[i - 1][2] += strength;
+        rows[i - 1][3] -= strength;
+        rows[i][2] += strength;
+        rows[i][1] -= strength;
+    }
+}
+
 impl Penalty {
     /// Prepares the penalty of a grid with `lambda` per channel.
     pub(super) fn new(grid: &Grid, smooth: Smoothness, lambda: &[f32]) -> Self {
         let nodes @ [na, nb, nw] = grid.nodes();
-        let stencils = [stencil(na, smooth.across), stencil(nb, smooth.across), stencil(nw, smooth.along)];
+        let mut stencils = [stencil(na, smooth.across), stencil(nb, smooth.across), stencil(nw, smooth.along)];
+        add_slopes(&mut stencils[2], smooth.slope_along);
         let lambda = lambda.iter().copied().cycle().take(nw * grid.k).collect();
         Self { nodes, k: grid.k, stencils, lambda }
     }

@@ -1,11 +1,13 @@
 //! The smoothness of the fitted spline.
 
-/// Weights of the penalty on second differences, as fractions of a typical node's sample weight: how smooth the spline
-/// is where samples do not say otherwise.
+/// Weights of the penalties on differences of coefficients, as fractions of a typical node's sample weight: how smooth the
+/// spline is where samples do not say otherwise.
 #[derive(Clone, Copy, Debug)]
 pub struct Smoothness {
-    /// Weight across (a, b).
+    /// Weight of second differences across (a, b).
     pub across: f32,
-    /// Weight along w.
+    /// Weight of second differences along w.
     pub along: f32,
+    /// Weight of first differences along w: a codeword changes along a ray of light by defocus only.
+    pub slope_along: f32,
 }

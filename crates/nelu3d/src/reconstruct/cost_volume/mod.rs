@@ -34,8 +34,8 @@ pub(crate) struct DecodedDepth {
     pub(crate) hypothesis_step: f32,
 }
 
-/// Decodes every valid pixel, on a device or, if it fails, on the CPU. Pixels whose rays miss the calibrated volume are
-/// marked [`PixelStatus::OutsideVolume`].
+/// Decodes every valid pixel, on a device or, if it fails, on the CPU. Pixels whose rays miss the calibrated volume, and those whose
+/// best depth is where it ends, are marked [`PixelStatus::OutsideVolume`].
 pub(crate) fn decode(
     m: &mut Measurements,
     rays: &CameraRays,
@@ -60,7 +60,10 @@ pub(crate) fn decode(
     out.hypothesis_step = hypotheses.spacing;
     for (i, winner) in pixels.into_iter().zip(winners) {
         let i = i as usize;
-        if winner.index.is_nan() {
+        // A minimum at an end of the range need not be one: what lies beyond was not tried.
+        let [first, end] = hypotheses.range(rays.range[i], rays.dir_z(i)).map(|l| l as f32);
+        let at_an_end = winner.index < first + 0.5 || winner.index > end - 1.5;
+        if winner.index.is_nan() || at_an_end {
             m.status[i] = PixelStatus::OutsideVolume;
             continue;
         }

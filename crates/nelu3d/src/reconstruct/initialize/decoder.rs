@@ -53,6 +53,13 @@ impl Decoder<'_> {
         let mut reduced = m.reduced(factor);
         let camera = reduced_camera(self.camera, factor);
         let found = self.decode_at(&mut reduced, &CameraRays::new(self.camera, self.field, factor), &camera);
+        for i in 0..m.n() {
+            let (x, y) = (i % m.width / factor, i / m.width / factor);
+            let of_block = (x < reduced.width && y < reduced.height).then(|| reduced.status[y * reduced.width + x]);
+            if m.status[i] == PixelStatus::Valid && of_block == Some(PixelStatus::OutsideVolume) {
+                m.status[i] = PixelStatus::OutsideVolume;
+            }
+        }
         expand(&found, factor, [camera.width, camera.height], m)
     }
 

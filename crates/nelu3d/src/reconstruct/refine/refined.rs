@@ -8,6 +8,8 @@ pub(crate) struct Refined {
     pub(crate) sigma: Vec<f32>,
     /// Fraction, mean over color channels, of the light that did not come directly from the light source.
     pub(crate) ambient: Vec<f32>,
+    /// The part of it whose origin is not seen: all but what is gathered from the surface itself.
+    pub(crate) unseen: Vec<f32>,
     /// χ² per measurement of a pixel.
     pub(crate) chi2: Vec<f32>,
     /// Root mean square residual of the normalized intensities.
@@ -28,6 +30,7 @@ impl Refined {
             inv_z: nan(),
             sigma: nan(),
             ambient: vec![0.0; n],
+            unseen: vec![0.0; n],
             chi2: nan(),
             residual: nan(),
             abs_residual: nan(),

@@ -250,6 +250,7 @@ impl<'a> Refinement<'a> {
             out.sigma[px] = sigma[i] * self.unit;
             let fractions = &self.fractions.of_pixels[i * channels..(i + 1) * channels];
             out.ambient[px] = fractions.iter().map(|f| f.sum()).sum::<f32>() / channels as f32;
+            out.unseen[px] = fractions.iter().map(|f| f.ambient + f.unseen).sum::<f32>() / channels as f32;
             out.chi2[px] = self.data[i].chi2 / m.independent;
             for j in 0..k {
                 residuals[j] = self.residual(i, px, j).abs();

@@ -1,42 +1,29 @@
 //! Rejects pixels whose depth is not supported by what was measured. This is where a refined pixel loses its depth.
 
-use serde::Serialize;
+mod components;
+mod settings;
 
-use super::context::Context;
-use super::error::Failure;
-use super::maps::local_mean;
-use super::refine::Refined;
-use super::scene::Scene;
+use crate::reconstruct::context::Context;
+use crate::reconstruct::error::Failure;
+use crate::reconstruct::maps::local_mean;
+use crate::reconstruct::refine::Refined;
+use crate::reconstruct::scene::Scene;
 use crate::surface::{Links, MAX_SLOPE, PixelStatus, reject_small_components};
-
-/// Settings of the rejection of pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct FilterSettings {
-    /// Mean χ² per measurement over 5 × 5 pixels above which no surface explains the codeword.
-    pub max_chi2: f32,
-    /// χ² per measurement of a pixel at a depth discontinuity above which its codeword is a mixture of two surfaces.
-    pub max_edge_chi2: f32,
-    /// Smallest connected component that is valid, px.
-    pub min_component: usize,
-}
-
-impl Default for FilterSettings {
-    fn default() -> Self {
-        Self { max_chi2: 40.0, max_edge_chi2: 9.0, min_component: 40 }
-    }
-}
+use components::reject_unexplained_components;
+pub use settings::FilterSettings;
 
 /// Returns the depth of every valid pixel (camera z, mm; NaN elsewhere) and notes in the scene's measurements why the
 /// others are rejected: outside the calibrated volume, unexplained codeword, mixed pixel at a depth discontinuity,
-/// component too small.
+/// component too small. `step` is the spacing of the depth hypotheses in 1/z, 1/mm.
 pub(crate) fn filter(
     scene: &mut Scene<'_>,
     refined: &Refined,
+    step: f32,
     settings: &FilterSettings,
     cx: &mut Context<'_>,
 ) -> Result<Vec<f32>, Failure> {
     cx.clock.begin("filter");
-    let Scene { camera, rays, measurements: m, .. } = scene;
+    let Scene { camera, rays, field, measurements: m, .. } = scene;
     let mut depth: Vec<f32> = refined.inv_z.iter().map(|v| 1.0 / v).collect();
     let chi2 = local_mean(&refined.chi2, m.width, m.height, 2);
     for i in 0..m.n() {
@@ -44,8 +31,12 @@ pub(crate) fn filter(
             continue;
         }
         let [near, far] = rays.range[i];
-        let t = depth[i] / rays.dir_z(i);
-        if !(t >= near && t <= far) {
+        let dir_z = rays.dir_z(i);
+        let t = depth[i] / dir_z;
+        // The ends of the volume reject what may lie beyond, they do not collect it.
+        let (last, first) = (1.0 / (near * dir_z) - 0.5 * step, 1.0 / (far * dir_z) + 0.5 * step);
+        let inside = refined.inv_z[i] >= first && refined.inv_z[i] <= last;
+        if !(inside && field.validity.is_lit(rays.in_frame(i).at(f64::from(t)).q)) {
             m.status[i] = PixelStatus::OutsideVolume;
         } else if chi2[i] > settings.max_chi2 {
             m.status[i] = PixelStatus::Ambiguous;
@@ -61,6 +52,7 @@ pub(crate) fn filter(
             depth[i] = f32::NAN;
         }
     }
+    reject_unexplained_components(&mut depth, &mut m.status, camera, refined, settings);
     reject_small_components(&mut depth, &mut m.status, camera, settings.min_component);
     for i in 0..m.n() {
         if depth[i].is_nan() && m.status[i] == PixelStatus::Valid {

@@ -1,0 +1,55 @@
+//! The center of a light, and the chart in which it is sought.
+
+use nalgebra::{Point3, Vector3};
+
+/// The light's center seen from the middle of the volume: a direction and an inverse distance (0 = at infinity).
+#[derive(Clone, Copy, Debug)]
+pub(in crate::calibrate) struct LightCenter {
+    /// Middle of the volume, mm.
+    pub(in crate::calibrate) origin: Point3<f64>,
+    /// Unit direction in which the light travels there.
+    pub(in crate::calibrate) along: Vector3<f64>,
+    /// One over the distance to the center, 1/mm.
+    pub(in crate::calibrate) kappa: f64,
+    /// Unit direction of the line on which the center lies, where the codes do not tell where on it: patterns that vary
+    /// along one axis only.
+    pub(in crate::calibrate) line: Option<Vector3<f64>>,
+}
+
+impl LightCenter {
+    /// Where the light is, mm; `None` at infinity.
+    pub(super) fn position(&self) -> Option<Point3<f64>> {
+        (self.kappa.abs() > 1e-9).then(|| self.origin - self.along / self.kappa)
+    }
+}
+
+/// A point of the chart: two tangents of the direction's offsets, and `kappa · scale`.
+pub(super) type State = [f64; 3];
+
+/// The state of a light in the camera itself.
+pub(super) const HOME: State = [0.0, 0.0, 1.0];
+
+/// A chart of centers around the middle of the volume.
+pub(super) struct Chart {
+    /// Middle of the volume, mm.
+    pub(super) origin: Point3<f64>,
+    /// Its distance from the camera, mm: the unit of inverse distances.
+    pub(super) scale: f64,
+    base: Vector3<f64>,
+    e1: Vector3<f64>,
+    e2: Vector3<f64>,
+}
+
+impl Chart {
+    pub(super) fn new(origin: Point3<f64>) -> Self {
+        let base = origin.coords.normalize();
+        let e1 = (Vector3::x() - base * base.x).normalize();
+        Self { origin, scale: origin.coords.norm(), base, e1, e2: base.cross(&e1) }
+    }
+
+    /// The center at a state.
+    pub(super) fn center(&self, s: State) -> LightCenter {
+        let along = (self.base + self.e1 * s[0].tan() + self.e2 * s[1].tan()).normalize();
+        LightCenter { origin: self.origin, along, kappa: s[2] / self.scale, line: None }
+    }
+}

@@ -1,0 +1,249 @@
+//! Where the light comes from, found from the sweep alone.
+//!
+//! Two board positions that the same ray of light meets show the same codeword. So the center of the light is the point
+//! for which every sample of one position, carried along its ray of light to another position, finds its own codeword
+//! there. It is searched for coarse to fine ([`search`]), then found by robust Gauss-Newton ([`refine`]) with lever arms
+//! (distances between the two positions) that grow as the center gets better. No model of the projector is involved but
+//! that its light is straight.
+
+mod center;
+mod refine;
+mod search;
+mod transport;
+
+use nalgebra::{Point3, Vector3};
+use nelu3d_scan::Camera;
+use rayon::prelude::*;
+
+use super::views::Views;
+use crate::progress::Progress;
+pub(super) use center::LightCenter;
+use center::{Chart, HOME};
+use refine::{Refined, Steps, refine};
+use search::{search_levels, starts};
+use transport::{PULL, Transport, disagreement, seeds};
+
+/// Numbers of a sweep that the last refinement looks at: samples times channels.
+const MEASUREMENTS: usize = 720_000;
+/// Factor by which residuals may rise where the center is moved along the line that codes of one axis leave open.
+const MAX_WORSE: f64 = 1.005;
+/// Disagreement with the other positions beyond which a position has no consensus with them.
+const NO_CONSENSUS: f64 = 0.6;
+
+/// What the search found.
+pub(super) struct FoundLight {
+    pub(super) center: LightCenter,
+    /// Positions of the sweep whose codewords do not fit the others': their poses are wrong, or something stood in the light.
+    pub(super) without_consensus: Vec<usize>,
+}
+
+/// Finds the center of the light, or `None` when there are too few samples (or somebody stopped the work).
+pub(super) fn find_center(mut views: Views, camera: &Camera, progress: &Progress) -> Option<FoundLight> {
+    let all = seeds(camera, &views, &views.levels[0], 2000);
+    if all.len() < 200 || views.len() < 2 {
+        return None;
+    }
+    let mean = all.iter().map(|s| s.point.coords).sum::<Vector3<f64>>() / all.len() as f64;
+    let chart = Chart::new(Point3::from(mean));
+    let mut found = search(&Transport { camera, views: &views, chart: &chart }, progress)?;
+    let outliers = without_consensus(&Transport { camera, views: &views, chart: &chart }, &found);
+    let mut without_consensus = Vec::new();
+    if outliers.iter().any(|o| *o) {
+        without_consensus = (0..views.len()).filter(|i| outliers[*i]).map(|i| views.positions[i]).collect();
+        let keep: Vec<bool> = outliers.iter().map(|o| !o).collect();
+        views.retain(&keep);
+        found = search(&Transport { camera, views: &views, chart: &chart }, progress)?;
+    }
+    let line = undetermined(&chart, &found);
+    let center = LightCenter { line, ..chart.center(found.state) };
+    tracing::debug!(position = ?center.position(), scale = found.scale, ?line, "light");
+    Some(FoundLight { center, without_consensus })
+}
+
+/// Searches the center and refines the best of what was found, with lever arms that grow.
+fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
+    let levels = search_levels(t);
+    let finest = levels.first()?;
+    let (n, k) = (t.views.len(), t.views.k);
+    let last = (n / 3).max(3.min(n - 1));
+    let mut candidates = starts(t, &levels);
+    candidates.push(HOME);
+    let scored = candidates.into_par_iter().map(|start| {
+        let arms = [1, 2, 4].into_iter().filter(|arm| *arm <= last);
+        let s = arms.fold(start, |s, arm| refine(t, finest.level, &finest.seeds, s, finest.steps(k, arm)).state);
+        (t.score(finest.level, &finest.seeds, s, 2.min(last), finest.by_chance, 1.0), s)
+    });
+    let scored: Vec<_> = scored.collect();
+    let (score, state) = scored.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    tracing::debug!(score, ?state, "best start of the light");
+    let all = seeds(t.camera, t.views, finest.level, MEASUREMENTS / t.views.k.max(6));
+    let how = Steps { arm: last, count: 12, min_scale: 0.1 * finest.spread(k), pull: PULL };
+    let (mut best, mut arm) = (Refined::at(state), 2);
+    loop {
+        if progress.cancelled() {
+            return None;
+        }
+        // The longest arms decide; along what the patterns hardly tell, that takes more steps.
+        let count = if arm >= last { 20 } else { 6 };
+        best = refine(t, finest.level, &all, best.state, Steps { arm: arm.min(last), count, ..how });
+        if arm >= last {
+            break;
+        }
+        arm *= 2;
+    }
+    if is_one_axis(&best) {
+        // Anywhere on a line along the fringes is as good: as near to the camera as the codewords do not mind.
+        for pull in [1e-3, 3e-3, 1e-2, 3e-2] {
+            let nearer = refine(t, finest.level, &all, best.state, Steps { pull, ..how });
+            if nearer.scale > MAX_WORSE * best.scale {
+                break;
+            }
+            best = nearer;
+        }
+    }
+    best.scale.is_finite().then_some(best)
+}
+
+/// Whether the codes vary along one axis only: a shift of the center along the other says as little as one along the light.
+fn is_one_axis(found: &Refined) -> bool {
+    let mut eigenvalues: [f64; 3] = found.information.symmetric_eigenvalues().into();
+    eigenvalues.sort_by(f64::total_cmp);
+    tracing::debug!(?eigenvalues, "information on the light's center");
+    eigenvalues[1] < 0.15 * eigenvalues[2]
+}
+
+/// Which views' codewords, carried to the other views, do not fit there, while those of most views do.
+fn without_consensus(t: &Transport<'_>, found: &Refined) -> Vec<bool> {
+    let (n, light) = (t.views.len(), t.chart.center(found.state));
+    let levels = search_levels(t);
+    let Some(finest) = levels.first() else { return vec![false; n] };
+    let sums: Vec<Vec<(f64, usize)>> = (0..n)
+        .into_par_iter()
+        .map(|to| {
+            let mut sums = vec![(0.0, 0); n];
+            let mut r = vec![0.0; t.views.k];
+            for seed in finest.seeds.iter().filter(|s| s.view != to) {
+                if t.carry(finest.level, seed, &light, to, &mut r) {
+                    let of = &mut sums[seed.view];
+                    *of = (of.0 + disagreement(&r, finest.by_chance), of.1 + 1);
+                }
+            }
+            sums
+        })
+        .collect();
+    // Both ways; the half of the others that a view agrees with best.
+    let pair = |i: usize, j: usize| {
+        let (a, b) = (sums[i][j], sums[j][i]);
+        (a.1 + b.1 >= 10).then(|| (a.0 + b.0) / (a.1 + b.1) as f64)
+    };
+    let scores: Vec<Option<f64>> = (0..n)
+        .map(|i| {
+            let mut of: Vec<f64> = (0..n).filter(|j| *j != i).filter_map(|j| pair(i, j)).collect();
+            of.sort_by(f64::total_cmp);
+            of.get(of.len().saturating_sub(1) / 2).copied()
+        })
+        .collect();
+    let mut known: Vec<f64> = scores.iter().flatten().copied().collect();
+    known.sort_by(f64::total_cmp);
+    tracing::debug!(?scores, "agreement of positions");
+    let consensus = known.get(known.len() * 2 / 3).is_some_and(|s| *s < 0.6 * NO_CONSENSUS);
+    let outlier = |s: &Option<f64>| consensus && s.is_some_and(|s| s > NO_CONSENSUS);
+    let outliers: Vec<bool> = scores.iter().map(outlier).collect();
+    let left = outliers.iter().filter(|o| !**o).count();
+    if left >= 3 { outliers } else { vec![false; n] }
+}
+
+/// The direction of the line on which the center lies, if the codes vary along one axis only and hardly tell where on it.
+fn undetermined(chart: &Chart, found: &Refined) -> Option<Vector3<f64>> {
+    if !is_one_axis(found) {
+        return None;
+    }
+    let eigen = found.information.symmetric_eigen();
+    let weakest = eigen.eigenvalues.imin();
+    let v = eigen.eigenvectors.column(weakest);
+    let moved = |by: f64| chart.center([0, 1, 2].map(|i| found.state[i] + by * v[i])).position();
+    let (a, b) = (moved(-1e-3)?, moved(1e-3)?);
+    Some((b - a).normalize())
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+
+    use super::super::placed_sweep::BoardPlane;
+    use super::super::views::Level;
+    use super::*;
+
+    /// Views of boards held by hand under a light at `center` whose rays have the codeword `code(x, y)` at tangents x and y.
+    fn views(
+        camera: &Camera,
+        poses: &[Isometry3<f64>],
+        center: Point3<f64>,
+        code: impl Fn(f64, f64) -> Vec<f32>,
+    ) -> Views {
+        let k = code(0.0, 0.0).len();
+        let mut finest = Level::finest(camera, k, poses.len());
+        let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, [-90.0, -70.0, 90.0, 70.0])).enumerate().collect();
+        for (_, board) in &boards {
+            let mut image = Vec::new();
+            for i in 0..camera.n_pixels() {
+                let dir = camera.ray([(i % camera.width) as f64, (i / camera.width) as f64]).dir;
+                let values = board.hit(&dir).map(|t| {
+                    let from = Point3::from(dir * t) - center;
+                    code(from.x / from.z, from.y / from.z)
+                });
+                let usable = if values.is_some() { 1.0 } else { 0.0 };
+                image.extend(values.unwrap_or_else(|| vec![0.0; k]));
+                image.push(usable);
+            }
+            finest.images.push(image);
+        }
+        Views::new(k, boards, finest, &Vector3::z())
+    }
+
+    fn poses() -> Vec<Isometry3<f64>> {
+        let tilts = [[0.2, -0.1, 0.0], [-0.25, 0.1, 0.05], [0.05, 0.3, 0.0], [0.1, -0.3, -0.05], [-0.1, 0.05, 0.1]];
+        let places =
+            [[5.0, 0.0, 760.0], [-10.0, 8.0, 640.0], [12.0, -6.0, 700.0], [0.0, 4.0, 735.0], [-4.0, -9.0, 668.0]];
+        (0..5).map(|i| Isometry3::new(Vector3::from(places[i]), Vector3::from(tilts[i]))).collect()
+    }
+
+    /// Gray code of a tangent, 7 bits.
+    fn gray(v: f64) -> impl Iterator<Item = f32> {
+        let n = (((v + 0.6) / 1.2).clamp(0.0, 0.999) * 128.0) as u32;
+        (0..7).map(move |bit| ((n ^ n >> 1) >> bit & 1) as f32)
+    }
+
+    #[test]
+    fn a_few_boards_held_by_hand_tell_where_the_light_is() {
+        let camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
+        let center = Point3::new(-60.0, 140.0, 55.0);
+        let both = views(&camera, &poses(), center, |x, y| gray(x).chain(gray(y)).collect());
+        let found = find_center(both, &camera, &Progress::none()).unwrap();
+        let at = found.center.position().unwrap();
+        assert!((at - center).norm() < 6.0 && found.center.line.is_none(), "{at}");
+        assert!(found.without_consensus.is_empty());
+
+        // Along one axis only: up to a line along y.
+        let rows = views(&camera, &poses(), center, |x, _| gray(x).collect());
+        let found = find_center(rows, &camera, &Progress::none()).unwrap();
+        let (at, line) = (found.center.position().unwrap(), found.center.line.unwrap());
+        assert!(line.y.abs() > 0.95, "{line}");
+        let off = (at - center) - line * line.dot(&(at - center));
+        assert!(off.norm() < 8.0, "{at} {line}");
+    }
+
+    #[test]
+    fn a_position_that_does_not_fit_is_named() {
+        let camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
+        let center = Point3::new(-60.0, 140.0, 55.0);
+        let mut wrong = views(&camera, &poses(), center, |x, y| gray(x).chain(gray(y)).collect());
+        // Taken for 40 mm nearer than it was.
+        wrong.planes[2].1 -= 40.0;
+        let position = wrong.positions[2];
+        let found = find_center(wrong, &camera, &Progress::none()).unwrap();
+        assert_eq!(found.without_consensus, [position]);
+        let at = found.center.position().unwrap();
+        assert!((at - center).norm() < 6.0, "{at}");
+    }
+}

@@ -1,0 +1,111 @@
+//! The light's center by robust Gauss-Newton on carried codewords.
+
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use super::super::views::Level;
+use super::center::{HOME, State};
+use super::transport::{Seed, Transport, partner};
+
+/// What a refinement found.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Refined {
+    pub(super) state: State,
+    /// Robust residual of the normalized intensity; infinite where too few samples could be carried.
+    pub(super) scale: f64,
+    /// Mean information of a measurement on the state, squared slopes.
+    pub(super) information: Matrix3<f64>,
+}
+
+impl Refined {
+    /// A state that nothing is known of.
+    pub(super) fn at(state: State) -> Self {
+        Self { state, scale: f64::INFINITY, information: Matrix3::zeros() }
+    }
+}
+
+/// How a refinement is done.
+#[derive(Clone, Copy)]
+pub(super) struct Steps {
+    /// Steps in depth between the views that are compared.
+    pub(super) arm: usize,
+    /// Largest number of steps.
+    pub(super) count: usize,
+    /// Smallest residual that is not taken for noise. Most pixels of a binary code say nothing (0 stays 0), and without a
+    /// bound the few at its edges, which tell everything, would be taken for outliers.
+    pub(super) min_scale: f64,
+    /// Strength of the pull towards the camera, as a share of the best determined direction's information.
+    pub(super) pull: f64,
+}
+
+/// Gauss-Newton with Cauchy weights on carried samples.
+pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, how: Steps) -> Refined {
+    let mut out = Refined::at(s);
+    for _ in 0..how.count {
+        let rows = linearize(t, level, seeds, out.state, how.arm);
+        if rows.len() < 100 {
+            return Refined { scale: f64::INFINITY, ..out };
+        }
+        let mut abs: Vec<f64> = rows.iter().map(|r| r[3].abs()).collect();
+        let mid = abs.len() / 2;
+        out.scale = (abs.select_nth_unstable_by(mid, f64::total_cmp).1.max(1e-6)) * 1.4826;
+        let (mut a, mut b, mut weights) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
+        for row in &rows {
+            let j = Vector3::new(row[0], row[1], row[2]);
+            let w = 1.0 / (1.0 + (row[3] / (2.0 * out.scale.max(how.min_scale))).powi(2));
+            a += j * j.transpose() * w;
+            b += j * (row[3] * w);
+            weights += w;
+        }
+        out.information = a / weights;
+        // Patterns that vary along one axis only leave the center free along the other: a faint pull to the camera decides
+        // there, and is not felt elsewhere.
+        let pull = a.diagonal().max() * how.pull;
+        for i in 0..3 {
+            a[(i, i)] += pull;
+            b[i] += pull * (out.state[i] - HOME[i]);
+        }
+        let Some(step) = a.try_inverse().map(|i| i * b) else { break };
+        let limit = (0.1 / step.amax().max(1e-12)).min(1.0);
+        for i in 0..3 {
+            out.state[i] -= step[i] * limit;
+        }
+        if step.amax() < 1e-6 {
+            break;
+        }
+    }
+    out
+}
+
+/// Slopes by the state and residual of every measurement that lands under all probes.
+fn linearize(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, arm: usize) -> Vec<[f64; 4]> {
+    const H: f64 = 1e-3;
+    let k = t.views.k;
+    // Central differences: a one-sided slope shares its noise with the residual it is multiplied with, and that product has a
+    // mean, which pushes the center away along everything that the patterns hardly tell.
+    let probes: [_; 7] = std::array::from_fn(|i| {
+        let mut s = s;
+        if i < 6 {
+            s[i / 2] += if i.is_multiple_of(2) { H } else { -H };
+        }
+        t.chart.center(s)
+    });
+    seeds
+        .par_chunks(512)
+        .map(|chunk| {
+            let mut out = Vec::new();
+            let mut r = vec![vec![0.0; k]; 7];
+            for seed in chunk {
+                let to = partner(seed, arm, t.views.len());
+                if (0..7).all(|i| t.carry(level, seed, &probes[i], to, &mut r[i])) {
+                    out.extend((0..k).map(|c| {
+                        let slope = |i: usize| (r[2 * i][c] - r[2 * i + 1][c]) / (2.0 * H);
+                        [slope(0), slope(1), slope(2), r[6][c]]
+                    }));
+                }
+            }
+            out
+        })
+        .collect::<Vec<_>>()
+        .concat()
+}

@@ -1,0 +1,127 @@
+//! Reading positions of the sweep into bins.
+
+use nalgebra::Point3;
+
+use super::error::CalibrationError;
+use super::held_out::HeldOutErrors;
+use super::placed_sweep::PlacedSweep;
+use super::support::Support;
+use super::sweep::Position;
+use crate::color_field::bins::{Bins, Gathered};
+use crate::color_field::frame::FieldFrame;
+use crate::color_field::grid::Grid;
+use crate::color_field::validity::Validity;
+use crate::progress::Progress;
+
+/// Where what is read goes.
+pub(super) struct Pass<'a, 'r> {
+    pub(super) placed: &'a PlacedSweep<'r>,
+    pub(super) frame: &'a FieldFrame,
+    pub(super) progress: &'a Progress,
+    pub(super) bins: &'a mut Bins,
+    pub(super) validity: &'a mut Validity,
+}
+
+/// What one position leaves: its samples on their way to the bins, and where they were.
+struct Passed {
+    gathered: Gathered,
+    validity: Validity,
+    n: usize,
+}
+
+impl Passed {
+    fn of(
+        placed: &PlacedSweep<'_>,
+        frame: &FieldFrame,
+        into: (&Gathered, &Validity),
+        p: usize,
+        read: &Position,
+    ) -> Self {
+        let mut out = Self { gathered: into.0.clone(), validity: into.1.clone(), n: 0 };
+        let width = placed.camera.width;
+        placed.for_each(p, read, |i, t, v, w| {
+            out.n += 1;
+            if let Some(q) = frame.to_unit(&Point3::from(placed.dirs[i] * t)) {
+                out.validity.add([(i % width) as f64, (i / width) as f64], t as f32, q);
+                out.gathered.push(q, v, w);
+            }
+        });
+        out
+    }
+}
+
+impl Pass<'_, '_> {
+    /// An empty volume of the same shape.
+    fn blank(&self) -> Validity {
+        let shape = self.validity.shape;
+        Validity::new(self.placed.camera.width, self.placed.camera.height, shape.tile_px, shape.cells)
+    }
+
+    /// Adds positions to bins and validity, and to `support` where it is asked for. Returns the number of usable samples.
+    pub(super) fn gather(
+        &mut self,
+        which: &[usize],
+        mut support: Option<&mut Support>,
+    ) -> Result<usize, CalibrationError> {
+        let (placed, frame, empty, blank) = (self.placed, self.frame, self.bins.gathered(), self.blank());
+        let map = |p: usize, (): (), read: &Position| Passed::of(placed, frame, (&empty, &blank), p, read);
+        let mut usable = 0;
+        let take = |wave: Vec<Passed>| {
+            for p in &wave {
+                usable += p.n;
+                self.validity.merge(&p.validity);
+                if let Some(support) = &mut support {
+                    support.add(&p.validity);
+                }
+            }
+            self.bins.add_all(&wave.into_iter().map(|p| p.gathered).collect::<Vec<_>>());
+        };
+        placed.sweep.stream(which, self.progress, |(), _| {}, map, take)?;
+        Ok(usable)
+    }
+
+    /// Compares positions with a field where at least `least` positions support it, every `stride`th sample's depth error
+    /// kept; then adds them to bins and validity.
+    pub(super) fn compare(
+        &mut self,
+        which: &[usize],
+        grid: &Grid,
+        stride: usize,
+        support: &Support,
+        least: u16,
+    ) -> Result<Vec<(usize, HeldOutErrors)>, CalibrationError> {
+        let (placed, frame, empty, blank) = (self.placed, self.frame, self.bins.gathered(), self.blank());
+        let map = |p: usize, (): (), read: &Position| {
+            let passed = Passed::of(placed, frame, (&empty, &blank), p, read);
+            let supported = |q: [f32; 3]| support.holds(q, least);
+            (passed, (p, HeldOutErrors::of(placed, frame, grid, p, read, stride, supported)))
+        };
+        let mut errors = Vec::new();
+        let take = |wave: Vec<(Passed, (usize, HeldOutErrors))>| {
+            let mut all = Vec::with_capacity(wave.len());
+            for (p, e) in wave {
+                self.validity.merge(&p.validity);
+                all.push(p.gathered);
+                errors.push(e);
+            }
+            self.bins.add_all(&all);
+        };
+        placed.sweep.stream(which, self.progress, |(), _| {}, map, take)?;
+        Ok(errors)
+    }
+}
+
+/// The samples of positions, as they were added to `bins`.
+pub(super) fn gathered(
+    placed: &PlacedSweep<'_>,
+    frame: &FieldFrame,
+    which: &[usize],
+    bins: &Bins,
+    progress: &Progress,
+) -> Result<Vec<Gathered>, CalibrationError> {
+    let (empty, mut all) = (bins.gathered(), Vec::new());
+    let blank = Validity::new(placed.camera.width, placed.camera.height, placed.camera.width.max(1), [1, 1, 1]);
+    let map = |p: usize, (): (), read: &Position| Passed::of(placed, frame, (&empty, &blank), p, read).gathered;
+    placed.sweep.stream(which, progress, |(), _| {}, map, |wave| all.extend(wave))?;
+    Ok(all)
+}

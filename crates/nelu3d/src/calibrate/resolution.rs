@@ -1,0 +1,57 @@
+//! How many cells a field has.
+
+use nalgebra::Point3;
+
+use super::placed_sweep::PlacedSweep;
+use crate::color_field::frame::{Center, FieldFrame};
+
+/// Most coefficients of a field: 48 million in f16 are 96 MB.
+const MAX_COEFFS: usize = 48_000_000;
+/// Most cells along w in the light's frame, where only defocus changes.
+const MAX_CELLS_ALONG_LIGHT: usize = 4;
+
+/// Cells along a, b and w: across, `cells_per_pixel` per pixel where the volume is; along, what the sweep can supervise.
+///
+/// The cells across hold the edges of the code, and come first: in the light's frame there are only as many cells along as leave
+/// room for them. One is a cubic along every ray of light.
+pub(super) fn resolution(
+    placed: &PlacedSweep<'_>,
+    frame: &FieldFrame,
+    center: Center,
+    cells_per_pixel: usize,
+) -> [usize; 3] {
+    let n_positions = placed.n_positions();
+    let [pitch_a, pitch_b] = pitch(placed, frame);
+    let span = |i: usize| frame.hi[i] - frame.lo[i];
+    let across =
+        [(span(0) / pitch_a).ceil() as usize, (span(1) / pitch_b).ceil() as usize].map(|n| n * cells_per_pixel);
+    let nodes = |along: usize| (across[0] + 3) * (across[1] + 3) * (along + 3) * placed.sweep.k;
+    let along = match center {
+        Center::Light => {
+            let most = (n_positions / 4).clamp(1, MAX_CELLS_ALONG_LIGHT);
+            (1..=most).rev().find(|along| nodes(*along) <= MAX_COEFFS).unwrap_or(1)
+        }
+        Center::Camera => n_positions - 1,
+    };
+    let shrink = (MAX_COEFFS as f64 / nodes(along) as f64).sqrt().min(1.0);
+    let [a, b] = across.map(|n| ((n as f64 * shrink) as usize).max(4));
+    [a, b, along]
+}
+
+/// Distance between neighboring pixels' samples at the middle of the volume along a and b, mm of the frame.
+pub(super) fn pitch(placed: &PlacedSweep<'_>, frame: &FieldFrame) -> [f64; 2] {
+    let mid = Point3::from(placed.mean_point());
+    let px = placed.camera.project(&mid).unwrap_or([placed.camera.cx, placed.camera.cy]);
+    let at = |dx: f64, dy: f64| {
+        let dir = placed.camera.ray([px[0] + dx, px[1] + dy]).dir;
+        frame.to_abw(&Point3::from(dir * (mid.z / dir.z))).unwrap_or([0.0; 3])
+    };
+    let (o, r, d) = (at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0));
+    [0, 1].map(|i| (r[i] - o[i]).hypot(d[i] - o[i]).max(1e-9))
+}
+
+/// Whether the cells across are fewer than the pixels that see them.
+pub(super) fn is_limited(placed: &PlacedSweep<'_>, frame: &FieldFrame, cells: [usize; 3]) -> bool {
+    let pitch = pitch(placed, frame);
+    (0..2).any(|i| (cells[i] as f64) < 0.9 * (frame.hi[i] - frame.lo[i]) / pitch[i])
+}
