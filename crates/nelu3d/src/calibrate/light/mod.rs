@@ -11,7 +11,7 @@ mod refine;
 mod search;
 mod transport;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Const, Point3, SymmetricEigen, Vector3};
 use nelu3d_scan::Camera;
 use rayon::prelude::*;
 
@@ -104,12 +104,16 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
     best.scale.is_finite().then_some(best)
 }
 
-/// Whether the codes vary along one axis only: a shift of the center along the other says as little as one along the light.
+/// What the codes tell of the two tangents of the light's direction.
+fn of_tangents(found: &Refined) -> SymmetricEigen<f64, Const<2>> {
+    found.information.fixed_view::<2, 2>(0, 0).into_owned().symmetric_eigen()
+}
+
+/// Whether the codes vary along one axis only: of the light's direction, they hardly tell one tangent.
 fn is_one_axis(found: &Refined) -> bool {
-    let mut eigenvalues: [f64; 3] = found.information.symmetric_eigenvalues().into();
-    eigenvalues.sort_by(f64::total_cmp);
-    tracing::debug!(?eigenvalues, "information on the light's center");
-    eigenvalues[1] < 0.15 * eigenvalues[2]
+    let values = of_tangents(found).eigenvalues;
+    tracing::debug!(?values, "information on the light's direction");
+    values.min() < 0.15 * values.max()
 }
 
 /// Which views' codewords, carried to the other views, do not fit there, while those of most views do.
@@ -158,10 +162,10 @@ fn undetermined(chart: &Chart, found: &Refined) -> Option<Vector3<f64>> {
     if !is_one_axis(found) {
         return None;
     }
-    let eigen = found.information.symmetric_eigen();
-    let weakest = eigen.eigenvalues.imin();
-    let v = eigen.eigenvectors.column(weakest);
-    let moved = |by: f64| chart.center([0, 1, 2].map(|i| found.state[i] + by * v[i])).position();
+    let eigen = of_tangents(found);
+    let v = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+    let [x, y, kappa] = found.state;
+    let moved = |by: f64| chart.center([x + by * v[0], y + by * v[1], kappa]).position();
     let (a, b) = (moved(-1e-3)?, moved(1e-3)?);
     Some((b - a).normalize())
 }
