@@ -77,7 +77,8 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
     let (score, state) = scored.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
     tracing::debug!(score, ?state, "best start of the light");
     let all = seeds(t.camera, t.views, finest.level, MEASUREMENTS / t.views.k.max(6));
-    let how = Steps { arm: last, count: 12, min_scale: 0.1 * finest.spread(k), pull: PULL };
+    let how =
+        Steps { arm: last, count: 12, min_scale: 0.1 * finest.spread(k), pull: PULL, open: (Vector3::zeros(), 0.0) };
     let (mut best, mut arm) = (Refined::at(state), 2);
     loop {
         if progress.cancelled() {
@@ -92,9 +93,11 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
         arm *= 2;
     }
     if is_one_axis(&best) {
-        // Anywhere on a line along the fringes is as good: as near to the camera as the codewords do not mind.
-        for pull in [1e-3, 3e-3, 1e-2, 3e-2] {
-            let nearer = refine(t, finest.level, &all, best.state, Steps { pull, ..how });
+        // Anywhere on a line along the fringes is as good: as near to the camera as the codewords do not mind. Only along
+        // that line: across it the codes know better.
+        let direction = open_direction(&best);
+        for strength in [1e-3, 3e-3, 1e-2, 3e-2] {
+            let nearer = refine(t, finest.level, &all, best.state, Steps { open: (direction, strength), ..how });
             if nearer.scale > MAX_WORSE * best.scale {
                 break;
             }
@@ -107,6 +110,16 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
 /// What the codes tell of the two tangents of the light's direction.
 fn of_tangents(found: &Refined) -> SymmetricEigen<f64, Const<2>> {
     found.information.fixed_view::<2, 2>(0, 0).into_owned().symmetric_eigen()
+}
+
+/// The direction of the state that codes along one axis leave open: the tangent that they hardly tell, and the inverse
+/// distance that goes with it at equal codewords.
+fn open_direction(found: &Refined) -> Vector3<f64> {
+    let eigen = of_tangents(found);
+    let v = eigen.eigenvectors.column(eigen.eigenvalues.imin());
+    let a = &found.information;
+    let kappa = -(a[(2, 0)] * v[0] + a[(2, 1)] * v[1]) / a[(2, 2)].max(1e-12);
+    Vector3::new(v[0], v[1], kappa).normalize()
 }
 
 /// Whether the codes vary along one axis only: of the light's direction, they hardly tell one tangent.
@@ -162,10 +175,11 @@ fn undetermined(chart: &Chart, found: &Refined) -> Option<Vector3<f64>> {
     if !is_one_axis(found) {
         return None;
     }
-    let eigen = of_tangents(found);
-    let v = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
-    let [x, y, kappa] = found.state;
-    let moved = |by: f64| chart.center([x + by * v[0], y + by * v[1], kappa]).position();
+    let open = open_direction(found);
+    let moved = |by: f64| {
+        let state = Vector3::from(found.state) + by * open;
+        chart.center(state.into()).position()
+    };
     let (a, b) = (moved(-1e-3)?, moved(1e-3)?);
     Some((b - a).normalize())
 }

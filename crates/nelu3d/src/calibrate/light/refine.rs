@@ -34,8 +34,10 @@ pub(super) struct Steps {
     /// Smallest residual that is not taken for noise. Most pixels of a binary code say nothing (0 stays 0), and without a
     /// bound the few at its edges, which tell everything, would be taken for outliers.
     pub(super) min_scale: f64,
-    /// Strength of the pull towards the camera, as a share of the best determined direction's information.
+    /// Strength of the pull towards the camera, as a fraction of the best determined direction's information.
     pub(super) pull: f64,
+    /// Direction of the state that the codes leave open, and the strength of a further pull along it alone; zero for none.
+    pub(super) open: (Vector3<f64>, f64),
 }
 
 /// Gauss-Newton with Cauchy weights on carried samples.
@@ -65,6 +67,11 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
             a[(i, i)] += pull;
             b[i] += pull * (out.state[i] - HOME[i]);
         }
+        let (direction, strength) = how.open;
+        let home = Vector3::from(out.state) - Vector3::from(HOME);
+        let further = a.diagonal().max() * strength;
+        a += further * direction * direction.transpose();
+        b += further * direction * direction.dot(&home);
         let Some(step) = a.try_inverse().map(|i| i * b) else { break };
         let limit = (0.1 / step.amax().max(1e-12)).min(1.0);
         for i in 0..3 {
