@@ -41,7 +41,7 @@ impl CommandContext {
         let device = Device::open(choice)?;
         match (choice, device.is_cpu()) {
             (Choice::Auto, true) if device::has_gpu_code() => {
-                self.console.note("no GPU: everything is done on the CPU (`nelu3d devices` says why)");
+                tracing::info!("no GPU: everything is done on the CPU (`nelu3d devices` says why)");
             }
             (_, false) => self.console.note(&format!("on {}", device.name())),
             _ => {}

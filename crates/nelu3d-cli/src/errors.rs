@@ -19,7 +19,7 @@ const FROM_PROJECTOR: &str = "--from-projector takes a calibrated projector inst
 /// repeated.
 pub(crate) fn sentence(error: &anyhow::Error) -> String {
     let mut text = String::new();
-    for cause in error.chain().map(|e| one_line(&message(e))) {
+    for cause in error.chain().map(|e| one_line(&with_options(&e.to_string()))) {
         if !text.contains(&cause) {
             if !text.is_empty() {
                 text.push_str(": ");
@@ -34,17 +34,18 @@ pub(crate) fn sentence(error: &anyhow::Error) -> String {
     }
 }
 
-/// Returns the message of an error, with settings named as they are typed.
-fn message(error: &(dyn Error + 'static)) -> String {
-    match error.downcast_ref() {
-        Some(DecodeError::Setting { setting, problem }) => format!("{} {problem}", option(setting)),
-        _ => error.to_string(),
+/// Returns a text of a library with its settings named as they are typed: `--min-contrast` for "setting `min_contrast`".
+fn with_options(text: &str) -> String {
+    const SETTING: &str = "setting `";
+    let mut parts = text.split(SETTING);
+    let mut out = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        match part.split_once('`') {
+            Some((name, rest)) => out += &format!("--{}{rest}", name.replace('_', "-")),
+            None => out += &format!("{SETTING}{part}"),
+        }
     }
-}
-
-/// Returns a setting's option: `--min-contrast` for `min_contrast`.
-fn option(setting: &str) -> String {
-    format!("--{}", setting.trim_start_matches('-').replace([' ', '_'], "-"))
+    out
 }
 
 /// Returns what to type about an error, if that helps, after the word of it that tells whether a message has it
@@ -135,9 +136,8 @@ mod tests {
 
     #[test]
     fn settings_are_named_as_they_are_typed() {
-        for setting in ["min_contrast", "min-contrast", "--min-contrast", "min contrast"] {
-            assert_eq!(option(setting), "--min-contrast");
-        }
+        assert_eq!(with_options("give setting `min_contrast` or a `b`"), "give --min-contrast or a `b`");
+        assert_eq!(with_options("setting `open"), "setting `open");
         let e = DecodeError::Setting { setting: "gamma", problem: "is -1: give a positive number".into() };
         assert_eq!(sentence(&e.into()), "--gamma is -1: give a positive number");
     }

@@ -127,8 +127,6 @@ fn template() -> &'static Path {
         for args in [vec!["simulate", spec, "-o", rig], vec!["calibrate", rig]] {
             let out = nelu3d(&args);
             assert!(out.status.success(), "{args:?}: {}", stderr(&out));
-            // A warning would spoil the single sentence of other runs.
-            assert!(!stderr(&out).contains("warning"), "{}", stderr(&out));
         }
         dir
     });

@@ -171,7 +171,7 @@ mod tests {
             (file(&good.replace("<f4", "<i4"), &[0; 24]), "holds '<i4' values; save it as float32"),
             (file(&good.replace("<f4", "|O"), &[0; 24]), "a.npy"),
             (file("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (2, 3), }", &[0; 24]), "values; save it"),
-            (b"\x93NUMPY\x02\x00\xff\xff\xff\x7f{'descr'".to_vec(), "ends in its header"),
+            (b"\x93NUMPY\x02\x00\xff\xff\xff\x7f{'descr'".to_vec(), "no whole .npy file (its header"),
             (b"hello".to_vec(), "no whole .npy file"),
             (Vec::new(), "no whole .npy file"),
         ] {

@@ -105,13 +105,14 @@ impl RaySource for TestImage {
     }
 }
 
-/// The same winners, but for rounding and pixels on the edge of two decisions.
+/// Asserts that winners are equal but for rounding, and for up to one pixel in a hundred: on random codewords some pixels
+/// have two equally good hypotheses, and some points lie on the edge of a lit cell.
 fn assert_agree(what: &str, found: &[Winner], expected: &[Winner]) {
     assert_eq!(found.len(), expected.len());
     let same = |(a, b): &(&Winner, &Winner)| (a.index - b.index).abs() < 1e-2 || a.index.is_nan() && b.index.is_nan();
     let all = found.len();
     let pairs: Vec<(&Winner, &Winner)> = found.iter().zip(expected).filter(same).collect();
-    assert!(pairs.len() + 1 + all / 1000 >= all, "{what}: {} of {all}", pairs.len());
+    assert!(pairs.len() + 1 + all / 100 >= all, "{what}: {} of {all}", pairs.len());
     for (a, b) in pairs {
         let close = |a: f32, b: f32, e: f32| a == b || a.is_nan() && b.is_nan() || (a - b).abs() < e;
         assert!(close(a.margin, b.margin, 2e-3 * b.margin.max(1.0)), "{what}: {a:?} {b:?}");

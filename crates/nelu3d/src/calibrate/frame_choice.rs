@@ -89,19 +89,20 @@ pub(super) fn reason(center: Center, light: Option<&LightCenter>, asked: FrameKi
 /// Why a field stays more than 3 dB below its noise, in words; `None` if it does not.
 pub(super) fn shortfall(best: &Candidate, light: Option<&LightCenter>) -> Option<String> {
     let q = &best.quality;
-    if !(q.psnr_db < q.ceiling_db - MAX_SHORTFALL_DB) {
-        return q.psnr_db.is_nan().then(|| {
-            "no held-out position could be compared: no two boards share a ray of light; place boards so that they overlap \
-             as the light sees them"
-                .into()
-        });
+    if q.psnr_db.is_nan() {
+        let reason = "no held-out position could be compared: no two boards share a ray of light; place boards so that \
+                      they overlap as the light sees them";
+        return Some(reason.into());
+    }
+    if q.psnr_db >= q.ceiling_db - MAX_SHORTFALL_DB {
+        return None;
     }
     let mut db: Vec<f64> = best.by_position.iter().map(|p| p.1).collect();
     db.sort_by(f64::total_cmp);
     let worst = best.by_position.iter().min_by(|a, b| a.1.total_cmp(&b.1));
     let why = match worst {
         Some((name, of_worst)) if db.len() > 2 && *of_worst < db[db.len() / 2] - 2.0 * MAX_SHORTFALL_DB => format!(
-            "position {name} does not fit the others ({of_worst:.1} dB): check it, or leave it out with --leave-out {name}"
+            "position {name} does not fit the others ({of_worst:.1} dB): check it, or leave it out"
         ),
         _ if best.center == Center::Camera && light.is_some() => {
             "the center of the light that was found does not predict the sweep, and the camera's frame needs boards that are \
