@@ -15,7 +15,7 @@ pub enum Choice {
     Cpu,
     /// The first GPU, a real one before a software driver.
     Gpu,
-    /// The GPU of that number in [`list`].
+    /// The GPU of that number in [`list`](super::list).
     GpuAt(usize),
 }
 

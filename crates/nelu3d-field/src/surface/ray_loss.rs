@@ -6,7 +6,7 @@ use crate::volrend::cpu::Step;
 /// An image formation and its losses: what the samples of a ray should be, apart from a distance.
 pub trait RayLoss: Sync {
     /// Returns whether it needs the distances' gradients. They are then computed for every sample, and
-    /// [`SurfaceLoss::eikonal_every`] must be 1.
+    /// [`SurfaceLoss::eikonal_every`](super::SurfaceLoss::eikonal_every) must be 1.
     fn needs_gradients(&self) -> bool;
 
     /// Returns the number of values per ray that it sends back to the caller.

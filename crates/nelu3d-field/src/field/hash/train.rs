@@ -12,7 +12,7 @@ use super::field::HashField;
 
 impl<const D: usize> HashField<D> {
     /// Takes one step of weighted regression; returns the loss before it, (1 / n k) Σ_i w_i Σ_o ρ(out_io − target_io),
-    /// with ρ of [`super::TrainConfig::loss`].
+    /// with ρ of [`TrainConfig::loss`](crate::field::TrainConfig::loss).
     ///
     /// `targets[point][output]`, `weights[point]` (empty: all 1). The schedule counts the calls. A loss that is not
     /// finite means a target or weight is not, and the field is lost. No points: nothing happens, loss 0.
