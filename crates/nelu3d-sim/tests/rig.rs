@@ -458,7 +458,7 @@ fn by_hand(seed: u64) -> Spec {
 fn found_corners(spec: &Spec) -> Vec<Vec<([f64; 2], [f64; 2])>> {
     let (_dir, rig) = rig(spec);
     let detector = Detector::new(rig.board.as_ref().unwrap()).unwrap().with_camera(&rig.camera);
-    let found = rig.positions().unwrap().iter().map(|shot| {
+    let found = rig.positions().unwrap().into_iter().map(|shot| {
         let white = rig.read_image(&shot.dir.join(&rig.white)).unwrap();
         let corners = detector.detect(&white.to_gray(), white.width, white.height).unwrap();
         corners.iter().map(|c| (c.px, [c.board_mm[0], c.board_mm[1]])).collect()
