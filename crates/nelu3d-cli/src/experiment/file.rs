@@ -317,9 +317,10 @@ mod tests {
         substitute(&mut value, "n", &Value::Float(0.5));
         let expected: Table = toml::from_str("x = 1\n[t]\ny = 2\nz = [0.5]\nw = \"a 0.5\"").unwrap();
         assert_eq!(value, Value::Table(expected));
-        let mut sweep: Table = toml::from_str("kind = 'stage'\nslope = 1\nn = 3").unwrap();
-        merge(&mut sweep, &toml::from_str("kind = 'handheld'\nn = 4").unwrap());
-        assert_eq!(sweep, toml::from_str("kind = 'handheld'\nn = 4").unwrap(), "keys of another kind are gone");
+        let mut spec: Table = toml::from_str("[sweep]\nkind = 'stage'\nslope = 1\nn = 3").unwrap();
+        merge(&mut spec, &toml::from_str("[sweep]\nkind = 'handheld'\nn = 4").unwrap());
+        let expected: Table = toml::from_str("[sweep]\nkind = 'handheld'\nn = 4").unwrap();
+        assert_eq!(spec, expected, "keys of another kind are gone");
     }
 
     #[test]
