@@ -121,6 +121,53 @@ fn a_file_becomes_tables_and_a_page_and_nothing_is_computed_twice() {
     assert_eq!(run(dir.path(), &[])["ran"].as_u64(), Some(3));
 }
 
+/// Gray code on boards placed by hand, decoded with the projector that the boards calibrate.
+const BY_HAND: &str = r#"
+title = "Boards by hand"
+
+[rigs.hand]
+preset = "demo"
+
+[rigs.hand.set]
+supersampling = 2
+scenes = [{ name = "ball", objects = [{ position_mm = [0.0, 0.0, 700.0], shape = { kind = "sphere", radius_mm = 50.0 } }] }]
+pattern_sets = [{ name = "gray", patterns = [{ family = "gray", axis = "x" }, { family = "gray", axis = "y" }] }]
+
+[rigs.hand.set.sweep]
+kind = "handheld"
+positions = 5
+first_mm = 620.0
+last_mm = 780.0
+position_sigma_mm = 8.0
+tilt_sigma = 0.2
+depths = "scattered"
+
+[[cases]]
+label = "ball"
+rig = "hand"
+scene = "ball"
+
+[[methods]]
+label = "triangulated"
+run = "decode --method gray"
+projector = "--set gray"
+
+[[columns]]
+label = "MAE, mm"
+value = "result.metrics.body.depth_mm.mae"
+"#;
+
+#[test]
+fn a_decoder_can_have_the_projector_that_the_sweep_calibrates() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("small.toml"), BY_HAND).unwrap();
+    let answer = run(dir.path(), &[]);
+    // A rig, its projector, a result.
+    assert_eq!(answer["ran"].as_u64(), Some(3));
+    let mae = answer["numbers"]["entries"][0]["numbers"][0]["mean"].as_f64().unwrap();
+    assert!(mae > 0.0 && mae < 1.0, "{mae}");
+}
+
 #[test]
 fn what_is_wrong_with_an_experiment_is_said() {
     let unknown = nelu3d(&["experiment", "table99"]);

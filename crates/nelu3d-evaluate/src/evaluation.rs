@@ -58,6 +58,7 @@ fn evaluate_region(
     let pixels: Vec<usize> = (0..inside.len()).filter(|&i| inside[i] && maps.depth[i].is_finite()).collect();
     let error = |i: usize| f64::from(maps.depth[i]) - f64::from(truth.depth[i]);
     let fraction = |f: &dyn Fn(usize) -> bool| ratio(pixels.iter().filter(|&&i| f(i)).count(), pixels.len());
+    let of_region = |f: &dyn Fn(usize) -> bool| ratio(pixels.iter().filter(|&&i| f(i)).count(), n_region);
     RegionMetrics {
         n_region,
         n: pixels.len(),
@@ -65,6 +66,7 @@ fn evaluate_region(
         depth_mm: ErrorStatistics::of(pixels.iter().map(|&i| error(i)).collect()),
         under_half_mm: fraction(&|i| error(i).abs() < 0.5),
         under_1mm: fraction(&|i| error(i).abs() < 1.0),
+        over_2mm: of_region(&|i| error(i).abs() >= 2.0),
         disparity_px: columns
             .map(|c| ErrorStatistics::of(pixels.iter().map(|&i| c[i]).filter(|e| e.is_finite()).collect())),
         normal_deg: maps.normals.map(|normals| {
@@ -74,6 +76,7 @@ fn evaluate_region(
         sigma: maps.sigma.map(|sigma| UncertaintyCalibration {
             within_1: fraction(&|i| error(i).abs() <= f64::from(sigma[i])),
             within_2: fraction(&|i| error(i).abs() <= 2.0 * f64::from(sigma[i])),
+            gross: of_region(&|i| error(i).abs() >= 2.0 && error(i).abs() > 10.0 * f64::from(sigma[i])),
             median_mm: percentile(&mut pixels.iter().map(|&i| f64::from(sigma[i])).collect::<Vec<_>>(), 50.0),
         }),
     }
@@ -136,6 +139,22 @@ mod tests {
         assert_eq!((sigma.within_1, sigma.within_2, sigma.median_mm), (0.5, 1.0, 0.75));
         assert!((m.normal_deg.unwrap().mae - 0.6f64.asin().to_degrees()).abs() < 1e-5);
         assert!(m.disparity_px.is_none());
+    }
+
+    #[test]
+    fn gross_errors_are_large_in_mm_and_in_sigma() {
+        let (truth, camera) = plane(40, 20);
+        let regions = truth.regions(&camera);
+        let mut depth = vec![500.0; 800];
+        let mut sigma = vec![0.1; 800];
+        depth[..400].fill(f32::NAN);
+        depth[400..440].fill(503.0);
+        depth[440..480].fill(497.0);
+        sigma[440..480].fill(0.4);
+        depth[480..500].fill(501.5);
+        let maps = EvaluatedMaps { depth: &depth, normals: None, sigma: Some(&sigma) };
+        let m = evaluate(&maps, &truth, &regions, &camera, None).whole;
+        assert_eq!((m.over_2mm, m.sigma.unwrap().gross), (0.1, 0.05));
     }
 
     #[test]

@@ -32,6 +32,8 @@ pub struct RegionMetrics {
     pub under_half_mm: f64,
     /// Fraction of the `n` pixels whose depth is off by less than 1 mm.
     pub under_1mm: f64,
+    /// Fraction of all `n_region` pixels that have a depth which is off by 2 mm or more.
+    pub over_2mm: f64,
     /// Errors in projector columns, result − ground truth, px: present when a projector was given.
     pub disparity_px: Option<ErrorStatistics>,
     /// Angles between the result's normals and those of the ground truth's depth, degrees: present when normals were
@@ -48,6 +50,8 @@ pub struct UncertaintyCalibration {
     pub within_1: f64,
     /// Fraction of pixels with |error| ≤ 2σ.
     pub within_2: f64,
+    /// Fraction of all `n_region` pixels that have a depth which is off by 2 mm or more and by more than 10σ.
+    pub gross: f64,
     /// Median 1σ, mm.
     pub median_mm: f64,
 }

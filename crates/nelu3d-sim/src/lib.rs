@@ -10,8 +10,8 @@
 //! materials, `light` what falls on them, `render` what a pixel collects, with interreflection, and `sensor` what it
 //! makes of it. The same spec (with its seed) gives the same bytes, whatever the number of threads.
 //!
-//! A file imports only from above it here: `spec`; `random` and `geometry`; `scene` and `light`; `check`; `render`,
-//! `sensor` and `ground_truth`; `displayed`, `sweep`, `capture` and `sequence`; `simulate`.
+//! A file imports only from above it here: `spec`; `random` and `geometry`; `scene` and `light`; `sweep`; `check`;
+//! `render`, `sensor` and `ground_truth`; `displayed`, `capture` and `sequence`; `simulate`.
 //!
 //! A preset's scanner before a sphere, as a rig folder:
 //!

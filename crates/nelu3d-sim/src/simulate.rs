@@ -14,11 +14,11 @@ use crate::error::SimulationError;
 use crate::ground_truth::GroundTruth;
 use crate::light::LightSource;
 use crate::render::Renderer;
-use crate::scene::VirtualScene;
+use crate::scene::{PrintedBoard, VirtualScene};
 use crate::sensor::Sensor;
 use crate::sequence::capture_frame;
 use crate::spec::{FilmSpec, LightSpec, Spec, SpecError};
-use crate::sweep::sweep_poses;
+use crate::sweep::{hands_at, sweep_poses};
 
 /// File that marks a folder as a simulated rig, which another simulation may replace: the spec it was made from.
 const SPEC_FILE: &str = "simulation.toml";
@@ -62,7 +62,8 @@ pub fn simulate(spec: &Spec, out: &Path, progress: Progress) -> Result<(), Simul
     rig.save()?;
 
     let camera = VirtualCamera { spec, renderer: &renderer, light: &light, sensor: Sensor::new(&spec.camera) };
-    capture_sweep(&camera, &rig, &poses, &artwork, &displayed, progress)?;
+    let printed = PrintedBoard::new(spec, &board, artwork);
+    capture_sweep(&camera, &rig, &poses, &printed, &displayed, progress)?;
     capture_scenes(&camera, &rig, &displayed, progress)?;
     capture_sequences(&camera, &rig, &displayed, progress)?;
     folder.commit()?;
@@ -100,18 +101,15 @@ fn capture_sweep(
     camera: &VirtualCamera,
     rig: &Rig,
     poses: &[KnownPose],
-    artwork: &Artwork,
+    printed: &PrintedBoard,
     displayed: &DisplayedImages,
     progress: Progress,
 ) -> Result<(), SimulationError> {
-    let spec = camera.spec;
-    let board = rig.board.as_ref().expect("a simulated rig has a board");
     // The sweep needs no inverse images: only decoders of scenes do.
     let frames = displayed.shot_images(true, false);
     for (i, pose) in poses.iter().enumerate() {
         progress("sweep", i, poses.len());
-        let scene =
-            VirtualScene::of_board(board, artwork.clone(), spec.board_albedo, spec.print_dpi, &pose.cam_from_board);
+        let scene = VirtualScene::of_board(printed, &pose.cam_from_board, &hands_at(camera.spec, i));
         camera.capture(&scene, &frames, i as u64, &rig.root.join("calibration").join(&pose.position))?;
     }
     progress("sweep", poses.len(), poses.len());

@@ -8,7 +8,7 @@ use nelu3d_scan::board::Detector;
 use nelu3d_scan::pattern::{Axis, Gray, Pattern, Ramp, Rgb, Sinusoid, decode_gray};
 use nelu3d_scan::rig::{Need, Rig};
 use nelu3d_scan::{Image, Mesh, Projector, npy};
-use nelu3d_sim::spec::{BlackImage, LightSpec, PatternSetSpec, ShapeSpec, SweepSpec};
+use nelu3d_sim::spec::{AxisSpec, BlackImage, BoardBendSpec, LightSpec, PatternSetSpec, ShapeSpec, SweepSpec};
 use nelu3d_sim::{GroundTruth, SimulationError, Spec, simulate, sweep_poses};
 
 /// The `shapes` preset at half the resolution and quick to render.
@@ -434,4 +434,103 @@ fn nothing_is_left_of_a_simulation_that_fails() {
     std::fs::write(out.join("thesis.tex"), "").unwrap();
     assert!(matches!(run(&small()), SimulationError::Io(_)));
     assert!(out.join("thesis.tex").exists());
+}
+
+/// A sweep by hand with everything that makes it hard.
+fn by_hand(seed: u64) -> Spec {
+    let text = r#"
+        kind = "handheld"
+        positions = 4
+        first_mm = 600.0
+        last_mm = 800.0
+        position_sigma_mm = 12.0
+        tilt_sigma = 0.3
+        depths = "scattered"
+        max_tilt = 0.7
+        min_in_view = 0.7
+        hands = { number = 2 }
+    "#;
+    Spec { seed, sweep: toml::from_str(text).unwrap(), scenes: Vec::new(), ..Spec::preset("color").unwrap() }
+}
+
+/// Returns the corners that are found at every position, with where the flat board's would be, px, and their places on
+/// the board, mm.
+fn found_corners(spec: &Spec) -> Vec<Vec<([f64; 2], [f64; 2])>> {
+    let (_dir, rig) = rig(spec);
+    let detector = Detector::new(rig.board.as_ref().unwrap()).unwrap().with_camera(&rig.camera);
+    let found = rig.positions().unwrap().into_iter().map(|shot| {
+        let white = rig.read_image(&shot.dir.join(&rig.white)).unwrap();
+        let corners = detector.detect(&white.to_gray(), white.width, white.height).unwrap();
+        corners.iter().map(|c| (c.px, [c.board_mm[0], c.board_mm[1]])).collect()
+    });
+    found.collect()
+}
+
+#[test]
+fn hands_hide_corners_and_leave_the_others_where_they_are() {
+    let held = by_hand(1);
+    let mut free = held.clone();
+    let SweepSpec::Handheld { hands, .. } = &mut free.sweep else { panic!("by hand") };
+    *hands = None;
+    let [a, b] = [&held, &free].map(found_corners);
+    let count = |all: &[Vec<_>]| all.iter().map(Vec::len).sum::<usize>();
+    eprintln!("{} corners behind hands, {} without", count(&a), count(&b));
+    assert!(count(&a) < count(&b) && count(&a) * 2 > count(&b), "{} of {}", count(&a), count(&b));
+    let mut compared = 0;
+    for (a, b) in a.iter().zip(&b) {
+        for (px, board) in a {
+            let Some((other, _)) = b.iter().find(|c| c.1 == *board) else { continue };
+            let off = (px[0] - other[0]).hypot(px[1] - other[1]);
+            assert!(off < 0.5, "{board:?}: {off} px");
+            compared += 1;
+        }
+    }
+    assert!(compared * 10 > 9 * count(&a), "{compared}");
+}
+
+#[test]
+fn corners_of_a_bent_board_lie_on_its_arc() {
+    let mut spec = by_hand(2);
+    let SweepSpec::Handheld { hands, .. } = &mut spec.sweep else { panic!("by hand") };
+    *hands = None;
+    let sagitta = 2.0;
+    spec.board_bend = Some(BoardBendSpec { sagitta_mm: sagitta, axis: AxisSpec::Y });
+    let [x0, _, x1, _] = spec.board.extent_mm();
+    let (middle, length) = (0.5 * (x0 + x1), x1 - x0);
+    // A shallow arc: sagitta = L² / 8R to a part in a million.
+    let radius = length * length / (8.0 * sagitta);
+    let camera = rig(&spec).1.camera;
+    let [mut bent, mut flat, mut n] = [0.0; 3];
+    for (found, pose) in found_corners(&spec).iter().zip(sweep_poses(&spec)) {
+        for (px, [x, y]) in found {
+            let angle = (x - middle) / radius;
+            let on_arc = Point3::new(middle + radius * angle.sin(), *y, radius * (1.0 - angle.cos()));
+            let off = |p: Point3<f64>| {
+                let expected = camera.project(&(pose.cam_from_board * p)).unwrap();
+                (px[0] - expected[0]).powi(2) + (px[1] - expected[1]).powi(2)
+            };
+            bent += off(on_arc);
+            flat += off(Point3::new(*x, *y, 0.0));
+            n += 1.0;
+        }
+    }
+    let [bent, flat] = [bent, flat].map(|s: f64| (s / n).sqrt());
+    eprintln!("{n} corners, RMS {bent:.3} px from the arc, {flat:.3} px from the plane");
+    assert!(bent < 0.08 && flat > 4.0 * bent, "{bent} {flat}");
+}
+
+#[test]
+fn a_sweep_by_hand_is_the_same_for_the_same_seed_only() {
+    let bytes = |seed| {
+        let mut spec = by_hand(seed);
+        spec.supersampling = 1;
+        files(&rig(&spec).1.root)
+    };
+    let (a, b) = (bytes(3), bytes(3));
+    assert!(a == b, "the same seed differs");
+    let name = Path::new("calibration/001/white.png");
+    assert!(a[name] != bytes(4)[name]);
+    // Keys that are not given are not written: rigs made before these keys existed keep their bytes.
+    let text = Spec::preset("demo").unwrap().to_toml();
+    assert!(!text.contains("bend") && !text.contains("hands"), "{text}");
 }

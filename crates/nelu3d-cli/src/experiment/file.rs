@@ -8,7 +8,7 @@ use serde::Deserialize;
 use toml::{Table, Value};
 
 /// The experiments that come with the program: name and file.
-pub(super) const BUILT_IN: [(&str, &str); 16] = [
+pub(super) const BUILT_IN: [(&str, &str); 17] = [
     ("table1", include_str!("../../../../experiments/table1.toml")),
     ("table2", include_str!("../../../../experiments/table2.toml")),
     ("fig3", include_str!("../../../../experiments/fig3.toml")),
@@ -25,6 +25,7 @@ pub(super) const BUILT_IN: [(&str, &str); 16] = [
     ("mixed", include_str!("../../../../experiments/mixed.toml")),
     ("limits", include_str!("../../../../experiments/limits.toml")),
     ("sigma", include_str!("../../../../experiments/sigma.toml")),
+    ("handheld", include_str!("../../../../experiments/handheld.toml")),
 ];
 
 /// An experiment.
@@ -81,7 +82,8 @@ pub(super) struct RigSource {
     /// Size of the virtual camera's images, as a part of the spec's.
     #[serde(default = "one")]
     pub scale: f64,
-    /// Merged over the virtual scanner's spec: tables key by key, everything else replaced.
+    /// Merged over the virtual scanner's spec: tables key by key, everything else, and a table whose `kind` changes,
+    /// replaced.
     #[serde(default)]
     pub set: Table,
 }
@@ -132,6 +134,10 @@ pub(super) struct Method {
     /// (`decode`).
     #[serde(default)]
     pub calibrate: String,
+    /// Options of `nelu3d projector`: the method (`decode`) gets the projector that is calibrated from the sweep instead
+    /// of the true one, and no field.
+    #[serde(default)]
+    pub projector: Option<String>,
     /// The pattern set, where it is not the case's: methods may need their own.
     #[serde(default)]
     pub set: Option<String>,
@@ -235,6 +241,9 @@ impl Experiment {
             if !matches!(method.run.split_whitespace().next(), Some("reconstruct" | "decode" | "sequence")) {
                 bail!("method `{}`: `run` must begin with `reconstruct`, `decode` or `sequence`", method.label);
             }
+            if method.projector.is_some() && !method.run.starts_with("decode") {
+                bail!("method `{}`: `projector` is for `decode`", method.label);
+            }
             if let Some(case) = method.cases.iter().find(|c| self.cases.iter().all(|k| k.label != **c)) {
                 bail!("method `{}`: there is no case `{case}`", method.label);
             }
@@ -246,16 +255,21 @@ impl Experiment {
     }
 }
 
-/// Merges `changes` over `table`: tables key by key, everything else replaced.
+/// Merges `changes` over `table`: tables key by key, everything else replaced. A table of another `kind` has other keys:
+/// it is replaced as a whole.
 pub(super) fn merge(table: &mut Table, changes: &Table) {
     for (key, change) in changes {
         match (table.get_mut(key), change) {
-            (Some(Value::Table(old)), Value::Table(new)) => merge(old, new),
+            (Some(Value::Table(old)), Value::Table(new)) if !changes_kind(old, new) => merge(old, new),
             _ => {
                 table.insert(key.clone(), change.clone());
             }
         }
     }
+}
+
+fn changes_kind(old: &Table, new: &Table) -> bool {
+    matches!((old.get("kind"), new.get("kind")), (Some(a), Some(b)) if a != b)
 }
 
 /// Replaces `"{name}"` by the value, keeping its type, and `{name}` within longer texts by its text.
@@ -303,6 +317,10 @@ mod tests {
         substitute(&mut value, "n", &Value::Float(0.5));
         let expected: Table = toml::from_str("x = 1\n[t]\ny = 2\nz = [0.5]\nw = \"a 0.5\"").unwrap();
         assert_eq!(value, Value::Table(expected));
+        let mut spec: Table = toml::from_str("[sweep]\nkind = 'stage'\nslope = 1\nn = 3").unwrap();
+        merge(&mut spec, &toml::from_str("[sweep]\nkind = 'handheld'\nn = 4").unwrap());
+        let expected: Table = toml::from_str("[sweep]\nkind = 'handheld'\nn = 4").unwrap();
+        assert_eq!(spec, expected, "keys of another kind are gone");
     }
 
     #[test]

@@ -13,7 +13,7 @@ use super::cell::ExperimentCell;
 use super::file::{Case, Experiment, Method, plain};
 use super::names::{slug, words};
 use super::placeholders::Placeholders;
-use super::rig::prepare_rig;
+use super::rig::{prepare_rig, with_calibrated_projector};
 use super::step::{CommandStep, StepRunner};
 use crate::paths::shown;
 
@@ -89,7 +89,11 @@ fn fill(
     runner: &mut StepRunner<'_>,
 ) -> Result<Result<Value, String>> {
     let source = &placeholders.experiment.rigs[&case.rig];
-    let (rig_dir, rig_key) = match prepare_rig(placeholders, &case.rig, source, root, cell, runner)? {
+    let mut prepared = prepare_rig(placeholders, &case.rig, source, root, cell, runner)?;
+    if let (Ok((dir, key)), Some(options)) = (&prepared, &method.projector) {
+        prepared = with_calibrated_projector((dir, key), &placeholders.words(options), cell, runner)?;
+    }
+    let (rig_dir, rig_key) = match prepared {
         Ok(rig) => rig,
         Err(reason) => return Ok(Err(reason)),
     };
@@ -111,9 +115,15 @@ fn fill(
     let plan = CellPlan { placeholders, case, method, rig, rig_dir, rig_key, set, middle };
 
     let (calibrate, field) = plan.calibration(runner);
-    let calibrated = match cell.run(&calibrate, runner)? {
-        Ok(outcome) => outcome,
-        Err(reason) => return Ok(Err(format!("calibrate: {reason}"))),
+    let calibrated = if method.projector.is_some() {
+        None
+    } else {
+        match cell.run(&calibrate, runner)? {
+            Ok(outcome) => Some(outcome),
+            // Decoders take no more than the range of depths from a field.
+            Err(_) if command == "decode" => None,
+            Err(reason) => return Ok(Err(format!("calibrate: {reason}"))),
+        }
     };
     let step = plan.method(&command, run, &field, &calibrate, cell, runner);
     let made = match cell.run(&step, runner)? {
@@ -125,8 +135,8 @@ fn fill(
     }
     let mut document = json!({
         "result": made.answer[if plan.middle.is_some() { "mean" } else { "summary" }],
-        "calibrate": calibrated.answer,
-        "step": { "wall_secs": made.wall_secs, "calibrate_wall_secs": calibrated.wall_secs },
+        "calibrate": calibrated.as_ref().map(|c| &c.answer),
+        "step": { "wall_secs": made.wall_secs, "calibrate_wall_secs": calibrated.as_ref().map(|c| c.wall_secs) },
     });
     if placeholders.experiment.columns.iter().any(|c| c.value.starts_with("cad."))
         && let Ok(outcome) = cell.run(&plan.cad(cell, &step), runner)?

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use nelu3d_scan::output::{create_dir, write_atomic};
+use nelu3d_scan::rig::PROJECTOR_FILE;
 use nelu3d_sim::Spec;
 use toml::Table;
 
@@ -13,6 +14,9 @@ use super::names::{slug, words};
 use super::placeholders::Placeholders;
 use super::step::{CommandStep, StepRunner, hex};
 use crate::paths::shown;
+
+/// Folders of a rig that experiments write themselves.
+const OURS: [&str; 2] = ["fields", "results"];
 
 /// Makes the folder of a rig, and returns it with what identifies its content.
 pub(super) fn prepare_rig(
@@ -25,7 +29,7 @@ pub(super) fn prepare_rig(
 ) -> Result<Result<(PathBuf, String), String>> {
     if let Some(folder) = &source.folder {
         let dir = root.join("rigs").join(slug(name));
-        link(folder, &dir)?;
+        link(folder, &dir, &OURS)?;
         return Ok(Ok((dir, shown(folder))));
     }
     let spec = match (&source.preset, &source.spec) {
@@ -74,15 +78,34 @@ fn scale_camera(spec: &mut Table, scale: f64) {
     }
 }
 
-/// Fills a folder with links to everything in a rig, so that fields can be put beside it.
-fn link(rig: &Path, dir: &Path) -> Result<()> {
+/// Makes a folder like the rig `rig_dir` whose projector is calibrated from its own sweep, with the options of `nelu3d
+/// projector`; returns it with what identifies its content.
+pub(super) fn with_calibrated_projector(
+    (rig_dir, rig_key): (&Path, &str),
+    options: &[String],
+    cell: &mut ExperimentCell,
+    runner: &mut StepRunner<'_>,
+) -> Result<Result<(PathBuf, String), String>> {
+    let name = rig_dir.file_name().unwrap_or_default().to_string_lossy();
+    let dir = rig_dir.with_file_name(slug(&format!("{name}-projector-{}", options.join("-"))));
+    link(rig_dir, &dir, &[OURS[0], OURS[1], PROJECTOR_FILE])?;
+    let file = dir.join(PROJECTOR_FILE);
+    let mut arguments = words(&["projector", &shown(&dir), "-o", &shown(&file), "--force"]);
+    arguments.extend_from_slice(options);
+    let what = format!("projector {name}");
+    let step = CommandStep { what, arguments, output: Some(file), inputs: vec![rig_key.to_owned()] };
+    Ok(cell.run(&step, runner)?.map(|_| (dir, step.key())).map_err(|reason| format!("projector: {reason}")))
+}
+
+/// Fills a folder with links to everything in a rig except `own`, so that fields can be put beside it.
+fn link(rig: &Path, dir: &Path, own: &[&str]) -> Result<()> {
     let rig =
         rig.canonicalize().with_context(|| format!("{}: is no folder; this experiment needs that rig", shown(rig)))?;
     create_dir(dir)?;
     for entry in std::fs::read_dir(&rig).with_context(|| format!("{}: cannot be read", shown(&rig)))? {
         let entry = entry?;
         let to = dir.join(entry.file_name());
-        let ours = matches!(entry.file_name().to_str(), Some("fields" | "results"));
+        let ours = entry.file_name().to_str().is_some_and(|name| own.contains(&name));
         if !ours && !to.exists() {
             #[cfg(unix)]
             std::os::unix::fs::symlink(entry.path(), &to)

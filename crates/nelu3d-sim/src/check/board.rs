@@ -1,7 +1,8 @@
 //! Checks of the board and of its sweep.
 
 use super::rules::{check, finite, positive, within};
-use crate::spec::{BoardSpec, Spec, SpecError, SweepSpec};
+use crate::spec::{AxisSpec, BoardSpec, HandsSpec, Spec, SpecError, SweepSpec};
+use crate::sweep::try_sweep_poses;
 
 /// Checks the board and how it is printed.
 pub(super) fn check_board(spec: &Spec) -> Result<(), SpecError> {
@@ -22,11 +23,18 @@ pub(super) fn check_board(spec: &Spec) -> Result<(), SpecError> {
     if let Some(dpi) = spec.print_dpi {
         within("print_dpi", dpi, 1.0, 100_000.0)?;
     }
+    if let Some(bend) = &spec.board_bend {
+        let remedy = "a board bends about x or y; give one of them";
+        check(bend.axis != AxisSpec::Z, "board_bend.axis", "z", remedy)?;
+        let length = if bend.axis == AxisSpec::X { y1 - y0 } else { x1 - x0 };
+        within("board_bend.sagitta_mm", bend.sagitta_mm, -0.2 * length, 0.2 * length)?;
+    }
     Ok(())
 }
 
-/// Checks the sweep.
-pub(super) fn check_sweep(sweep: &SweepSpec) -> Result<(), SpecError> {
+/// Checks the sweep, after everything that its poses depend on: camera and board.
+pub(super) fn check_sweep(spec: &Spec) -> Result<(), SpecError> {
+    let sweep = &spec.sweep;
     within("sweep.positions", sweep.positions() as f64, 3.0, 100_000.0)?;
     let (SweepSpec::Stage { first_mm, last_mm, center_mm, .. }
     | SweepSpec::Handheld { first_mm, last_mm, center_mm, .. }) = sweep;
@@ -40,9 +48,31 @@ pub(super) fn check_sweep(sweep: &SweepSpec) -> Result<(), SpecError> {
             finite("sweep.rotation", rotation)?;
             within("sweep.step_error_mm", *step_error_mm, 0.0, 1e3)
         }
-        SweepSpec::Handheld { position_sigma_mm, tilt_sigma, .. } => {
+        SweepSpec::Handheld { position_sigma_mm, tilt_sigma, max_tilt, min_in_view, hands, .. } => {
             within("sweep.position_sigma_mm", *position_sigma_mm, 0.0, 1e3)?;
-            within("sweep.tilt_sigma", *tilt_sigma, 0.0, 1.0)
+            within("sweep.tilt_sigma", *tilt_sigma, 0.0, 1.0)?;
+            within("sweep.max_tilt", max_tilt.unwrap_or(1.0), 0.0, 1.5)?;
+            within("sweep.min_in_view", *min_in_view, 0.0, 1.0)?;
+            if let Some(hands) = hands {
+                check_hands(hands)?;
+            }
+            try_sweep_poses(spec).map(drop).map_err(|position| SpecError::Value {
+                key: "sweep.min_in_view, max_tilt".into(),
+                value: format!("{min_in_view}, {max_tilt:?}"),
+                remedy: format!(
+                    "no pose of position {position} keeps to them; allow more, or change center_mm, the depths or the \
+                     deviations"
+                ),
+            })
         }
     }
+}
+
+fn check_hands(hands: &HandsSpec) -> Result<(), SpecError> {
+    within("sweep.hands.number", hands.number as f64, 1.0, 8.0)?;
+    within("sweep.hands.size_mm", hands.size_mm, 1.0, 1e3)?;
+    for albedo in hands.albedo {
+        within("sweep.hands.albedo", albedo, 0.0, 1.0)?;
+    }
+    Ok(())
 }

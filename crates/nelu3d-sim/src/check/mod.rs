@@ -44,7 +44,7 @@ impl Spec {
         check_camera(&self.camera)?;
         check_light(self)?;
         check_board(self)?;
-        check_sweep(&self.sweep)?;
+        check_sweep(self)?;
         let mut names = HashSet::new();
         for scene in &self.scenes {
             name("scenes.name", &scene.name, &mut names)?;

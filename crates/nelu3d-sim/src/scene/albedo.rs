@@ -38,12 +38,13 @@ pub(crate) enum Albedo {
         size: [f64; 2],
         axes: [usize; 2],
     },
-    /// `dot_mm`: side of a printer's dot; 0 for exact edges.
+    /// `dot_mm`: side of a printer's dot; 0 for exact edges. `origin`: the object's origin on the board.
     Board {
         artwork: Box<Artwork>,
         ink: f32,
         paper: f32,
         dot_mm: f64,
+        origin: [f64; 2],
     },
     /// Colors of the mesh's vertices, which the scene interpolates: they need the point of the mesh.
     Vertices(Arc<Vec<Vector3<f64>>>),
@@ -103,9 +104,10 @@ impl Albedo {
                 let at = |i: usize, n: usize| (p[axes[i]] / size[i] + 0.5) * n as f64 - 0.5;
                 sample(image, [at(0, w), at(1, h)])
             }
-            Self::Board { artwork, ink, paper, dot_mm } => {
+            Self::Board { artwork, ink, paper, dot_mm, origin } => {
                 // A dot is ink or paper as the artwork is at its center.
-                let [x, y] = [p.x, p.y].map(|v| if *dot_mm > 0.0 { ((v / dot_mm).floor() + 0.5) * dot_mm } else { v });
+                let [x, y] = [p.x + origin[0], p.y + origin[1]]
+                    .map(|v| if *dot_mm > 0.0 { ((v / dot_mm).floor() + 0.5) * dot_mm } else { v });
                 [ink + (paper - ink) * artwork.albedo(x, y); 3]
             }
             Self::Vertices(_) => unreachable!("a mesh looks them up"),

@@ -2,29 +2,34 @@
 //! object too.
 
 mod albedo;
+mod board;
 mod deformation;
+mod hand;
 mod hit;
 mod material;
 mod object;
 mod shape;
 mod tessellation;
+#[cfg(test)]
+mod tests;
 mod triangles;
 
 use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Point3, Vector3};
-use nelu3d_scan::board::{Artwork, Board};
 use nelu3d_scan::{Mesh, Ray};
 
 use crate::geometry::orthonormal_basis;
 use crate::spec::{ObjectSpec, SpecError};
 use albedo::Albedo;
+pub(crate) use board::PrintedBoard;
+pub(crate) use hand::Hand;
 pub(crate) use hit::SurfaceHit;
 pub(crate) use material::Material;
 use object::SceneObject;
 pub(crate) use object::check_files;
+use shape::Shape;
 pub(crate) use shape::Vase;
-use shape::{Rectangle, Shape};
 
 /// Distance that a surface keeps from the rays that start on it, mm.
 const SURFACE_OFFSET_MM: f64 = 1e-4;
@@ -46,19 +51,9 @@ impl VirtualScene {
         Ok(Self { objects: objects.collect::<Result<_, _>>()? })
     }
 
-    /// Returns the scene of a board by itself, printed in dots or, without `print_dpi`, exactly.
-    pub(crate) fn of_board(
-        board: &Board,
-        artwork: Artwork,
-        [ink, paper]: [f64; 2],
-        print_dpi: Option<f64>,
-        cam_from_board: &Isometry3<f64>,
-    ) -> Self {
-        let [x0, y0, x1, y1] = board.extent_mm;
-        let shape = Shape::Rectangle(Rectangle::new([x0, y0], [x1, y1]));
-        let dot_mm = print_dpi.map_or(0.0, |dpi| 25.4 / dpi);
-        let albedo = Albedo::Board { artwork: Box::new(artwork), ink: ink as f32, paper: paper as f32, dot_mm };
-        Self { objects: vec![SceneObject::new(shape, *cam_from_board, albedo, Material::Lambert)] }
+    /// Returns the scene of a board by itself, at a pose, with the hands that hold it.
+    pub(crate) fn of_board(printed: &PrintedBoard, cam_from_board: &Isometry3<f64>, hands: &[Hand]) -> Self {
+        Self { objects: printed.objects(cam_from_board, hands) }
     }
 
     /// Returns the first surface point along a ray.

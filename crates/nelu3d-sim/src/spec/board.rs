@@ -3,6 +3,21 @@
 use nelu3d_scan::board::{Board, BoardKind, Marker};
 use serde::{Deserialize, Serialize};
 
+use super::axis::AxisSpec;
+use super::defaults::y_axis;
+
+/// A smooth bend of the physical board to a part of a cylinder. rig.toml still says that it is flat.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoardBendSpec {
+    /// Height of the arc over its chord, mm; positive: the middle stands out toward the camera. The middle stays at the
+    /// position's pose.
+    pub sagitta_mm: f64,
+    /// Axis of the board that stays straight: x or y.
+    #[serde(default = "y_axis")]
+    pub axis: AxisSpec,
+}
+
 /// The flat target of the sweep.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]

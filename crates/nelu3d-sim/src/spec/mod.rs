@@ -24,7 +24,7 @@ mod sweep;
 
 pub use albedo::AlbedoSpec;
 pub use axis::AxisSpec;
-pub use board::BoardSpec;
+pub use board::{BoardBendSpec, BoardSpec};
 pub use camera::{CameraSpec, PerColor};
 pub use deformation::DeformationSpec;
 pub use error::SpecError;
@@ -39,4 +39,4 @@ pub use scene::SceneSpec;
 pub use sequence::{MotionSpec, MovingObjectSpec, SequenceSpec};
 pub use shape::ShapeSpec;
 pub use simulation::{PatternSetSpec, Spec};
-pub use sweep::SweepSpec;
+pub use sweep::{DepthSpacing, HandsSpec, SweepSpec};

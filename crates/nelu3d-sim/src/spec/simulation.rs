@@ -3,7 +3,7 @@
 use nelu3d_scan::pattern::Pattern;
 use serde::{Deserialize, Serialize};
 
-use super::board::BoardSpec;
+use super::board::{BoardBendSpec, BoardSpec};
 use super::camera::CameraSpec;
 use super::interreflection::InterreflectionSpec;
 use super::light::LightSpec;
@@ -45,6 +45,9 @@ pub struct Spec {
     /// Resolution of the printer that made the board, dots per inch; none: edges are exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub print_dpi: Option<f64>,
+    /// Bend of the physical board; none: it is flat.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub board_bend: Option<BoardBendSpec>,
     /// Poses of the board in the calibration sweep.
     pub sweep: SweepSpec,
     /// The scenes to scan.

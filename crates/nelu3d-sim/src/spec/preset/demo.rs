@@ -76,6 +76,7 @@ pub(super) fn demo() -> Spec {
         },
         scenes: vec![SceneSpec::new("vase", vec![vase(AlbedoSpec::default())])],
         print_dpi: None,
+        board_bend: None,
         sequences: Vec::new(),
     }
 }

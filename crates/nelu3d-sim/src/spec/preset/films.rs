@@ -43,6 +43,7 @@ pub(super) fn triton() -> Spec {
         board: charuco_board(10, 8, 20.0),
         board_albedo: [0.3, 0.85],
         print_dpi: Some(600.0),
+        board_bend: None,
         sweep: SweepSpec::Stage {
             positions: 40,
             first_mm: MIDDLE_MM - 75.0,

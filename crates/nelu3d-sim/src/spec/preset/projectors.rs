@@ -70,6 +70,7 @@ pub(super) fn dlp() -> Spec {
         board: marker_board(6, 20.0, 27.0, 108.0, [115.0, 85.0]),
         board_albedo: [0.05, 0.85],
         print_dpi: Some(600.0),
+        board_bend: None,
         sweep: SweepSpec::Stage {
             positions: 40,
             first_mm: MIDDLE_MM - 75.0,
