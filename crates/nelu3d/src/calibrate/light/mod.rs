@@ -122,11 +122,15 @@ fn open_direction(found: &Refined) -> Vector3<f64> {
     Vector3::new(v[0], v[1], kappa).normalize()
 }
 
+/// Ratio of the information on the light's two tangents below which the codes leave one of them open: its standard
+/// deviation is more than seven times the other's.
+const MAX_OPEN_RATIO: f64 = 0.02;
+
 /// Whether the codes vary along one axis only: of the light's direction, they hardly tell one tangent.
 fn is_one_axis(found: &Refined) -> bool {
     let values = of_tangents(found).eigenvalues;
     tracing::debug!(?values, "information on the light's direction");
-    values.min() < 0.15 * values.max()
+    values.min() < MAX_OPEN_RATIO * values.max()
 }
 
 /// Which views' codewords, carried to the other views, do not fit there, while those of most views do.
