@@ -10,7 +10,7 @@ pub(crate) struct Coordinate {
     pub(crate) axis: Axis,
     /// Projector px, one a pixel; NaN where it is unknown.
     pub(crate) at: Vec<f32>,
-    /// Its standard deviation, projector px.
+    /// Standard deviation of the coordinate, projector px.
     pub(crate) sigma: Vec<f32>,
 }
 

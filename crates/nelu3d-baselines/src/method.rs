@@ -35,7 +35,7 @@ impl Method {
         !matches!(self, Method::Lookup3d | Method::Lookup3dLowrank)
     }
 
-    /// Its name on the command line and in results.
+    /// Returns the name of the method on the command line and in results.
     pub fn name(self) -> &'static str {
         match self {
             Method::Gray => "gray",

@@ -22,7 +22,7 @@ pub struct ProjectorReport {
     pub depth_mm: [f64; 2],
     /// The projector's center in the camera's frame, mm.
     pub center_mm: [f64; 3],
-    /// Its standard deviation, from the residuals alone, mm.
+    /// Standard deviation of the center, from the residuals alone, mm.
     pub center_sigma_mm: [f64; 3],
     /// Light per projected value, where the sweep has images with values between black and white.
     pub response: Option<Response>,

@@ -46,7 +46,7 @@ fn without_options_the_defaults_are_those_of_the_library() {
     assert_eq!(a.device, ReconstructionOptions::default().device);
 }
 
-/// The same for families of patterns; of those that are not named here, the command line alone has defaults.
+/// Defaults of pattern families; of those that are not named here, the command line alone has defaults.
 #[test]
 fn without_options_patterns_are_those_of_the_library() {
     macro_rules! check {

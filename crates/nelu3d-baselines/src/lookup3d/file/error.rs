@@ -37,7 +37,7 @@ pub enum FileError {
         path: PathBuf,
         /// What the table is for.
         found: String,
-        /// What it should be for.
+        /// What the file should be for.
         wanted: String,
     },
     /// It does not fit in memory.
@@ -48,7 +48,7 @@ pub enum FileError {
     Memory {
         /// The file.
         path: PathBuf,
-        /// What it needs.
+        /// What the table needs, MB.
         needed_mb: u64,
         /// What there is.
         free_mb: u64,
