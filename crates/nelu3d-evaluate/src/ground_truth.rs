@@ -44,7 +44,7 @@ pub enum GroundTruthError {
     Shape {
         /// The file that has it.
         path: PathBuf,
-        /// Its shape, rows first.
+        /// Shape of the array that was found, rows first.
         found: Vec<usize>,
         /// Width of the camera's images.
         width: usize,

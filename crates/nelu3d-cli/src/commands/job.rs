@@ -78,7 +78,7 @@ impl MethodOutput {
 pub(super) struct WrittenResult {
     /// Content of its result.json.
     pub summary: Summary,
-    /// Its errors, if it was evaluated.
+    /// Errors of the result against the ground truth, if it was evaluated.
     pub metrics: Option<Metrics>,
 }
 

@@ -8,7 +8,7 @@ const MAX_LEAF: usize = 4;
 /// The part of a triangle that a point lies on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Feature {
-    /// Its inside.
+    /// The inside of the triangle.
     Face,
     /// The edge from corner i to corner i + 1.
     Edge(usize),
@@ -21,7 +21,7 @@ pub(super) enum Feature {
 pub(super) struct TreeHit {
     /// The point itself.
     pub point: Point3<f64>,
-    /// Its triangle; of several equally close ones any, but always the same.
+    /// Index of the closest triangle; of several equally close ones any, but always the same.
     pub face: usize,
     /// The part of the triangle that it lies on.
     pub feature: Feature,

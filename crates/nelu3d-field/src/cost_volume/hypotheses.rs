@@ -54,7 +54,7 @@ pub trait RaySource: Sync {
 /// The ray of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PixelRay {
-    /// Its unit direction, along the frame's axes.
+    /// Unit direction of the ray, along the frame's axes.
     pub dir: [f64; 3],
     /// Depth gained per unit of distance.
     pub dir_z: f32,

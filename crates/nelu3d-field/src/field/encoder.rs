@@ -3,7 +3,7 @@
 /// The part in which the forms of a field differ: how points become network inputs, and what becomes of their
 /// gradients.
 ///
-/// Its functions are called from dispatched code: implementations are `#[inline(always)]`.
+/// The functions of an encoder are called from dispatched code: implementations are `#[inline(always)]`.
 pub(super) trait Encoder<const D: usize>: Sync {
     /// Memory of one task.
     type Scratch: Send;
