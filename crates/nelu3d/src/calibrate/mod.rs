@@ -4,6 +4,7 @@
 mod board_poses;
 mod candidate;
 mod error;
+mod excluded;
 mod frame_choice;
 mod held_out;
 mod light;
@@ -61,7 +62,10 @@ pub fn calibrate(
              the light or the camera had moved, or something stood in the light"
         ));
     }
+    let excluded = found.as_ref().map_or(&[][..], |f| &f.excluded);
+    let excluded: Vec<_> = excluded.iter().map(|(p, blocks)| (placed.sweep.shots[*p].name.clone(), blocks.clone())).collect();
     placed.remove(outliers);
+    placed.exclude(&excluded);
     let light = found.map(|f| f.center);
 
     clock.begin("fit the field without the held-out positions");

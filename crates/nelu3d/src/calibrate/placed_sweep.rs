@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use nelu3d_scan::Camera;
 use rayon::prelude::*;
 
+use super::excluded::ExcludedBlocks;
 use super::position::Position;
 use super::sweep::Sweep;
 use crate::sensor::NoiseModel;
@@ -20,6 +21,8 @@ pub struct PlacedSweep<'a> {
     pub noise: NoiseModel,
     /// Unit ray direction per pixel.
     pub dirs: Vec<Vector3<f64>>,
+    /// Blocks of each position's image that are not used; none where all are.
+    excluded: Vec<Option<ExcludedBlocks>>,
 }
 
 /// The plane and outline of a board, for intersection with rays from the camera.
@@ -64,8 +67,9 @@ impl<'a> PlacedSweep<'a> {
         let w = camera.width;
         let dirs =
             (0..camera.n_pixels()).into_par_iter().map(|i| camera.ray([(i % w) as f64, (i / w) as f64]).dir).collect();
-        let boards = poses.iter().map(|p| BoardPlane::new(p, extent_mm)).collect();
-        Self { sweep, boards, camera, noise: NoiseModel { read: 0.0, gain: 0.0 }, dirs }
+        let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, extent_mm)).collect();
+        let excluded = vec![None; boards.len()];
+        Self { sweep, boards, camera, noise: NoiseModel { read: 0.0, gain: 0.0 }, dirs, excluded }
     }
 
     /// Returns the number of positions.
@@ -79,6 +83,7 @@ impl<'a> PlacedSweep<'a> {
         let mut w = vec![0.0; self.sweep.k];
         for (i, dir) in self.dirs.iter().enumerate() {
             if let Some(t) = self.boards[p].hit(dir)
+                && !self.is_excluded(p, i)
                 && let Some(v) = position.sample(i, &self.noise, &mut w)
             {
                 f(i, t, v, &w);
@@ -89,12 +94,27 @@ impl<'a> PlacedSweep<'a> {
     /// Drops positions, by index.
     pub(super) fn remove(&mut self, which: &[usize]) {
         let names: Vec<String> = which.iter().map(|p| self.sweep.shots[*p].name.clone()).collect();
-        let mut p = 0;
-        self.boards.retain(|_| {
-            p += 1;
-            !which.contains(&(p - 1))
-        });
+        let mut is_kept = (0..self.boards.len()).map(|p| !which.contains(&p));
+        self.boards.retain(|_| is_kept.next().expect("one answer per position"));
+        let mut is_kept = (0..self.excluded.len()).map(|p| !which.contains(&p));
+        self.excluded.retain(|_| is_kept.next().expect("one answer per position"));
         self.sweep.retain(|name| !names.iter().any(|n| n == name));
+    }
+
+    /// Leaves blocks of the images of some positions, by name, out of all that follows.
+    pub(super) fn exclude(&mut self, blocks: &[(String, ExcludedBlocks)]) {
+        for (name, blocks) in blocks {
+            if let Some(p) = self.sweep.shots.iter().position(|s| s.name == *name) {
+                self.excluded[p] = Some(blocks.clone());
+            }
+        }
+    }
+
+    /// Returns whether pixel `i` of position `p` is left out.
+    #[inline]
+    fn is_excluded(&self, p: usize, i: usize) -> bool {
+        let width = self.camera.width;
+        self.excluded[p].as_ref().is_some_and(|blocks| blocks.contains(i % width, i / width))
     }
 
     /// Returns the mean point of the boards in the camera's view, mm.

@@ -7,6 +7,7 @@
 //! that its light is straight.
 
 mod center;
+mod disagreement;
 mod refine;
 mod search;
 mod transport;
@@ -15,10 +16,12 @@ use nalgebra::{Const, Point3, SymmetricEigen, Vector3};
 use nelu3d_scan::Camera;
 use rayon::prelude::*;
 
+use super::excluded::ExcludedBlocks;
 use super::views::Views;
 use crate::progress::Progress;
 pub(super) use center::LightCenter;
 use center::{Chart, HOME};
+use disagreement::disagreeing_blocks;
 use refine::{Refined, Steps, refine};
 use search::{search_levels, starts};
 use transport::{PULL, Transport, disagreement, seeds};
@@ -35,6 +38,8 @@ pub(super) struct FoundLight {
     pub(super) center: LightCenter,
     /// Positions of the sweep whose codewords do not fit the others': their poses are wrong, or something stood in the light.
     pub(super) without_consensus: Vec<usize>,
+    /// Positions of the sweep, and the parts of their images whose codewords do not fit the others'.
+    pub(super) excluded: Vec<(usize, ExcludedBlocks)>,
 }
 
 /// Finds the center of the light, or `None` when there are too few samples (or somebody stopped the work).
@@ -57,7 +62,9 @@ pub(super) fn find_center(mut views: Views, camera: &Camera, progress: &Progress
     let line = undetermined(&chart, &found);
     let center = LightCenter { line, ..chart.center(found.state) };
     tracing::debug!(position = ?center.position(), scale = found.scale, ?line, "light");
-    Some(FoundLight { center, without_consensus })
+    let blocks = disagreeing_blocks(&Transport { camera, views: &views, chart: &chart }, &center);
+    let excluded = views.positions.iter().copied().zip(blocks).filter_map(|(p, b)| b.map(|b| (p, b))).collect();
+    Some(FoundLight { center, without_consensus, excluded })
 }
 
 /// Searches the center and refines the best of what was found, with lever arms that grow.
