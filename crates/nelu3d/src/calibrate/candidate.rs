@@ -102,8 +102,13 @@ impl Candidate {
             }
             let fitted = fit_form(cx, &bins, cells, center, if in_turn { STEPS_IN_TURN } else { STEPS });
             let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
-            // A position supports its own samples, too, where it was counted.
-            let least = if in_turn { 2 } else { 1 };
+            // A position supports its own samples, too, where it was counted. From one other board alone nothing tells how
+            // the light's focus changes along a ray; of three, no more can be asked.
+            let least = match (in_turn, placed.n_positions()) {
+                (false, _) => 1,
+                (true, ..4) => 2,
+                (true, _) => 3,
+            };
             // Depth errors of every fourth sample at most, however many positions are held out.
             let stride = 4 * folds.iter().map(Vec::len).sum::<usize>().max(1);
             let grid = as_grid(&fitted);

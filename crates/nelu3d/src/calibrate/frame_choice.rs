@@ -10,6 +10,8 @@ use crate::color_field::frame::{Center, FieldFrame};
 
 /// Cells per pixel across where one is not enough.
 const FINE_CELLS_PER_PIXEL: usize = 2;
+/// Held-out PSNR above which a center of the light is not chance, dB.
+const FAIR_DB: f64 = 16.0;
 /// Number of positions up to which each of them is held out in turn.
 const IN_TURN: usize = 8;
 
@@ -37,7 +39,10 @@ pub(super) fn fit_best_frame(
     }
     let finer_is_better = tried.len() == 2 && tried[1].quality.psnr_db > tried[0].quality.psnr_db + MAX_SHORTFALL_DB;
     let light_holds = tried.iter().any(is_good) || finer_is_better;
-    if tried.is_empty() || (opts.frame == FrameKind::Auto && !light_holds) {
+    // A few boards, placed by hand, are too far apart for the camera's frame wherever the light's holds at all.
+    let camera_may_hold =
+        placed_densely(fit.placed.n_positions()) || !tried.iter().any(|c| c.quality.psnr_db > FAIR_DB);
+    if tried.is_empty() || (opts.frame == FrameKind::Auto && !light_holds && camera_may_hold) {
         tried.iter_mut().for_each(Candidate::drop_bins);
         let middle = Point3::from(fit.placed.mean_point());
         let frame = FieldFrame::around(Point3::origin(), middle, Vector3::x());
@@ -48,6 +53,11 @@ pub(super) fn fit_best_frame(
     }
     let best = tried.into_iter().max_by(|a, b| a.quality.psnr_db.total_cmp(&b.quality.psnr_db));
     Ok(best.expect("at least one frame was tried"))
+}
+
+/// Whether positions may be close enough to each other for the camera's frame.
+fn placed_densely(n: usize) -> bool {
+    n > IN_TURN
 }
 
 /// The positions that are held out together: every one in turn where there are few, so that the measure does not rest on

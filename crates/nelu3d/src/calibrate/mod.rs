@@ -63,7 +63,8 @@ pub fn calibrate(
         ));
     }
     let excluded = found.as_ref().map_or(&[][..], |f| &f.excluded);
-    let excluded: Vec<_> = excluded.iter().map(|(p, blocks)| (placed.sweep.shots[*p].name.clone(), blocks.clone())).collect();
+    let excluded: Vec<_> =
+        excluded.iter().map(|(p, blocks)| (placed.sweep.shots[*p].name.clone(), blocks.clone())).collect();
     placed.remove(outliers);
     placed.exclude(&excluded);
     let light = found.map(|f| f.center);

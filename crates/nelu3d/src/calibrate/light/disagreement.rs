@@ -15,11 +15,13 @@ use super::center::LightCenter;
 use super::transport::{Seed, Transport, by_chance, seeds};
 
 /// Most blocks across the image.
-const MAX_ACROSS: usize = 120;
+const MAX_ACROSS: usize = 200;
 /// Squared difference of codewords, as a fraction of that of two samples drawn by chance, beyond which blocks disagree.
 const DISAGREES: f32 = 0.03;
+/// The same for blocks that touch some that disagree: the tip of a finger is nearly in the plane of the board.
+const DISAGREES_BESIDE: f32 = 0.01;
 /// Radius over which differences are averaged, blocks: between the stripes of a code nothing differs.
-const POOLED: usize = 2;
+const POOLED: usize = 3;
 /// Difference of a channel that is not counted, beside what half a block's shift makes.
 const TOLERANCE: f32 = 0.05;
 /// Largest fraction of a position's blocks that may be left out: beyond, it is not a part that disagrees.
@@ -36,10 +38,13 @@ pub(super) fn disagreeing_blocks(t: &Transport<'_>, light: &LightCenter) -> Vec<
     let judge = |view: usize| {
         let own: Vec<&Seed> = all.iter().filter(|s| s.view == view).collect();
         let votes = votes(t, level, light, view, &own, chance);
-        let mut found: Vec<bool> = votes.iter().map(|v| v.against > v.pro).collect();
+        let mut found: Vec<bool> = votes.iter().map(|v| 2 * v.disagree > v.of).collect();
+        let beside: Vec<bool> = votes.iter().map(|v| 2 * v.disagree_beside > v.of).collect();
+        spread(&mut found, &beside, |_| usize::MAX, level.width);
         let mut untold = vec![false; votes.len()];
-        own.iter().for_each(|s| untold[s.index] = votes[s.index].pro + votes[s.index].against == 0);
-        spread(&mut found, &untold, level.width);
+        own.iter().for_each(|s| untold[s.index] = votes[s.index].of == 0);
+        let as_long = |area: usize| (1.5 * (area as f64).sqrt()) as usize;
+        spread(&mut found, &untold, as_long, level.width);
         (own.len(), found)
     };
     let judged: Vec<(usize, Vec<bool>)> = (0..n).into_par_iter().map(judge).collect();
@@ -60,11 +65,12 @@ pub(super) fn disagreeing_blocks(t: &Transport<'_>, light: &LightCenter) -> Vec<
     judged.into_iter().map(exclude).collect()
 }
 
-/// How many views a block agrees and disagrees with.
+/// How many views a block is compared with, and with how many it disagrees.
 #[derive(Clone, Copy, Default)]
 struct Votes {
-    pro: u16,
-    against: u16,
+    of: u16,
+    disagree: u16,
+    disagree_beside: u16,
 }
 
 /// Compares the blocks of `view` with every other view.
@@ -85,7 +91,10 @@ fn votes(t: &Transport<'_>, level: &Level, light: &LightCenter, view: usize, own
         for (i, vote) in votes.iter_mut().enumerate().filter(|(i, _)| error[*i].is_finite()) {
             let near = around(i, POOLED, w, h).filter(|j| error[*j].is_finite());
             let (sum, count) = near.fold((0.0, 0), |(s, n), j| (s + error[j], n + 1));
-            if sum > DISAGREES * chance * count as f32 { vote.against += 1 } else { vote.pro += 1 }
+            let share = sum / (chance * count as f32);
+            vote.of += 1;
+            vote.disagree += u16::from(share > DISAGREES);
+            vote.disagree_beside += u16::from(share > DISAGREES_BESIDE);
         }
     }
     votes
@@ -94,7 +103,8 @@ fn votes(t: &Transport<'_>, level: &Level, light: &LightCenter, view: usize, own
 /// Returns, per channel, the difference that a shift of half a block and noise make.
 fn tolerance(image: &[f32], i: usize, k: usize, level: &Level) -> Vec<f32> {
     let at = |i: usize| &image[i * (k + 1)..][..k + 1];
-    let near: Vec<usize> = around(i, 1, level.width, level.height).filter(|j| at(*j)[k] >= level.min_validity).collect();
+    let near: Vec<usize> =
+        around(i, 1, level.width, level.height).filter(|j| at(*j)[k] >= level.min_validity).collect();
     let step = |c: usize| near.iter().map(|j| (at(*j)[c] - at(i)[c]).abs()).fold(0.0f32, f32::max);
     (0..k).map(|c| TOLERANCE + 0.5 * step(c)).collect()
 }
@@ -105,8 +115,9 @@ fn around(i: usize, radius: usize, w: usize, h: usize) -> impl Iterator<Item = u
     span(i / w, h).flat_map(move |y| span(i % w, w).map(move |x| y * w + x))
 }
 
-/// Lets what was found go on into the `untold` blocks that it touches, as far as 1.5 times the root of its own area.
-fn spread(found: &mut [bool], untold: &[bool], w: usize) {
+/// Lets every component of what was found go on into blocks of `into` that it touches, by as many steps as `steps` gives
+/// for its number of blocks.
+fn spread(found: &mut [bool], into: &[bool], steps: impl Fn(usize) -> usize, w: usize) {
     let h = found.len() / w;
     let mut seen = vec![false; found.len()];
     let seeds: Vec<usize> = (0..found.len()).filter(|i| found[*i]).collect();
@@ -120,14 +131,17 @@ fn spread(found: &mut [bool], untold: &[bool], w: usize) {
             next += 1;
             component.extend(around(i, 1, w, h).filter(|j| found[*j] && !std::mem::replace(&mut seen[*j], true)));
         }
-        let steps = (1.5 * (component.len() as f64).sqrt()) as usize;
+        let steps = steps(component.len());
         let mut front = component;
         let mut added = Vec::new();
         let mut taken = vec![false; found.len()];
-        for _ in 0..steps {
+        for _ in 0..steps.min(found.len()) {
+            if front.is_empty() {
+                break;
+            }
             let mut reached = Vec::new();
             for i in &front {
-                reached.extend(around(*i, 1, w, h).filter(|j| untold[*j] && !std::mem::replace(&mut taken[*j], true)));
+                reached.extend(around(*i, 1, w, h).filter(|j| into[*j] && !std::mem::replace(&mut taken[*j], true)));
             }
             added.extend_from_slice(&reached);
             front = reached;
