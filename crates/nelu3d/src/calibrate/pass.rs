@@ -13,6 +13,10 @@ use crate::color_field::grid::Grid;
 use crate::color_field::validity::Validity;
 use crate::progress::Progress;
 
+/// Smallest weight of a sample that says where the field is known: a standard deviation of 0.1 of the normalized
+/// intensity. Black ink has less.
+const MIN_WEIGHT: f32 = 100.0;
+
 /// Where what is read goes.
 pub(super) struct Pass<'a, 'r> {
     pub(super) placed: &'a PlacedSweep<'r>,
@@ -42,7 +46,9 @@ impl Passed {
         placed.for_each(p, read, |i, t, v, w| {
             out.n += 1;
             if let Some(q) = frame.to_unit(&Point3::from(placed.dirs[i] * t)) {
-                out.validity.add([(i % width) as f64, (i / width) as f64], t as f32, q);
+                if w.iter().any(|w| *w > MIN_WEIGHT) {
+                    out.validity.add([(i % width) as f64, (i / width) as f64], t as f32, q);
+                }
                 out.gathered.push(q, v, w);
             }
         });

@@ -1,8 +1,16 @@
 //! The normalized images of one board position.
 
 use nelu3d_scan::Image;
+use nelu3d_scan::image::box_mean;
 
 use crate::sensor::NoiseModel;
+
+/// Light that reaches a pixel by other ways than from the point that it sees (veiling glare, interreflection), as a
+/// fraction of the light around it: on black ink that is a good part of what is measured, and noise does not say so.
+/// Pixels as bright as their surroundings have none: there it is part of what the field describes.
+const STRAY_LIGHT: f32 = 0.03;
+/// Radius of the surroundings that stray light comes from, as a fraction of the image's width.
+const SURROUNDINGS: f32 = 1.0 / 16.0;
 
 /// The normalized intensities of one board position.
 pub struct Position {
@@ -18,11 +26,13 @@ pub struct Position {
     pub values: Vec<f32>,
     /// White − black, `height × width × channels`; 0 where the sample cannot be used.
     pub contrast: Vec<f32>,
+    /// Mean white − black around a sample, `height × width`.
+    pub around: Vec<f32>,
 }
 
 impl Position {
-    /// Returns the values of a sample, and writes their weights (one over the variance; 0 = unusable) to `w`; `None`
-    /// when no value is usable.
+    /// Returns the values of a sample, and writes their weights (one over the variance from noise and stray light; 0 =
+    /// unusable) to `w`; `None` when no value is usable.
     #[inline]
     pub fn sample(&self, i: usize, noise: &NoiseModel, w: &mut [f32]) -> Option<&[f32]> {
         let v = &self.values[i * self.k..(i + 1) * self.k];
@@ -32,7 +42,12 @@ impl Position {
         }
         for (j, (w, v)) in w.iter_mut().zip(v).enumerate() {
             let contrast = contrast[j % self.channels];
-            *w = if contrast > 0.0 { 1.0 / noise.normalized_variance(*v, contrast, 0.0) } else { 0.0 };
+            *w = if contrast > 0.0 {
+                let stray = STRAY_LIGHT * (self.around[i] / contrast - 1.0).max(0.0);
+                1.0 / (noise.normalized_variance(*v, contrast, 0.0) + stray * stray)
+            } else {
+                0.0
+            };
         }
         Some(v)
     }
@@ -66,7 +81,16 @@ impl Position {
                 }
             }
         }
-        Self { width: w, height: h, k, channels: c, values, contrast }
+        let around = (0..w * h).map(|i| pixels(i % w, i / w).map(|i| self.around[i]).sum::<f32>() * norm).collect();
+        Self { width: w, height: h, k, channels: c, values, contrast, around }
+    }
+
+    /// Takes the mean contrast around every sample.
+    fn look_around(&mut self) {
+        let c = self.channels;
+        self.around = self.contrast.chunks_exact(c).map(|d| d.iter().sum::<f32>() / c as f32).collect();
+        let radius = ((self.width as f32 * SURROUNDINGS) as usize).max(1);
+        box_mean(&mut self.around, self.width, self.height, radius);
     }
 }
 
@@ -89,7 +113,7 @@ impl PositionBuilder {
             *w = if *w < 1.0 && d >= threshold { d } else { 0.0 };
         }
         let values = vec![0.0; width * height * k];
-        Self { black, filled: 0, position: Position { width, height, k, channels, values, contrast } }
+        Self { black, filled: 0, position: Position { width, height, k, channels, values, contrast, around: Vec::new() } }
     }
 
     /// Adds the next pattern image. A clipped pixel is unusable in that channel.
@@ -118,8 +142,9 @@ impl PositionBuilder {
     }
 
     /// Returns the finished position.
-    pub(super) fn finish(self) -> Position {
+    pub(super) fn finish(mut self) -> Position {
         assert_eq!(self.filled, self.position.k);
+        self.position.look_around();
         self.position
     }
 }
@@ -148,6 +173,21 @@ mod tests {
         // Contrast 0.4, L = 0.5: variance (1 + ¼ + ¼) 1e-4 / 0.16.
         assert!((w[0] - 0.16 / 1.5e-4).abs() < 1.0, "{w:?}");
         assert!(p.sample(1, &noise, &mut w).is_none());
+    }
+
+    #[test]
+    fn ink_tells_less_than_its_noise_says() {
+        let mut data = vec![0.8; 64 * 64];
+        data[20 * 64 + 20] = 0.05;
+        let white = Image { width: 64, height: 64, channels: 1, data };
+        let mut b = PositionBuilder::new(&white, Image::new(64, 64, 1), 1, 0.02);
+        b.add(&Image { data: white.data.iter().map(|v| 0.5 * v).collect(), ..white.clone() });
+        let (p, noise, mut w) = (b.finish(), NoiseModel { read: 1e-6, gain: 0.0 }, [0.0]);
+        p.sample(21 * 64 + 20, &noise, &mut w);
+        assert!((w[0] - 0.64 / 1.5e-6).abs() < 1e3, "paper has no more than noise: {w:?}");
+        p.sample(20 * 64 + 20, &noise, &mut w);
+        // 3 % of sixteen times its own light.
+        assert!((1.0 / w[0] - (0.03f32 * 15.0).powi(2)).abs() < 0.02, "{w:?}");
     }
 
     #[test]
