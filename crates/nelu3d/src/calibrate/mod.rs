@@ -34,6 +34,9 @@ pub use position::Position;
 pub use report::CalibrationReport;
 pub use sweep::Sweep;
 
+/// Fraction of a position's image that is worth a warning if it is not used.
+const MUCH: f64 = 0.1;
+
 /// Calibrates a rig for one pattern set from its board sweep.
 ///
 /// # Errors
@@ -67,6 +70,14 @@ pub fn calibrate(
         excluded.iter().map(|(p, blocks)| (placed.sweep.shots[*p].name.clone(), blocks.clone())).collect();
     placed.remove(outliers);
     placed.exclude(&excluded);
+    let excluded: Vec<_> = excluded.into_iter().map(|(name, blocks)| (name, blocks.share())).collect();
+    for (name, share) in excluded.iter().filter(|(_, share)| *share > MUCH) {
+        progress.warn(format!(
+            "{:.0} % of board position {name} is not used: it does not fit the other positions; something stood before the \
+             board or in the light, or the board was bent",
+            100.0 * share
+        ));
+    }
     let light = found.map(|f| f.center);
 
     clock.begin("fit the field without the held-out positions");
@@ -108,6 +119,7 @@ pub fn calibrate(
         quality: Some(quality),
         frame: frame_choice::reason(center, light.as_ref(), opts.frame),
         shortfall,
+        excluded,
         cells,
         stages: clock.finish(),
     };

@@ -113,7 +113,11 @@ impl PositionBuilder {
             *w = if *w < 1.0 && d >= threshold { d } else { 0.0 };
         }
         let values = vec![0.0; width * height * k];
-        Self { black, filled: 0, position: Position { width, height, k, channels, values, contrast, around: Vec::new() } }
+        Self {
+            black,
+            filled: 0,
+            position: Position { width, height, k, channels, values, contrast, around: Vec::new() },
+        }
     }
 
     /// Adds the next pattern image. A clipped pixel is unusable in that channel.

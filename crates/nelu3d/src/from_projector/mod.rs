@@ -82,6 +82,7 @@ pub fn calibrate_from_projector(
             response.blur_px, response.offset, response.scale, response.gamma
         ),
         shortfall: None,
+        excluded: Vec::new(),
         cells: field.to_grid().cells,
         stages: clock.finish(),
     };

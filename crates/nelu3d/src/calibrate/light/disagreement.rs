@@ -154,3 +154,20 @@ fn spread(found: &mut [bool], into: &[bool], steps: impl Fn(usize) -> usize, w: 
 fn dilated(found: &[bool], w: usize) -> Vec<bool> {
     (0..found.len()).map(|i| around(i, 1, w, found.len() / w).any(|j| found[j])).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_found_goes_on_into_what_it_touches() {
+        // A row of blocks: found at 3, and 4 to 9 not told; 12 is not connected.
+        let mut found: Vec<bool> = (0..14).map(|i| i == 3).collect();
+        let into: Vec<bool> = (0..14).map(|i| (4..10).contains(&i) || i == 12).collect();
+        spread(&mut found, &into, |_| 2, 14);
+        let at: Vec<usize> = (0..14).filter(|i| found[*i]).collect();
+        assert_eq!(at, [3, 4, 5]);
+        spread(&mut found, &into, |_| usize::MAX, 14);
+        assert_eq!(found.iter().filter(|f| **f).count(), 7);
+    }
+}

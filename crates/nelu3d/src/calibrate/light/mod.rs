@@ -275,4 +275,50 @@ mod tests {
         let at = found.center.position().unwrap();
         assert!((at - center).norm() < 6.0, "{at}");
     }
+
+    #[test]
+    fn a_hand_before_a_board_is_left_out() {
+        let camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
+        let center = Point3::new(-60.0, 140.0, 55.0);
+        let code = |x: f64, y: f64| gray(x).chain(gray(y)).collect::<Vec<f32>>();
+        let clean = views(&camera, &poses(), center, code);
+        let k = clean.k;
+        // 36 × 30 pixels of the second view show what the light throws 25 mm before the board.
+        let mut with_hand = views(&camera, &poses(), center, code);
+        let hidden = 1;
+        let (normal, offset) = with_hand.planes[hidden];
+        let is_hand = |x: usize, y: usize| (60..96).contains(&x) && (70..100).contains(&y);
+        for i in (0..camera.n_pixels()).filter(|i| is_hand(i % 240, i / 240)) {
+            let dir = camera.ray([(i % 240) as f64, (i / 240) as f64]).dir;
+            let from = Point3::from(dir * (offset / normal.dot(&dir) - 25.0)) - center;
+            with_hand.levels[0].images[hidden][i * (k + 1)..][..k]
+                .copy_from_slice(&code(from.x / from.z, from.y / from.z));
+        }
+        let levels = with_hand.levels.len();
+        let finest = with_hand.levels.swap_remove(0);
+        let boards: Vec<_> = with_hand
+            .positions
+            .iter()
+            .map(|p| (*p, BoardPlane::new(&poses()[*p], [-90.0, -70.0, 90.0, 70.0])))
+            .collect();
+        let with_hand = Views::new(k, boards, finest, &Vector3::z());
+        assert_eq!(with_hand.levels.len(), levels);
+        let position = with_hand.positions[hidden];
+
+        let none = find_center(clean, &camera, &Progress::none()).unwrap();
+        assert!(none.excluded.is_empty(), "{:?}", none.excluded.iter().map(|e| e.0).collect::<Vec<_>>());
+        let found = find_center(with_hand, &camera, &Progress::none()).unwrap();
+        assert_eq!(found.excluded.iter().map(|e| e.0).collect::<Vec<_>>(), [position]);
+        let blocks = &found.excluded[0].1;
+        let (mut inside, mut outside) = (0, 0);
+        for i in (0..camera.n_pixels()).filter(|i| blocks.contains(i % 240, i / 240)) {
+            let near = (50..106).contains(&(i % 240)) && (60..110).contains(&(i / 240));
+            if is_hand(i % 240, i / 240) {
+                inside += 1
+            } else if !near {
+                outside += 1
+            }
+        }
+        assert!(inside > 36 * 30 * 9 / 10 && outside < 36 * 30 / 2, "{inside} {outside}");
+    }
 }

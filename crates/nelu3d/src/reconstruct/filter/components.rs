@@ -25,17 +25,65 @@ pub(super) fn reject_unexplained_components(
     for (i, c) in component.iter().enumerate().filter(|(_, c)| **c != u32::MAX) {
         members[*c as usize].push(i);
     }
-    for pixels in members.iter().filter(|p| p.len() >= settings.min_component.max(1)) {
-        let median_of = |map: &[f32]| {
-            let mut values: Vec<f32> = pixels.iter().map(|i| map[*i]).collect();
-            median(&mut values).expect("a component has pixels")
-        };
-        let (chi2, unseen) = (median_of(&refined.chi2), median_of(&refined.unseen));
-        tracing::debug!(pixels = pixels.len(), chi2, unseen, z = depth[pixels[pixels.len() / 2]], "component");
-        if chi2 > settings.max_component_chi2 || unseen > settings.max_component_unseen {
-            for &i in pixels {
-                (depth[i], status[i]) = (f32::NAN, PixelStatus::Ambiguous);
+    let score = |pixels: &Vec<usize>| {
+        let median_of = |map: &[f32]| median(&mut pixels.iter().map(|i| map[*i]).collect::<Vec<f32>>());
+        match (median_of(&refined.chi2), median_of(&refined.unseen)) {
+            (Some(chi2), Some(unseen)) if pixels.len() >= settings.min_component => {
+                chi2 / settings.max_component_chi2 + unseen / settings.max_component_unseen
             }
+            _ => f32::INFINITY,
         }
+    };
+    let scores: Vec<f32> = members.iter().map(score).collect();
+    let decoded: usize = members.iter().map(Vec::len).sum();
+    let explained: usize = members.iter().zip(&scores).map(|(p, s)| if *s < 1.0 { p.len() } else { 0 }).sum();
+    // Where next to nothing is explained, what is left was found by chance, too.
+    let share = (explained as f32 / decoded.max(1) as f32 / settings.explained).min(1.0);
+    let limit = settings.max_score_alone + (1.0 - settings.max_score_alone) * share;
+    tracing::debug!(limit, explained, decoded, "components");
+    for (pixels, _) in members.iter().zip(&scores).filter(|(_, score)| **score > limit) {
+        for &i in pixels {
+            (depth[i], status[i]) = (f32::NAN, PixelStatus::Ambiguous);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether two flat pieces, `first` and 20 pixels wide and 20 high, at different depths, are kept.
+    fn kept(first: usize, chi2: [f32; 2], unseen: [f32; 2]) -> [bool; 2] {
+        let camera = Camera::pinhole(50, 20, 500.0, 500.0, 25.0, 10.0);
+        let n = camera.n_pixels();
+        let piece = |i: usize| match i % 50 {
+            x if x < first => Some(0),
+            30.. => Some(1),
+            _ => None,
+        };
+        let mut depth: Vec<f32> = (0..n).map(|i| piece(i).map_or(f32::NAN, |p| [700.0, 600.0][p])).collect();
+        let mut refined = Refined::empty(n, Vec::new(), Vec::new());
+        for i in 0..n {
+            let Some(p) = piece(i) else { continue };
+            (refined.chi2[i], refined.unseen[i]) = (chi2[p], unseen[p]);
+        }
+        let mut status = vec![PixelStatus::Valid; n];
+        reject_unexplained_components(&mut depth, &mut status, &camera, &refined, &FilterSettings::default());
+        [depth[0].is_finite(), depth[49].is_finite()]
+    }
+
+    #[test]
+    fn light_of_unseen_origin_may_not_buy_a_wrong_period() {
+        assert_eq!(kept(20, [0.6, 1.7], [0.0, 0.05]), [true, true]);
+        // Neither alone is too much.
+        assert_eq!(kept(20, [0.6, 2.5], [0.0, 0.1]), [true, false]);
+        assert_eq!(kept(20, [0.6, 0.5], [0.0, 0.3]), [true, false]);
+    }
+
+    #[test]
+    fn what_is_explained_among_nothing_else_is_chance() {
+        assert_eq!(kept(20, [2.8, 9.0], [0.0, 0.3]), [true, false]);
+        assert_eq!(kept(3, [2.8, 9.0], [0.0, 0.3]), [false, false]);
+        assert_eq!(kept(3, [1.0, 9.0], [0.0, 0.3]), [true, false]);
     }
 }

@@ -26,6 +26,11 @@ pub(crate) fn filter(
     let Scene { camera, rays, field, measurements: m, .. } = scene;
     let mut depth: Vec<f32> = refined.inv_z.iter().map(|v| 1.0 / v).collect();
     let chi2 = local_mean(&refined.chi2, m.width, m.height, 2);
+    let mut known: Vec<f32> = chi2.iter().copied().filter(|c| c.is_finite()).collect();
+    let [least, most] = settings.max_chi2;
+    known.sort_unstable_by(f32::total_cmp);
+    let max_chi2 = known.get(known.len() / 5).map_or(most, |c| (settings.chi2_over_good * c).clamp(least, most));
+    tracing::debug!(max_chi2, "limit of single pixels");
     for i in 0..m.n() {
         if !depth[i].is_finite() {
             continue;
@@ -38,7 +43,7 @@ pub(crate) fn filter(
         let inside = refined.inv_z[i] >= first && refined.inv_z[i] <= last;
         if !(inside && field.validity.is_lit(rays.in_frame(i).at(f64::from(t)).q)) {
             m.status[i] = PixelStatus::OutsideVolume;
-        } else if chi2[i] > settings.max_chi2 {
+        } else if chi2[i] > max_chi2 {
             m.status[i] = PixelStatus::Ambiguous;
         } else {
             continue;

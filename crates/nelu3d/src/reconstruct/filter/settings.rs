@@ -5,16 +5,26 @@ use serde::Serialize;
 /// Settings of the rejection of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FilterSettings {
-    /// Mean χ² per measurement over 5 × 5 pixels above which no surface explains the codeword.
-    pub max_chi2: f32,
+    /// Mean χ² per measurement over 5 × 5 pixels above which no surface explains the codeword: at least and at most. Between
+    /// them the scene decides, by its own χ².
+    pub max_chi2: [f32; 2],
+    /// That limit as a multiple of the χ² below which a fifth of the scene's pixels are: much of a picture may be a room
+    /// outside the volume.
+    pub chi2_over_good: f32,
     /// χ² per measurement of a pixel at a depth discontinuity above which its codeword is a mixture of two surfaces.
     pub max_edge_chi2: f32,
-    /// Median χ² per measurement of a connected component above which no part of it is explained: residuals of two
-    /// standard deviations of noise and field error.
+    /// Median χ² per measurement of a connected component above which no part of it is explained, if no light of unseen
+    /// origin is needed to explain it.
     pub max_component_chi2: f32,
     /// Median fraction of light of unseen origin (ambient light, interreflection from what the camera does not see) above
-    /// which a component is at a wrong depth.
+    /// which a component is at a wrong depth, if its χ² is 0. Fractions of both limits add up: light of unseen origin
+    /// may not buy a wrong period.
     pub max_component_unseen: f32,
+    /// Fraction of the decoded pixels from which these limits hold; below, they shrink, as what is explained among much
+    /// that is not may be so by chance.
+    pub explained: f32,
+    /// Part of the limits that is left where next to nothing is explained.
+    pub max_score_alone: f32,
     /// Smallest connected component that is valid, px.
     pub min_component: usize,
 }
@@ -22,10 +32,13 @@ pub struct FilterSettings {
 impl Default for FilterSettings {
     fn default() -> Self {
         Self {
-            max_chi2: 40.0,
+            max_chi2: [10.0, 40.0],
+            chi2_over_good: 20.0,
             max_edge_chi2: 9.0,
-            max_component_chi2: 4.0,
-            max_component_unseen: 0.25,
+            max_component_chi2: 3.5,
+            max_component_unseen: 0.16,
+            explained: 0.25,
+            max_score_alone: 0.5,
             min_component: 40,
         }
     }

@@ -24,7 +24,7 @@ pub(crate) struct Refined {
 
 impl Refined {
     /// Makes maps of `n` pixels without a surface at any of them.
-    pub(super) fn empty(n: usize, losses: Vec<f32>, albedo: Vec<f32>) -> Self {
+    pub(in crate::reconstruct) fn empty(n: usize, losses: Vec<f32>, albedo: Vec<f32>) -> Self {
         let nan = || vec![f32::NAN; n];
         Self {
             inv_z: nan(),
