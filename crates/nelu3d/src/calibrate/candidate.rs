@@ -126,7 +126,7 @@ impl Candidate {
         validity.close();
         validity.fill_holes();
         let held_out = folds.concat().iter().map(|p| placed.sweep.shots[*p].name.clone()).collect();
-        let quality = errors.quality(held_out);
+        let quality = errors.quality(held_out, placed.n_positions());
         let is_good = quality.psnr_db > quality.ceiling_db - MAX_SHORTFALL_DB;
         let reached = if is_good || ends_hold(placed, &by_position) { [0.0, 1.0] } else { swept };
         if center == Center::Light {

@@ -1,5 +1,7 @@
 //! Errors of a field at positions that it was not made from.
 
+use nelu3d_scan::statistics::median;
+
 use super::placed_sweep::PlacedSweep;
 use super::sweep::Position;
 use crate::color_field::Quality;
@@ -29,6 +31,8 @@ pub(super) struct HeldOutErrors {
     noise: f64,
     /// Depth errors of a selection, mm.
     depth: Vec<f32>,
+    /// By how much each position seems to be displaced along the rays, mm.
+    shifts: Vec<f64>,
 }
 
 impl HeldOutErrors {
@@ -50,7 +54,7 @@ impl HeldOutErrors {
         let (k, channels) = (placed.sweep.k, placed.sweep.channels);
         let mut s = Self::default();
         let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
-        let mut n = 0usize;
+        let (mut n, mut signed) = (0usize, Vec::new());
         let lit = well_lit(&position.contrast);
         placed.for_each(p, position, |i, t, v, w| {
             let m = frame.along_ray(&placed.dirs[i]).at(t);
@@ -82,8 +86,10 @@ impl HeldOutErrors {
             }
             if with_depth && h > 0.0 {
                 s.depth.push((g / h).abs());
+                signed.push([g, h]);
             }
         });
+        s.shifts.extend(shift(&signed));
         s
     }
 
@@ -92,9 +98,11 @@ impl HeldOutErrors {
         self.lit = (self.lit.0 + s.lit.0, self.lit.1 + s.lit.1);
         self.noise += s.noise;
         self.depth.extend(s.depth);
+        self.shifts.extend(s.shifts);
     }
 
-    pub(super) fn quality(mut self, held_out: Vec<String>) -> Quality {
+    /// Sums up. Of the boards' pose errors the field, which is fitted to `n_positions` of them, keeps their mean's.
+    pub(super) fn quality(mut self, held_out: Vec<String>, n_positions: usize) -> Quality {
         let db = |sum: f64, n: usize| if n > 0 { -10.0 * (sum / n as f64).log10() } else { f64::NAN };
         self.depth.sort_by(f32::total_cmp);
         let (lit, noise) = if self.lit.1 > 0 {
@@ -102,6 +110,7 @@ impl HeldOutErrors {
         } else {
             (db(self.all.0, self.all.1), 60.0)
         };
+        let mean_square = self.shifts.iter().map(|s| s * s).sum::<f64>() / self.shifts.len().max(1) as f64;
         Quality {
             held_out,
             n: self.all.1,
@@ -109,13 +118,38 @@ impl HeldOutErrors {
             psnr_all_db: db(self.all.0, self.all.1),
             ceiling_db: noise,
             depth_mm: self.depth.get(self.depth.len() / 2).copied().unwrap_or(f32::NAN).into(),
+            pose_mm: (mean_square / n_positions.max(1) as f64).sqrt(),
         }
     }
+}
+
+/// Returns the displacement along the rays, mm, that explains the errors of many samples best: Σ g / Σ h of their normal
+/// equations `h · shift = g`, without those that lie far beyond the others. `None` where too few tell.
+fn shift(equations: &[[f32; 2]]) -> Option<f64> {
+    const MIN_SAMPLES: usize = 50;
+    /// Multiple of the median displacement beyond which a sample is not counted.
+    const FAR: f32 = 4.0;
+    let mut sizes: Vec<f32> = equations.iter().map(|[g, h]| (g / h).abs()).collect();
+    let limit = FAR * median(&mut sizes)?;
+    let near = equations.iter().filter(|[g, h]| (g / h).abs() <= limit);
+    let (g, h) = near.fold((0.0, 0.0), |(a, b), [g, h]| (a + f64::from(*g), b + f64::from(*h)));
+    (equations.len() >= MIN_SAMPLES && h > 0.0).then(|| g / h)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_displaced_board_is_told_from_noise() {
+        // 0.3 mm, noise of 2 mm a sample, and some samples that are far off.
+        let noise = |i: usize| 2.0 * (((i * 7919) % 1000) as f32 / 500.0 - 1.0);
+        let samples: Vec<[f32; 2]> =
+            (0..5000).map(|i| if i % 50 == 0 { [4.0 * 900.0, 4.0] } else { [4.0 * (0.3 + noise(i)), 4.0] }).collect();
+        let found = shift(&samples).unwrap();
+        assert!((found - 0.3).abs() < 0.05, "{found}");
+        assert!(shift(&samples[..10]).is_none());
+    }
 
     #[test]
     fn well_lit_follows_the_exposure_but_not_the_ink() {

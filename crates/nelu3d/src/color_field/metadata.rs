@@ -55,6 +55,11 @@ impl FieldMetadata {
         let excess = q.map_or(1e-4, |q| (10f64.powf(-q.psnr_db / 10.0) - 10f64.powf(-q.ceiling_db / 10.0)).max(0.0));
         (excess.sqrt() as f32).max(min)
     }
+
+    /// Returns the standard deviation of depth that errors of the boards' poses leave, mm; 0 where it is not known.
+    pub fn pose_sigma_mm(&self) -> f32 {
+        self.quality.as_ref().map_or(0.0, |q| q.pose_mm as f32)
+    }
 }
 
 fn one() -> usize {
@@ -82,6 +87,11 @@ pub struct Quality {
     /// Median depth error that the field's error implies: |error| / |∂c/∂t|, mm.
     #[serde(deserialize_with = "or_nan")]
     pub depth_mm: f64,
+    /// Standard deviation of depth that errors of the boards' poses leave in the whole field, mm: root mean square
+    /// displacement of held-out boards from the field of the others, along the rays, by the root of the number of boards.
+    /// 0 where it was not measured. Errors that all poses share (a wrong focal length) are not in it.
+    #[serde(default)]
+    pub pose_mm: f64,
 }
 
 /// Reads a number that may be null. JSON has no NaN or infinity: both are written as null, and what was never measured

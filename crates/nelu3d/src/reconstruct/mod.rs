@@ -169,9 +169,10 @@ fn diagnose(initial: &Initial, refined: &Refined, depth: &[f32], fast: FastSetti
 
 /// Links, normals and mesh of the valid depths.
 fn build_surface(scene: Scene<'_>, refined: Refined, depth: Vec<f32>) -> Surface {
-    // From 1/z to z.
-    let sigma =
-        depth.iter().zip(&refined.sigma).map(|(z, s)| if z.is_finite() { s * z * z } else { f32::NAN }).collect();
+    // From 1/z to z; and what all depths share.
+    let pose = scene.field.metadata.pose_sigma_mm();
+    let sigma = |(z, s): (&f32, &f32)| if z.is_finite() { (s * z * z).hypot(pose) } else { f32::NAN };
+    let sigma = depth.iter().zip(&refined.sigma).map(sigma).collect();
     let status = scene.measurements.status;
     let maps = SurfaceMaps { depth, sigma, status, residual: refined.residual, ambient: refined.ambient };
     assemble(maps, scene.camera, &scene.rays.plane, scene.white)

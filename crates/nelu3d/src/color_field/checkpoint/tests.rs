@@ -46,6 +46,7 @@ fn field(form: Form) -> ColorField {
             psnr_all_db: 30.0,
             ceiling_db: 40.0,
             depth_mm: f64::NAN,
+            pose_mm: 0.1,
         }),
         settings: serde_json::json!({ "seed": 1 }),
     };
