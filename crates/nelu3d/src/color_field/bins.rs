@@ -97,21 +97,21 @@ impl Bins {
 
     /// Adds collections made by [`Self::gathered`]: rows of bins in parallel, each bin's samples in order.
     pub fn add_all(&mut self, parts: &[Gathered]) {
-        let (counts, k) = (self.counts, self.k);
-        let per_stripe = self.per_row() * STRIPE;
-        self.sums.par_chunks_mut(per_stripe).enumerate().for_each(|(stripe, sums)| {
-            for part in parts {
-                for record in part.stripes[stripe].chunks_exact(3 + 2 * k) {
-                    let (q, rest) = record.split_at(3);
-                    let (values, omegas) = rest.split_at(k);
-                    add(sums, counts, stripe * STRIPE, [q[0], q[1], q[2]], values, omegas);
-                }
-            }
-        });
+        self.for_each_gathered(parts, add);
     }
 
     /// Takes collections out again that [`Self::add_all`] added.
     pub fn remove_all(&mut self, parts: &[Gathered]) {
+        self.for_each_gathered(parts, remove);
+    }
+
+    /// Calls `f(sums, counts, first row, q, values, weights)` for every sample of collections, with the sums of its stripe.
+    #[inline(always)]
+    fn for_each_gathered(
+        &mut self,
+        parts: &[Gathered],
+        f: impl Fn(&mut [f32], [usize; 3], usize, [f32; 3], &[f32], &[f32]) + Sync,
+    ) {
         let (counts, k) = (self.counts, self.k);
         let per_stripe = self.per_row() * STRIPE;
         self.sums.par_chunks_mut(per_stripe).enumerate().for_each(|(stripe, sums)| {
@@ -119,7 +119,7 @@ impl Bins {
                 for record in part.stripes[stripe].chunks_exact(3 + 2 * k) {
                     let (q, rest) = record.split_at(3);
                     let (values, omegas) = rest.split_at(k);
-                    remove(sums, counts, stripe * STRIPE, [q[0], q[1], q[2]], values, omegas);
+                    f(sums, counts, stripe * STRIPE, [q[0], q[1], q[2]], values, omegas);
                 }
             }
         });
@@ -186,45 +186,47 @@ impl Bins {
 /// Adds a sample to the bins of the rows from `first` on.
 #[inline(always)]
 fn add(sums: &mut [f32], counts: [usize; 3], first: usize, q: [f32; 3], values: &[f32], omegas: &[f32]) {
-    let Some(cell) = cell_of(counts, q) else { return };
-    let k = values.len();
-    let mean = omegas.iter().sum::<f32>() / k as f32;
-    if mean <= 0.0 {
-        return;
-    }
-    let stride = 4 + 2 * k;
-    let at = (((cell[1] - first) * counts[0] + cell[0]) * counts[2] + cell[2]) * stride;
-    let bin = &mut sums[at..at + stride];
+    let Some((bin, cell, mean)) = bin_of(sums, counts, first, q, omegas) else { return };
     add_weight(bin, counts, cell, q, mean);
-    let (w, wv) = bin[4..].split_at_mut(k);
-    for j in 0..k {
+    let (w, wv) = bin[4..].split_at_mut(values.len());
+    for j in 0..values.len() {
         w[j] += omegas[j];
         wv[j] += omegas[j] * values[j];
     }
 }
 
-/// Takes a sample out again.
+/// Takes a sample out again that [`add`] has added.
 fn remove(sums: &mut [f32], counts: [usize; 3], first: usize, q: [f32; 3], values: &[f32], omegas: &[f32]) {
-    let Some(cell) = cell_of(counts, q) else { return };
-    let k = values.len();
-    let mean = omegas.iter().sum::<f32>() / k as f32;
-    if mean <= 0.0 {
-        return;
-    }
-    let stride = 4 + 2 * k;
-    let at = (((cell[1] - first) * counts[0] + cell[0]) * counts[2] + cell[2]) * stride;
-    let bin = &mut sums[at..at + stride];
+    let Some((bin, cell, mean)) = bin_of(sums, counts, first, q, omegas) else { return };
     add_weight(bin, counts, cell, q, -mean);
-    // What rounding leaves of the last sample is none.
+    // Rounding leaves a remainder of the last sample.
     if bin[0] < 1e-4 * mean {
         bin.fill(0.0);
         return;
     }
-    let (w, wv) = bin[4..].split_at_mut(k);
-    for j in 0..k {
+    let (w, wv) = bin[4..].split_at_mut(values.len());
+    for j in 0..values.len() {
         w[j] = (w[j] - omegas[j]).max(0.0);
         wv[j] -= omegas[j] * values[j];
     }
+}
+
+/// Returns the sums of the bin that a sample at `q` belongs to, in rows from `first` on, its cell, and the sample's mean
+/// weight; `None` outside the unit cube and for a sample without weight.
+#[inline(always)]
+fn bin_of<'a>(
+    sums: &'a mut [f32],
+    counts: [usize; 3],
+    first: usize,
+    q: [f32; 3],
+    omegas: &[f32],
+) -> Option<(&'a mut [f32], [usize; 3], f32)> {
+    let cell = cell_of(counts, q)?;
+    let k = omegas.len();
+    let mean = omegas.iter().sum::<f32>() / k as f32;
+    let stride = 4 + 2 * k;
+    let at = (((cell[1] - first) * counts[0] + cell[0]) * counts[2] + cell[2]) * stride;
+    (mean > 0.0).then(|| (&mut sums[at..at + stride], cell, mean))
 }
 
 /// Returns the bin of a point; `None` outside the unit cube.
