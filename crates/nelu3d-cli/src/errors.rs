@@ -34,7 +34,8 @@ pub(crate) fn sentence(error: &anyhow::Error) -> String {
     }
 }
 
-/// Returns a text of a library with its settings named as they are typed: `--min-contrast` for "setting `min_contrast`".
+/// Returns a text of a library with its settings named as they are typed: `--min-contrast` for "setting
+/// `min_contrast`".
 fn with_options(text: &str) -> String {
     const SETTING: &str = "setting `";
     let mut parts = text.split(SETTING);

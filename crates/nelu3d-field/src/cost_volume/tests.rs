@@ -105,8 +105,8 @@ impl RaySource for TestImage {
     }
 }
 
-/// Asserts that winners are equal but for rounding, and for up to one pixel in a hundred: on random codewords some pixels
-/// have two equally good hypotheses, and some points lie on the edge of a lit cell.
+/// Asserts that winners are equal but for rounding, and for up to one pixel in a hundred: on random codewords some
+/// pixels have two equally good hypotheses, and some points lie on the edge of a lit cell.
 fn assert_agree(what: &str, found: &[Winner], expected: &[Winner]) {
     assert_eq!(found.len(), expected.len());
     let same = |(a, b): &(&Winner, &Winner)| (a.index - b.index).abs() < 1e-2 || a.index.is_nan() && b.index.is_nan();

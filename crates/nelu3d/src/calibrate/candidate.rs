@@ -64,10 +64,10 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    /// Fits a field in `frame` (whose box is still empty) without the positions of each of `folds` in turn, and measures it at
-    /// these. With one fold, every position is read once: first those that are fitted, then the held-out ones, which are
-    /// compared with the field and join the others in the bins. With several, all are gathered first, and every fold's are
-    /// taken out while the others are fitted.
+    /// Fits a field in `frame` (whose box is still empty) without the positions of each of `folds` in turn, and
+    /// measures it at these. With one fold, every position is read once: first those that are fitted, then the held-out
+    /// ones, which are compared with the field and join the others in the bins. With several, all are gathered first,
+    /// and every fold's are taken out while the others are fitted.
     pub(super) fn fit(
         cx: &FitContext<'_, '_>,
         mut frame: FieldFrame,
@@ -102,8 +102,8 @@ impl Candidate {
             }
             let fitted = fit_form(cx, &bins, cells, center, if in_turn { STEPS_IN_TURN } else { STEPS });
             let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
-            // A position supports its own samples, too, where it was counted. From one other board alone nothing tells how
-            // the light's focus changes along a ray; of three, no more can be asked.
+            // A position supports its own samples, too, where it was counted. From one other board alone nothing tells
+            // how the light's focus changes along a ray; of three, no more can be asked.
             let least = match (in_turn, placed.n_positions()) {
                 (false, _) => 1,
                 (true, ..4) => 2,
@@ -181,8 +181,8 @@ impl Candidate {
     }
 }
 
-/// Puts the box of a frame around the sweep; in the light's frame, with room for what its rays reach beyond the first and
-/// the last board: as far as boards are apart. Returns the part along w where boards were, in unit coordinates.
+/// Puts the box of a frame around the sweep; in the light's frame, with room for what its rays reach beyond the first
+/// and the last board: as far as boards are apart. Returns the part along w where boards were, in unit coordinates.
 fn enclose(placed: &PlacedSweep<'_>, frame: &mut FieldFrame, center: Center) -> [f32; 2] {
     placed.for_each_point(|x| frame.enclose(x));
     // A hair of margin: the box was found from every seventh sample.
@@ -209,8 +209,8 @@ fn enclose(placed: &PlacedSweep<'_>, frame: &mut FieldFrame, center: Center) -> 
     [unit(lo), unit(hi)]
 }
 
-/// Whether the nearest and the farthest position, held out in turn, were predicted from the others as well as those between
-/// them: then the field holds beyond its boards as far as these are apart.
+/// Whether the nearest and the farthest position, held out in turn, were predicted from the others as well as those
+/// between them: then the field holds beyond its boards as far as these are apart.
 fn ends_hold(placed: &PlacedSweep<'_>, by_position: &[(String, f64)]) -> bool {
     let n = placed.n_positions();
     if by_position.len() < n {
@@ -243,7 +243,8 @@ fn fit_form(cx: &FitContext<'_, '_>, bins: &Bins, cells: [usize; 3], center: Cen
     let k = placed.sweep.k;
     match opts.form {
         FormKind::Grid => {
-            // Coarse to fine: the coarse fit fills what the fine one cannot see. It needs no more bins than it has cells for.
+            // Coarse to fine: the coarse fit fills what the fine one cannot see. It needs no more bins than it has
+            // cells for.
             let few = [cells[0] / 4 + 1, cells[1] / 4 + 1];
             let coarse = bins.merged([few[0], few[1], bins.counts()[2]]);
             let mut grid = Grid::new([few[0], few[1], cells[2]], k);
@@ -292,8 +293,8 @@ fn smoothness(center: Center) -> Smoothness {
     }
 }
 
-/// Two bins a cell along w, and three along the light's rays for the forms with a network, which are no splines and lose by
-/// less; no fewer than four.
+/// Two bins a cell along w, and three along the light's rays for the forms with a network, which are no splines and
+/// lose by less; no fewer than four.
 fn empty_bins(placed: &PlacedSweep<'_>, cells: [usize; 3], center: Center, form: FormKind) -> Bins {
     let per_cell = match (center, form) {
         (Center::Light, FormKind::Hash | FormKind::Frequency) => 3,

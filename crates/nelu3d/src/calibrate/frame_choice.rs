@@ -15,8 +15,8 @@ const FAIR_DB: f64 = 16.0;
 /// Number of positions up to which each of them is held out in turn.
 const IN_TURN: usize = 8;
 
-/// Fits the field without the held-out positions, in the light's frame if there is one, finer if one cell per pixel is too
-/// coarse (codes with edges are finer than pixels, and the positions see them between each other's pixels), in the
+/// Fits the field without the held-out positions, in the light's frame if there is one, finer if one cell per pixel is
+/// too coarse (codes with edges are finer than pixels, and the positions see them between each other's pixels), in the
 /// camera's frame if the light's does not hold; returns the candidate that predicts the held-out positions best.
 pub(super) fn fit_best_frame(
     fit: &FitContext<'_, '_>,
@@ -40,8 +40,7 @@ pub(super) fn fit_best_frame(
     let finer_is_better = tried.len() == 2 && tried[1].quality.psnr_db > tried[0].quality.psnr_db + MAX_SHORTFALL_DB;
     let light_holds = tried.iter().any(is_good) || finer_is_better;
     // A few boards, placed by hand, are too far apart for the camera's frame wherever the light's holds at all.
-    let camera_may_hold =
-        placed_densely(fit.placed.n_positions()) || !tried.iter().any(|c| c.quality.psnr_db > FAIR_DB);
+    let camera_may_hold = fit.placed.n_positions() > IN_TURN || !tried.iter().any(|c| c.quality.psnr_db > FAIR_DB);
     if tried.is_empty() || (opts.frame == FrameKind::Auto && !light_holds && camera_may_hold) {
         tried.iter_mut().for_each(Candidate::drop_bins);
         let middle = Point3::from(fit.placed.mean_point());
@@ -55,13 +54,8 @@ pub(super) fn fit_best_frame(
     Ok(best.expect("at least one frame was tried"))
 }
 
-/// Whether positions may be close enough to each other for the camera's frame.
-fn placed_densely(n: usize) -> bool {
-    n > IN_TURN
-}
-
-/// The positions that are held out together: every one in turn where there are few, so that the measure does not rest on
-/// one of them; else an even selection at once. Networks take too long to be trained that often.
+/// The positions that are held out together: every one in turn where there are few, so that the measure does not rest
+/// on one of them; else an even selection at once. Networks take too long to be trained that often.
 fn folds(n: usize, stride: usize, form: FormKind) -> Vec<Vec<usize>> {
     if n <= IN_TURN && form == FormKind::Grid {
         return (0..n).map(|p| vec![p]).collect();

@@ -8,8 +8,8 @@ use crate::color_field::Quality;
 use crate::color_field::frame::FieldFrame;
 use crate::color_field::grid::Grid;
 
-/// The contrast (white − black) from which a sample is well lit: a tenth of full scale, or half of what the best tenth of
-/// the position's samples have where the exposure is short. Black ink is below it.
+/// The contrast (white − black) from which a sample is well lit: a tenth of full scale, or half of what the best tenth
+/// of the position's samples have where the exposure is short. Black ink is below it.
 pub(super) fn well_lit(contrast: &[f32]) -> f32 {
     let mut usable: Vec<f32> = contrast.iter().copied().filter(|c| *c > 0.0).collect();
     if usable.is_empty() {
@@ -123,8 +123,8 @@ impl HeldOutErrors {
     }
 }
 
-/// Returns the displacement along the rays, mm, that explains the errors of many samples best: Σ g / Σ h of their normal
-/// equations `h · shift = g`, without those that lie far beyond the others. `None` where too few tell.
+/// Returns the displacement along the rays, mm, that explains the errors of many samples best: Σ g / Σ h of their
+/// normal equations `h · shift = g`, without those that lie far beyond the others. `None` where too few tell.
 fn shift(equations: &[[f32; 2]]) -> Option<f64> {
     const MIN_SAMPLES: usize = 50;
     /// Multiple of the median displacement beyond which a sample is not counted.

@@ -35,7 +35,7 @@ pub use report::CalibrationReport;
 pub use sweep::Sweep;
 
 /// Fraction of a position's image that is worth a warning if it is not used.
-const MUCH: f64 = 0.1;
+const MUCH_EXCLUDED: f64 = 0.1;
 
 /// Calibrates a rig for one pattern set from its board sweep.
 ///
@@ -65,13 +65,12 @@ pub fn calibrate(
              the light or the camera had moved, or something stood in the light"
         ));
     }
-    let excluded = found.as_ref().map_or(&[][..], |f| &f.excluded);
-    let excluded: Vec<_> =
-        excluded.iter().map(|(p, blocks)| (placed.sweep.shots[*p].name.clone(), blocks.clone())).collect();
+    let blocks = found.as_ref().map_or(&[][..], |f| &f.excluded);
+    let excluded: Vec<(String, f64)> =
+        blocks.iter().map(|(p, blocks)| (placed.sweep.shots[*p].name.clone(), blocks.share())).collect();
+    placed.exclude(blocks);
     placed.remove(outliers);
-    placed.exclude(&excluded);
-    let excluded: Vec<_> = excluded.into_iter().map(|(name, blocks)| (name, blocks.share())).collect();
-    for (name, share) in excluded.iter().filter(|(_, share)| *share > MUCH) {
+    for (name, share) in excluded.iter().filter(|(_, share)| *share > MUCH_EXCLUDED) {
         progress.warn(format!(
             "{:.0} % of board position {name} is not used: it does not fit the other positions; something stood before the \
              board or in the light, or the board was bent",

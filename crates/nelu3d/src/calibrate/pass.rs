@@ -63,7 +63,8 @@ impl Pass<'_, '_> {
         Validity::new(self.placed.camera.width, self.placed.camera.height, shape.tile_px, shape.cells)
     }
 
-    /// Adds positions to bins and validity, and to `support` where it is asked for. Returns the number of usable samples.
+    /// Adds positions to bins and validity, and to `support` where it is asked for. Returns the number of usable
+    /// samples.
     pub(super) fn gather(
         &mut self,
         which: &[usize],
@@ -86,8 +87,8 @@ impl Pass<'_, '_> {
         Ok(usable)
     }
 
-    /// Compares positions with a field where at least `least` positions support it, every `stride`th sample's depth error
-    /// kept; then adds them to bins and validity.
+    /// Compares positions with a field where at least `least` positions support it, every `stride`th sample's depth
+    /// error kept; then adds them to bins and validity.
     pub(super) fn compare(
         &mut self,
         which: &[usize],

@@ -101,12 +101,10 @@ impl<'a> PlacedSweep<'a> {
         self.sweep.retain(|name| !names.iter().any(|n| n == name));
     }
 
-    /// Leaves blocks of the images of some positions, by name, out of all that follows.
-    pub(super) fn exclude(&mut self, blocks: &[(String, ExcludedBlocks)]) {
-        for (name, blocks) in blocks {
-            if let Some(p) = self.sweep.shots.iter().position(|s| s.name == *name) {
-                self.excluded[p] = Some(blocks.clone());
-            }
+    /// Leaves blocks of the images of some positions, by index, out of all that follows.
+    pub(super) fn exclude(&mut self, blocks: &[(usize, ExcludedBlocks)]) {
+        for (p, blocks) in blocks {
+            self.excluded[*p] = Some(blocks.clone());
         }
     }
 

@@ -20,7 +20,8 @@ pub struct CalibrationReport {
     /// Why the field stays more than 3 dB below what noise allows, if it does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shortfall: Option<String>,
-    /// Positions of which a part is not used, because it does not fit the other positions, and that fraction of the image.
+    /// Positions of which a part is not used, because it does not fit the other positions, and that fraction of the
+    /// image.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub excluded: Vec<(String, f64)>,
     /// Number of cells of the field along a, b and w.

@@ -10,10 +10,11 @@ const MAX_COEFFS: usize = 48_000_000;
 /// Most cells along w in the light's frame, where only defocus changes.
 const MAX_CELLS_ALONG_LIGHT: usize = 4;
 
-/// Cells along a, b and w: across, `cells_per_pixel` per pixel where the volume is; along, what the sweep can supervise.
+/// Cells along a, b and w: across, `cells_per_pixel` per pixel where the volume is; along, what the sweep can
+/// supervise.
 ///
-/// The cells across hold the edges of the code, and come first: in the light's frame there are only as many cells along as leave
-/// room for them. One is a cubic along every ray of light.
+/// The cells across hold the edges of the code, and come first: in the light's frame there are only as many cells along
+/// as leave room for them. One is a cubic along every ray of light.
 pub(super) fn resolution(
     placed: &PlacedSweep<'_>,
     frame: &FieldFrame,

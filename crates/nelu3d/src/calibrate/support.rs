@@ -3,8 +3,8 @@
 use crate::color_field::frame::Center;
 use crate::color_field::validity::Validity;
 
-/// How many positions lit each ray of the frame, and from where to where along it. The error of a field at a position that it was
-/// not made from counts only where the others support it: beyond, it could not be better.
+/// How many positions lit each ray of the frame, and from where to where along it. The error of a field at a position
+/// that it was not made from counts only where the others support it: beyond, it could not be better.
 pub(super) struct Support {
     center: Center,
     cells: [usize; 2],
@@ -34,8 +34,8 @@ impl Support {
         }
     }
 
-    /// Whether at least `least` positions support the ray of light at unit coordinates `q` and around it; in the camera's frame,
-    /// where nothing is known along a ray but what positions saw, `q` has to lie between them.
+    /// Whether at least `least` positions support the ray of light at unit coordinates `q` and around it; in the
+    /// camera's frame, where nothing is known along a ray but what positions saw, `q` has to lie between them.
     pub(super) fn holds(&self, q: [f32; 3], least: u16) -> bool {
         let [na, nb] = self.cells;
         let (a, b) = ((q[0] * na as f32) as isize, (q[1] * nb as f32) as isize);

@@ -1,5 +1,5 @@
-//! A selection of a sweep's positions, evenly spread and of bounded size: what the sensor's noise and the light's center are
-//! estimated from.
+//! A selection of a sweep's positions, evenly spread and of bounded size: what the sensor's noise and the light's
+//! center are estimated from.
 
 use nalgebra::Vector3;
 use nelu3d_scan::{Camera, Rig};
@@ -12,8 +12,8 @@ use super::sweep::Position;
 use crate::progress::Progress;
 use crate::sensor::{NoiseEstimator, quantization_step};
 
-/// Most positions that the search looks at. They are spread over the whole sweep, so more would only add shorter steps to
-/// the lever arms.
+/// Most positions that the search looks at. They are spread over the whole sweep, so more would only add shorter steps
+/// to the lever arms.
 const MAX_VIEWS: usize = 48;
 /// Most bytes of their images; larger ones are averaged over square blocks of pixels.
 const VIEWS_BUDGET: usize = 1 << 28;
@@ -126,8 +126,8 @@ impl Views {
     }
 }
 
-/// Reads a selection of positions: sets the sensor's noise of `placed`, and with `keep` returns the views that the light's
-/// center is found from.
+/// Reads a selection of positions: sets the sensor's noise of `placed`, and with `keep` returns the views that the
+/// light's center is found from.
 pub(super) fn estimate_noise(
     placed: &mut PlacedSweep<'_>,
     rig: &Rig,
@@ -169,9 +169,9 @@ fn masked(position: &Position, keep: impl Fn(usize) -> bool) -> Position {
     Position { width, height, k, channels, values: values.clone(), contrast: kept, around: around.clone() }
 }
 
-/// A position's values, averaged over blocks of `block` pixels and smoothed by a small binomial kernel (linear interpolation
-/// between pixels is exact enough on the result), with validity 1 where the whole kernel was usable: `n × (k + 1)`. Ink is
-/// not: it reflects too little to tell its codeword.
+/// A position's values, averaged over blocks of `block` pixels and smoothed by a small binomial kernel (linear
+/// interpolation between pixels is exact enough on the result), with validity 1 where the whole kernel was usable: `n ×
+/// (k + 1)`. Ink is not: it reflects too little to tell its codeword.
 fn smoothed(position: &Position, block: usize) -> Vec<f32> {
     let reduced = (block > 1).then(|| position.reduced(block));
     let position = reduced.as_ref().unwrap_or(position);

@@ -105,7 +105,8 @@ impl Bins {
         self.for_each_gathered(parts, remove);
     }
 
-    /// Calls `f(sums, counts, first row, q, values, weights)` for every sample of collections, with the sums of its stripe.
+    /// Calls `f(sums, counts, first row, q, values, weights)` for every sample of collections, with the sums of its
+    /// stripe.
     #[inline(always)]
     fn for_each_gathered(
         &mut self,
@@ -211,8 +212,8 @@ fn remove(sums: &mut [f32], counts: [usize; 3], first: usize, q: [f32; 3], value
     }
 }
 
-/// Returns the sums of the bin that a sample at `q` belongs to, in rows from `first` on, its cell, and the sample's mean
-/// weight; `None` outside the unit cube and for a sample without weight.
+/// Returns the sums of the bin that a sample at `q` belongs to, in rows from `first` on, its cell, and the sample's
+/// mean weight; `None` outside the unit cube and for a sample without weight.
 #[inline(always)]
 fn bin_of<'a>(
     sums: &'a mut [f32],

@@ -88,8 +88,8 @@ pub struct Quality {
     #[serde(deserialize_with = "or_nan")]
     pub depth_mm: f64,
     /// Standard deviation of depth that errors of the boards' poses leave in the whole field, mm: root mean square
-    /// displacement of held-out boards from the field of the others, along the rays, by the root of the number of boards.
-    /// 0 where it was not measured. Errors that all poses share (a wrong focal length) are not in it.
+    /// displacement of held-out boards from the field of the others, along the rays, by the root of the number of
+    /// boards. 0 where it was not measured. Errors that all poses share (a wrong focal length) are not in it.
     #[serde(default)]
     pub pose_mm: f64,
 }

@@ -73,8 +73,8 @@ impl Validity {
         }
     }
 
-    /// Lights columns of cells that most of their eight neighbors surround: samples lie as far apart as pixels, and the field
-    /// interpolates between them.
+    /// Lights columns of cells that most of their eight neighbors surround: samples lie as far apart as pixels, and the
+    /// field interpolates between them.
     pub fn fill_holes(&mut self) {
         let [na, nb, nw] = self.shape.cells;
         let is_lit = |a: usize, b: usize| self.lit[(b * na + a) * nw..][..nw].contains(&1);
@@ -98,8 +98,8 @@ impl Validity {
         }
     }
 
-    /// Extends every column of cells that was lit anywhere along w to the part `w` of unit coordinates (first, last): the rays
-    /// of light are known to be straight, and what a ray carries there is what it carries elsewhere.
+    /// Extends every column of cells that was lit anywhere along w to the part `w` of unit coordinates (first, last):
+    /// the rays of light are known to be straight, and what a ray carries there is what it carries elsewhere.
     pub fn extend(&mut self, [first, last]: [f32; 2]) {
         let n = self.shape.cells[2];
         let at = |w: f32| ((w * n as f32).floor().max(0.0) as usize).min(n - 1);
@@ -110,8 +110,8 @@ impl Validity {
         }
     }
 
-    /// Finds the range of every tile anew, from the lit cells: `unit` gives the unit coordinates at a distance along the ray of
-    /// a pixel, and `[near, far]` bounds the distances, mm.
+    /// Finds the range of every tile anew, from the lit cells: `unit` gives the unit coordinates at a distance along
+    /// the ray of a pixel, and `[near, far]` bounds the distances, mm.
     pub fn find_ranges(&mut self, [near, far]: [f64; 2], unit: impl Fn([f64; 2], f64) -> [f32; 3] + Sync) {
         const STEPS: usize = 256;
         let (tile, across) = (self.shape.tile_px, self.shape.tiles[0]);
@@ -136,8 +136,8 @@ impl Validity {
         self.t_range = ranges.into_iter().map(|r| if r[0] < r[1] { r } else { EMPTY }).collect();
     }
 
-    /// `[t_near, t_far]` of the lit part of a ray, mm: from the first lit point to the last, of about 100 along its tile's range;
-    /// `None` where nothing is. `unit` gives the unit coordinates at a distance.
+    /// `[t_near, t_far]` of the lit part of a ray, mm: from the first lit point to the last, of about 100 along its
+    /// tile's range; `None` where nothing is. `unit` gives the unit coordinates at a distance.
     pub fn range_of_ray(&self, x: usize, y: usize, unit: impl Fn(f32) -> [f32; 3]) -> Option<[f32; 2]> {
         const STEPS: usize = 96;
         let [near, far] = self.range(x, y)?;

@@ -33,7 +33,7 @@ pub(super) const HOME: State = [0.0, 0.0, 1.0];
 pub(super) struct Chart {
     /// Middle of the volume, mm.
     pub(super) origin: Point3<f64>,
-    /// Its distance from the camera, mm: the unit of inverse distances.
+    /// Distance of the middle of the volume from the camera, mm: `kappa · scale` has no unit.
     pub(super) scale: f64,
     base: Vector3<f64>,
     e1: Vector3<f64>,

@@ -3,9 +3,9 @@
 //!
 //! With the center of the light known, every block of pixels of one position has a partner in every other position that
 //! its rays of light meet. What a hand shows is what the light throws on the hand, not on the plane of the board behind
-//! it, so it disagrees with the others. A block is left out where more positions disagree with it than agree. Where only
-//! two positions meet, and disagree, nobody knows which of them is right, and both are left out. What disagrees goes on
-//! where no other position can tell: there it is taken to be about as long as where it is seen.
+//! it, so it disagrees with the others. A block is left out where more positions disagree with it than agree. Where
+//! only two positions meet, and disagree, nobody knows which of them is right, and both are left out. What disagrees
+//! goes on where no other position can tell: there it is taken to be about as long as where it is seen.
 
 use rayon::prelude::*;
 
@@ -18,7 +18,8 @@ use super::transport::{Seed, Transport, by_chance, seeds};
 const MAX_ACROSS: usize = 200;
 /// Squared difference of codewords, as a fraction of that of two samples drawn by chance, beyond which blocks disagree.
 const DISAGREES: f32 = 0.03;
-/// The same for blocks that touch some that disagree: the tip of a finger is nearly in the plane of the board.
+/// Squared difference of codewords, as a fraction of that of two samples drawn by chance, beyond which a block
+/// disagrees that touches one which does: the tip of a finger is nearly in the plane of the board.
 const DISAGREES_BESIDE: f32 = 0.01;
 /// Radius over which differences are averaged, blocks: between the stripes of a code nothing differs.
 const POOLED: usize = 3;
@@ -115,8 +116,8 @@ fn around(i: usize, radius: usize, w: usize, h: usize) -> impl Iterator<Item = u
     span(i / w, h).flat_map(move |y| span(i % w, w).map(move |x| y * w + x))
 }
 
-/// Lets every component of what was found go on into blocks of `into` that it touches, by as many steps as `steps` gives
-/// for its number of blocks.
+/// Lets every component of what was found go on into blocks of `into` that it touches, by as many steps as `steps`
+/// gives for its number of blocks.
 fn spread(found: &mut [bool], into: &[bool], steps: impl Fn(usize) -> usize, w: usize) {
     let h = found.len() / w;
     let mut seen = vec![false; found.len()];

@@ -2,9 +2,9 @@
 //!
 //! Two board positions that the same ray of light meets show the same codeword. So the center of the light is the point
 //! for which every sample of one position, carried along its ray of light to another position, finds its own codeword
-//! there. It is searched for coarse to fine ([`search`]), then found by robust Gauss-Newton ([`refine`]) with lever arms
-//! (distances between the two positions) that grow as the center gets better. No model of the projector is involved but
-//! that its light is straight.
+//! there. It is searched for coarse to fine ([`search`]), then found by robust Gauss-Newton ([`refine`]) with lever
+//! arms (distances between the two positions) that grow as the center gets better. No model of the projector is
+//! involved but that its light is straight.
 
 mod center;
 mod disagreement;
@@ -36,7 +36,8 @@ const NO_CONSENSUS: f64 = 0.6;
 /// What the search found.
 pub(super) struct FoundLight {
     pub(super) center: LightCenter,
-    /// Positions of the sweep whose codewords do not fit the others': their poses are wrong, or something stood in the light.
+    /// Positions of the sweep whose codewords do not fit the others': their poses are wrong, or something stood in the
+    /// light.
     pub(super) without_consensus: Vec<usize>,
     /// Positions of the sweep, and the parts of their images whose codewords do not fit the others'.
     pub(super) excluded: Vec<(usize, ExcludedBlocks)>,
@@ -100,8 +101,8 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
         arm *= 2;
     }
     if is_one_axis(&best) {
-        // Anywhere on a line along the fringes is as good: as near to the camera as the codewords do not mind. Only along
-        // that line: across it the codes know better.
+        // Anywhere on a line along the fringes is as good: as near to the camera as the codewords do not mind. Only
+        // along that line: across it the codes know better.
         let direction = open_direction(&best);
         for strength in [1e-3, 3e-3, 1e-2, 3e-2] {
             let nearer = refine(t, finest.level, &all, best.state, Steps { open: (direction, strength), ..how });
@@ -181,7 +182,8 @@ fn without_consensus(t: &Transport<'_>, found: &Refined) -> Vec<bool> {
     if left >= 3 { outliers } else { vec![false; n] }
 }
 
-/// The direction of the line on which the center lies, if the codes vary along one axis only and hardly tell where on it.
+/// The direction of the line on which the center lies, if the codes vary along one axis only and hardly tell where on
+/// it.
 fn undetermined(chart: &Chart, found: &Refined) -> Option<Vector3<f64>> {
     if !is_one_axis(found) {
         return None;
@@ -203,7 +205,8 @@ mod tests {
     use super::super::views::Level;
     use super::*;
 
-    /// Views of boards held by hand under a light at `center` whose rays have the codeword `code(x, y)` at tangents x and y.
+    /// Views of boards held by hand under a light at `center` whose rays have the codeword `code(x, y)` at tangents x
+    /// and y.
     fn views(
         camera: &Camera,
         poses: &[Isometry3<f64>],

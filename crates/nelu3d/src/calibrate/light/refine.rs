@@ -31,12 +31,13 @@ pub(super) struct Steps {
     pub(super) arm: usize,
     /// Largest number of steps.
     pub(super) count: usize,
-    /// Smallest residual that is not taken for noise. Most pixels of a binary code say nothing (0 stays 0), and without a
-    /// bound the few at its edges, which tell everything, would be taken for outliers.
+    /// Smallest residual that is not taken for noise. Most pixels of a binary code say nothing (0 stays 0), and without
+    /// a bound the few at its edges, which tell everything, would be taken for outliers.
     pub(super) min_scale: f64,
     /// Strength of the pull towards the camera, as a fraction of the best determined direction's information.
     pub(super) pull: f64,
-    /// Direction of the state that the codes leave open, and the strength of a further pull along it alone; zero for none.
+    /// Direction of the state that the codes leave open, and the strength of a further pull along it alone; zero for
+    /// none.
     pub(super) open: (Vector3<f64>, f64),
 }
 
@@ -60,8 +61,8 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
             weights += w;
         }
         out.information = a / weights;
-        // Patterns that vary along one axis only leave the center free along the other: a faint pull to the camera decides
-        // there, and is not felt elsewhere.
+        // Patterns that vary along one axis only leave the center free along the other: a faint pull to the camera
+        // decides there, and is not felt elsewhere.
         let pull = a.diagonal().max() * how.pull;
         for i in 0..3 {
             a[(i, i)] += pull;
@@ -88,8 +89,8 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
 fn linearize(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, arm: usize) -> Vec<[f64; 4]> {
     const H: f64 = 1e-3;
     let k = t.views.k;
-    // Central differences: a one-sided slope shares its noise with the residual it is multiplied with, and that product has a
-    // mean, which pushes the center away along everything that the patterns hardly tell.
+    // Central differences: a one-sided slope shares its noise with the residual it is multiplied with, and that product
+    // has a mean, which pushes the center away along everything that the patterns hardly tell.
     let probes: [_; 7] = std::array::from_fn(|i| {
         let mut s = s;
         if i < 6 {

@@ -1,9 +1,10 @@
 //! Where the light might be: an exhaustive search, coarse to fine.
 //!
-//! Averaged over blocks of pixels, a codeword keeps what changes slowly over the board: the coarse bits of a binary code, the
-//! long waves of a phase code. That is enough to tell roughly where a ray of light meets another board, from any start, and
-//! what is found there is sharpened level by level. How far a center may be off at a level is read from the images: from how
-//! far a sample's neighbors still have its codeword. A code without anything coarse has small basins, and more centers are tried.
+//! Averaged over blocks of pixels, a codeword keeps what changes slowly over the board: the coarse bits of a binary
+//! code, the long waves of a phase code. That is enough to tell roughly where a ray of light meets another board, from
+//! any start, and what is found there is sharpened level by level. How far a center may be off at a level is read from
+//! the images: from how far a sample's neighbors still have its codeword. A code without anything coarse has small
+//! basins, and more centers are tried.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -84,8 +85,8 @@ pub(super) fn starts(t: &Transport<'_>, levels: &[SearchLevel<'_>]) -> Vec<State
         .collect()
 }
 
-/// The best of many centers: all are scored with a few seeds, a promising part is refined at this level and scored again, and
-/// of what lies closer together than `steps` one is kept.
+/// The best of many centers: all are scored with a few seeds, a promising part is refined at this level and scored
+/// again, and of what lies closer together than `steps` one is kept.
 fn best_of(
     t: &Transport<'_>,
     level: &SearchLevel<'_>,

@@ -8,7 +8,8 @@ use super::center::{Chart, HOME, LightCenter, State};
 
 /// Strength of the pull towards the camera, as a share of the best determined direction's information.
 pub(super) const PULL: f64 = 1e-4;
-/// Squared difference of codewords, as a share of what two samples drawn by chance have, at which they do not agree at all.
+/// Squared difference of codewords, as a share of what two samples drawn by chance have, at which they do not agree at
+/// all.
 pub(super) const DISAGREEMENT: f64 = 0.6;
 
 /// The views, and the chart of centers.
@@ -69,8 +70,8 @@ pub(super) fn partner(seed: &Seed, arm: usize, n: usize) -> usize {
 }
 
 impl Transport<'_> {
-    /// Carries a sample along its ray of light to the view `to` and takes the difference of codewords there; false when it
-    /// misses the board or the image.
+    /// Carries a sample along its ray of light to the view `to` and takes the difference of codewords there; false when
+    /// it misses the board or the image.
     pub(super) fn carry(&self, level: &Level, seed: &Seed, light: &LightCenter, to: usize, out: &mut [f64]) -> bool {
         let k = self.views.k;
         // Lines through the center o = origin − along/κ: direction ∝ κ (x − origin) + along.
@@ -111,8 +112,9 @@ impl Transport<'_> {
         true
     }
 
-    /// Disagreement of codewords carried over `arm` steps, 0 to 1 (chance): mean truncated squared difference as a share of
-    /// `by_chance`. A score that is sure to be worse than `give_up` is not worked out; too few hits are worse than chance.
+    /// Disagreement of codewords carried over `arm` steps, 0 to 1 (chance): mean truncated squared difference as a
+    /// share of `by_chance`. A score that is sure to be worse than `give_up` is not worked out; too few hits are worse
+    /// than chance.
     pub(super) fn score(
         &self,
         level: &Level,

@@ -1,4 +1,5 @@
-//! The penalty on second differences of the spline's coefficients, Σ over axes of λ DᵀD, and on first differences along w.
+//! The penalty on second differences of the spline's coefficients, Σ over axes of λ DᵀD, and on first differences along
+//! w.
 
 use rayon::prelude::*;
 

@@ -1,7 +1,7 @@
 //! The smoothness of the fitted spline.
 
-/// Weights of the penalties on differences of coefficients, as fractions of a typical node's sample weight: how smooth the
-/// spline is where samples do not say otherwise.
+/// Weights of the penalties on differences of coefficients, as fractions of a typical node's sample weight: how smooth
+/// the spline is where samples do not say otherwise.
 #[derive(Clone, Copy, Debug)]
 pub struct Smoothness {
     /// Weight of second differences across (a, b).

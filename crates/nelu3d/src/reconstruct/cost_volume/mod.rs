@@ -34,8 +34,8 @@ pub(crate) struct DecodedDepth {
     pub(crate) hypothesis_step: f32,
 }
 
-/// Decodes every valid pixel, on a device or, if it fails, on the CPU. Pixels whose rays miss the calibrated volume, and those whose
-/// best depth is where it ends, are marked [`PixelStatus::OutsideVolume`].
+/// Decodes every valid pixel, on a device or, if it fails, on the CPU. Pixels whose rays miss the calibrated volume,
+/// and those whose best depth is where it ends, are marked [`PixelStatus::OutsideVolume`].
 pub(crate) fn decode(
     m: &mut Measurements,
     rays: &CameraRays,

@@ -1,8 +1,8 @@
 //! Whole components of a surface that are not explained: a wrong period of the code, or an object outside the volume.
 //!
-//! A single pixel may have a codeword that nothing explains: a highlight, a mixed pixel, a corner full of interreflection.
-//! A whole component whose typical codeword does not fit, or fits only with more light of unseen origin than there is
-//! between surfaces, is at a wrong depth.
+//! A single pixel may have a codeword that nothing explains: a highlight, a mixed pixel, a corner full of
+//! interreflection. A whole component whose typical codeword does not fit, or fits only with more light of unseen
+//! origin than there is between surfaces, is at a wrong depth.
 
 use nelu3d_scan::Camera;
 use nelu3d_scan::statistics::median;
@@ -75,7 +75,8 @@ mod tests {
     #[test]
     fn light_of_unseen_origin_may_not_buy_a_wrong_period() {
         assert_eq!(kept(20, [0.6, 1.7], [0.0, 0.05]), [true, true]);
-        // Neither alone is too much.
+        // Neither χ² 2.5 nor a tenth of unseen light is too much alone.
+        assert_eq!(kept(20, [2.5, 0.6], [0.0, 0.09]), [true, true]);
         assert_eq!(kept(20, [0.6, 2.5], [0.0, 0.1]), [true, false]);
         assert_eq!(kept(20, [0.6, 0.5], [0.0, 0.3]), [true, false]);
     }

@@ -5,20 +5,20 @@ use serde::Serialize;
 /// Settings of the rejection of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FilterSettings {
-    /// Mean χ² per measurement over 5 × 5 pixels above which no surface explains the codeword: at least and at most. Between
-    /// them the scene decides, by its own χ².
+    /// Mean χ² per measurement over 5 × 5 pixels above which no surface explains the codeword: at least and at most.
+    /// Between them the scene decides, by its own χ².
     pub max_chi2: [f32; 2],
-    /// That limit as a multiple of the χ² below which a fifth of the scene's pixels are: much of a picture may be a room
-    /// outside the volume.
+    /// That limit as a multiple of the χ² below which a fifth of the scene's pixels are: much of a picture may be a
+    /// room outside the volume.
     pub chi2_over_good: f32,
     /// χ² per measurement of a pixel at a depth discontinuity above which its codeword is a mixture of two surfaces.
     pub max_edge_chi2: f32,
     /// Median χ² per measurement of a connected component above which no part of it is explained, if no light of unseen
     /// origin is needed to explain it.
     pub max_component_chi2: f32,
-    /// Median fraction of light of unseen origin (ambient light, interreflection from what the camera does not see) above
-    /// which a component is at a wrong depth, if its χ² is 0. Fractions of both limits add up: light of unseen origin
-    /// may not buy a wrong period.
+    /// Median fraction of light of unseen origin (ambient light, interreflection from what the camera does not see)
+    /// above which a component is at a wrong depth, if its χ² is 0. Fractions of both limits add up: light of unseen
+    /// origin may not buy a wrong period.
     pub max_component_unseen: f32,
     /// Fraction of the decoded pixels from which these limits hold; below, they shrink, as what is explained among much
     /// that is not may be so by chance.
