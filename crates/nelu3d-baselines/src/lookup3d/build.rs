@@ -118,12 +118,13 @@ fn column_of(placed: &PlacedSweep<'_>, shape: &TableShape, p: usize, position: &
         let (x, y) = (i % shape.width * shape.step, i / shape.width * shape.step);
         let pixel = y * position.width + x;
         let dir = &placed.dirs[pixel];
-        let t = board.offset / board.normal.dot(dir);
+        let hit = board.hit(dir);
+        let t = hit.unwrap_or(board.offset / board.normal.dot(dir));
         if t.is_finite() && t > 0.0 {
             sample[k] = (t * dir.z) as f32;
         }
         let contrast = &position.contrast[pixel * position.channels..][..position.channels];
-        if board.hit(dir).is_none() || contrast.iter().any(|c| *c <= 0.0) {
+        if hit.is_none() || contrast.iter().any(|c| *c <= 0.0) {
             continue;
         }
         sample[..k].copy_from_slice(&position.values[pixel * k..][..k]);

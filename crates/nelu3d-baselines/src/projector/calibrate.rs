@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::{Isometry3, Point3};
 use nelu3d::progress::{Progress, StageClock};
 use nelu3d_scan::board::{Corner, Detector};
-use nelu3d_scan::pose::{Trajectory, TrajectoryModel};
+use nelu3d_scan::pose::{Flatness, Trajectory, TrajectoryModel};
 use nelu3d_scan::rig::{PatternSet, RIG_FILE, Shot};
 use nelu3d_scan::{Projector, Rig};
 
@@ -55,7 +55,7 @@ pub fn calibrate_projector(
     let views = view_boards(rig, set, &code, &shots, &detector, opts, progress)?;
 
     clock.begin("solve the board poses");
-    let trajectory = solve_trajectory(rig, &views, &folder, progress)?;
+    let trajectory = solve_trajectory(rig, &views, board.extent_mm, &folder, progress)?;
 
     clock.begin("fit the projector");
     let Gathered { samples, positions, lost } = gather(&views, &trajectory);
@@ -152,11 +152,12 @@ fn view_boards(
 fn solve_trajectory(
     rig: &Rig,
     views: &BoardViews,
+    extent_mm: [f64; 4],
     folder: &Path,
     progress: &Progress,
 ) -> Result<Trajectory, ProjectorError> {
     let trajectory = if rig.poses.is_empty() {
-        Trajectory::fit(&views.corners, &rig.camera, TrajectoryModel::Auto)
+        Flatness::fit(&views.corners, &rig.camera, TrajectoryModel::Auto, extent_mm)
     } else {
         Trajectory::from_known(&rig.poses)
     };
@@ -184,7 +185,8 @@ fn gather(views: &BoardViews, trajectory: &Trajectory) -> Gathered {
         let Ok(corners) = &views.corners[at].1 else { continue };
         let before = samples.len();
         for (corner, px) in corners.iter().zip(&views.decoded[at]) {
-            let point = p.cam_from_board * Point3::new(corner.board_mm[0], corner.board_mm[1], 0.0);
+            let [x, y] = corner.board_mm;
+            let point = p.cam_from_board * trajectory.bend().map_or(Point3::new(x, y, 0.0), |b| b.point([x, y]));
             match px {
                 Some(px) => samples.push(Sample { point, px: *px }),
                 None => lost += 1,

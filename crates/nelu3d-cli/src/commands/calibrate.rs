@@ -95,6 +95,12 @@ fn text(report: &CalibrationReport) -> String {
     if let Some([x, y, z]) = report.light_mm {
         text += &format!("light     at ({x:.0}, {y:.0}, {z:.0}) mm\n");
     }
+    if let Some(flatness) = report.trajectory.as_ref().and_then(|t| t.flatness.as_ref()).filter(|f| f.bend.is_some()) {
+        let ([x, y], [dx, dy]) = (flatness.sagitta_mm, flatness.sigma_mm);
+        text += &format!(
+            "board     bent by {x:.2} ± {dx:.2} mm along x and {y:.2} ± {dy:.2} mm along y, which is taken into account\n"
+        );
+    }
     let [a, b, w] = report.cells;
     text += &format!("cells     {a} × {b} × {w}\n");
     if let Some(q) = &report.quality {

@@ -1,6 +1,8 @@
-//! Board poses from corners: PnP with refinement, and the trajectory of a sweep.
+//! Board poses from corners: PnP with refinement, the trajectory of a sweep, and the bend of a board that is not flat.
 
+mod bend;
 mod error;
+mod flatness;
 mod homography;
 mod pnp;
 mod projection;
@@ -10,6 +12,7 @@ mod stage;
 mod tests;
 mod trajectory;
 
+pub use bend::{Bend, Flatness};
 pub use error::PoseError;
 pub use pnp::{PoseFit, solve_pnp};
 pub use trajectory::{Position, Rejected, Steps, Trajectory, TrajectoryModel};

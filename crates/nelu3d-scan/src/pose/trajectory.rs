@@ -6,7 +6,7 @@ use serde::{Serialize, Serializer};
 use super::pnp::norms;
 use super::robust::median;
 use super::stage::Stage;
-use super::{PoseError, PoseFit, solve_pnp};
+use super::{Bend, Flatness, PoseError, PoseFit, solve_pnp};
 use crate::Camera;
 use crate::board::Corner;
 use crate::rig::KnownPose;
@@ -41,6 +41,8 @@ pub struct Trajectory {
     pub rms_stage_px: Option<f64>,
     /// Steps of the stage, when it was fitted.
     pub steps: Option<Steps>,
+    /// What the sweep tells of the board's flatness; absent where that was not asked for or cannot be told.
+    pub flatness: Option<Flatness>,
     /// Usable positions, in the sweep's order.
     pub positions: Vec<Position>,
     /// The others.
@@ -104,6 +106,11 @@ struct View {
 }
 
 impl Trajectory {
+    /// Returns the bend of the board that its poses are those of, if it is not flat.
+    pub fn bend(&self) -> Option<&Bend> {
+        self.flatness.as_ref()?.bend.as_ref()
+    }
+
     /// Solves for the poses of a sweep from what was detected at each position, in the sweep's order. Positions without
     /// a detection, or whose corners fit no pose, are rejected with a reason; fewer than 3 usable ones are an error.
     pub fn fit(
@@ -182,6 +189,7 @@ impl Trajectory {
             rms_free_px: None,
             rms_stage_px: None,
             steps: None,
+            flatness: None,
             positions: poses.iter().map(position).collect(),
             rejected: Vec::new(),
         })
@@ -203,6 +211,7 @@ impl Trajectory {
             rms_free_px,
             rms_stage_px,
             steps: None,
+            flatness: None,
             positions: views.iter().map(position).collect(),
             rejected,
         }
@@ -252,6 +261,7 @@ impl Trajectory {
             rms_free_px: Some(pooled_free(views)),
             rms_stage_px,
             steps: Some(steps(views, stage)),
+            flatness: None,
             positions: positions.into_iter().map(|p| p.1).collect(),
             rejected,
         }

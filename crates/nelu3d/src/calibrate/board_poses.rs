@@ -3,7 +3,7 @@
 use nalgebra::Isometry3;
 use nelu3d_scan::Rig;
 use nelu3d_scan::board::{Corner, Detector};
-use nelu3d_scan::pose::{Trajectory, TrajectoryModel};
+use nelu3d_scan::pose::{Flatness, Trajectory, TrajectoryModel};
 use nelu3d_scan::rig::PatternSet;
 
 use super::error::CalibrationError;
@@ -23,7 +23,7 @@ pub struct SweepGeometry<'a> {
     pub dark: Vec<DarkLevel>,
 }
 
-/// Detects the boards of a sweep and solves their poses; on the way the dark level is estimated. Positions without a
+/// Detects the boards of a sweep and solves their poses, and their bend if they are not flat; on the way the dark level is estimated. Positions without a
 /// pose are dropped with a warning.
 ///
 /// # Errors
@@ -66,7 +66,7 @@ pub fn solve_board_poses<'a>(
             TrajectoryKind::Free => TrajectoryModel::Free,
             TrajectoryKind::Stage => TrajectoryModel::Stage,
         };
-        Trajectory::fit(&found, &rig.camera, model)
+        Flatness::fit(&found, &rig.camera, model, board.extent_mm)
     } else {
         Trajectory::from_known(&rig.poses)
     };
@@ -82,7 +82,7 @@ pub fn solve_board_poses<'a>(
     if progress.cancelled() {
         return Err(CalibrationError::Cancelled);
     }
-    let placed = PlacedSweep::new(sweep, &poses, rig.camera.clone(), board.extent_mm);
+    let placed = PlacedSweep::new(sweep, &poses, rig.camera.clone(), board.extent_mm, trajectory.bend().copied());
     Ok(SweepGeometry { placed, trajectory, dark })
 }
 

@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use nelu3d_scan::Camera;
+use nelu3d_scan::pose::Bend;
 use rayon::prelude::*;
 
 use super::excluded::ExcludedBlocks;
@@ -25,7 +26,7 @@ pub struct PlacedSweep<'a> {
     excluded: Vec<Option<ExcludedBlocks>>,
 }
 
-/// The plane and outline of a board, for intersection with rays from the camera.
+/// The plane, bend and outline of a board, for intersection with rays from the camera.
 #[derive(Clone, Copy, Debug)]
 pub struct BoardPlane {
     /// Unit normal.
@@ -35,26 +36,42 @@ pub struct BoardPlane {
     origin: Vector3<f64>,
     axes: [Vector3<f64>; 2],
     extent_mm: [f64; 4],
+    bend: Option<Bend>,
 }
+
+/// Steps toward the surface of a bent board. Each leaves a fraction of the error that is the product of the surface's
+/// slope and the ray's: below 0.1 on any board that a detector still reads.
+const SURFACE_STEPS: usize = 6;
 
 impl BoardPlane {
     /// Places a board of outline `extent_mm` (x0, y0, x1, y1) at a pose.
-    pub fn new(pose: &Isometry3<f64>, extent_mm: [f64; 4]) -> Self {
+    pub fn new(pose: &Isometry3<f64>, extent_mm: [f64; 4], bend: Option<Bend>) -> Self {
         let normal = pose.rotation * Vector3::z();
         let axes = [pose.rotation * Vector3::x(), pose.rotation * Vector3::y()];
         let origin = pose.translation.vector;
-        Self { normal, offset: normal.dot(&origin), origin, axes, extent_mm }
+        Self { normal, offset: normal.dot(&origin), origin, axes, extent_mm, bend }
     }
 
     /// Returns the distance along a ray from the camera's center to the board, mm; `None` outside the board.
     #[inline]
     pub fn hit(&self, dir: &Vector3<f64>) -> Option<f64> {
-        let t = self.offset / self.normal.dot(dir);
+        let slope = self.normal.dot(dir);
+        let mut t = self.offset / slope;
         if !(t.is_finite() && t > 0.0) {
             return None;
         }
-        let on = dir * t - self.origin;
-        let (x, y) = (self.axes[0].dot(&on), self.axes[1].dot(&on));
+        let on_board = |t: f64| {
+            let on = dir * t - self.origin;
+            [self.axes[0].dot(&on), self.axes[1].dot(&on)]
+        };
+        let [mut x, mut y] = on_board(t);
+        if let Some(bend) = &self.bend {
+            for _ in 0..SURFACE_STEPS {
+                t = (self.offset + bend.height([x, y])) / slope;
+                [x, y] = on_board(t);
+            }
+            [x, y] = bend.printed([x, y]);
+        }
         let [x0, y0, x1, y1] = self.extent_mm;
         (x >= x0 && x <= x1 && y >= y0 && y <= y1).then_some(t)
     }
@@ -62,12 +79,18 @@ impl BoardPlane {
 
 impl<'a> PlacedSweep<'a> {
     /// Joins a sweep with the poses of its boards.
-    pub fn new(sweep: Sweep<'a>, poses: &[Isometry3<f64>], camera: Camera, extent_mm: [f64; 4]) -> Self {
+    pub fn new(
+        sweep: Sweep<'a>,
+        poses: &[Isometry3<f64>],
+        camera: Camera,
+        extent_mm: [f64; 4],
+        bend: Option<Bend>,
+    ) -> Self {
         assert_eq!(sweep.shots.len(), poses.len());
         let w = camera.width;
         let dirs =
             (0..camera.n_pixels()).into_par_iter().map(|i| camera.ray([(i % w) as f64, (i / w) as f64]).dir).collect();
-        let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, extent_mm)).collect();
+        let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, extent_mm, bend)).collect();
         let excluded = vec![None; boards.len()];
         Self { sweep, boards, camera, noise: NoiseModel { read: 0.0, gain: 0.0 }, dirs, excluded }
     }
@@ -159,14 +182,29 @@ mod tests {
     #[test]
     fn rays_hit_a_tilted_board_inside_its_outline_only() {
         let pose = Isometry3::new(Vector3::new(10.0, -5.0, 500.0), Vector3::new(0.2, -0.3, 0.1));
-        let board = BoardPlane::new(&pose, [-50.0, -40.0, 50.0, 40.0]);
+        let board = BoardPlane::new(&pose, [-50.0, -40.0, 50.0, 40.0], None);
         for (x, y, inside) in [(0.0, 0.0, true), (49.0, -39.0, true), (51.0, 0.0, false), (0.0, 41.0, false)] {
             let on = pose * Point3::new(x, y, 0.0);
             let hit = board.hit(&on.coords.normalize());
             assert_eq!(hit.is_some(), inside, "{x} {y}");
             assert!(hit.is_none_or(|t| (t - on.coords.norm()).abs() < 1e-9));
         }
-        let behind = BoardPlane::new(&Isometry3::translation(0.0, 0.0, -500.0), [-50.0, -40.0, 50.0, 40.0]);
+        let behind = BoardPlane::new(&Isometry3::translation(0.0, 0.0, -500.0), [-50.0, -40.0, 50.0, 40.0], None);
         assert!(behind.hit(&Vector3::z()).is_none());
+    }
+
+    #[test]
+    fn rays_meet_a_bent_board_where_its_print_is() {
+        let pose = Isometry3::new(Vector3::new(10.0, -5.0, 500.0), Vector3::new(0.5, -0.6, 0.1));
+        let bend = Bend::from_quadratic([5.0, 0.0], [8e-4, 2e-4, -3e-4]);
+        let board = BoardPlane::new(&pose, [-50.0, -40.0, 50.0, 40.0], Some(bend));
+        for printed in [[0.0, 0.0], [49.9, -39.9], [-49.9, 12.0], [30.0, 39.9]] {
+            let on = pose * bend.point(printed);
+            let t = board.hit(&on.coords.normalize()).unwrap();
+            // The height is taken over the print's place and over the plane's: half a thousandth of it apart.
+            assert!((t - on.coords.norm()).abs() < 2e-3, "{printed:?}: {}", t - on.coords.norm());
+        }
+        let outside = pose * bend.point([50.1, 0.0]);
+        assert!(board.hit(&outside.coords.normalize()).is_none());
     }
 }

@@ -215,7 +215,8 @@ mod tests {
     ) -> Views {
         let k = code(0.0, 0.0).len();
         let mut finest = Level::finest(camera, k, poses.len());
-        let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, [-90.0, -70.0, 90.0, 70.0])).enumerate().collect();
+        let boards: Vec<_> =
+            poses.iter().map(|p| BoardPlane::new(p, [-90.0, -70.0, 90.0, 70.0], None)).enumerate().collect();
         for (_, board) in &boards {
             let mut image = Vec::new();
             for i in 0..camera.n_pixels() {
@@ -302,7 +303,7 @@ mod tests {
         let boards: Vec<_> = with_hand
             .positions
             .iter()
-            .map(|p| (*p, BoardPlane::new(&poses()[*p], [-90.0, -70.0, 90.0, 70.0])))
+            .map(|p| (*p, BoardPlane::new(&poses()[*p], [-90.0, -70.0, 90.0, 70.0], None)))
             .collect();
         let with_hand = Views::new(k, boards, finest, &Vector3::z());
         assert_eq!(with_hand.levels.len(), levels);
