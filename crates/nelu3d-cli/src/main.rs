@@ -60,6 +60,7 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
     match args.command {
         Command::Demo(a) => commands::demo::run(a, &context),
         Command::Simulate(a) => commands::simulate::run(a, &context),
+        Command::Board(a) => commands::board::run(a, &context),
         Command::Patterns(a) => commands::patterns::run(a, &context),
         Command::Import(a) => commands::import::run(a, &context),
         Command::Check(a) => commands::check::run(a, &context),

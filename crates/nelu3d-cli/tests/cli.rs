@@ -35,6 +35,7 @@ fn help_lists_the_commands() {
     const COMMANDS: &[&str] = &[
         "demo",
         "simulate",
+        "board",
         "patterns",
         "import",
         "check",

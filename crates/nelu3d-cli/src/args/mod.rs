@@ -3,6 +3,7 @@
 //! One file per group of commands. A default is stated once, by `Default` of the options that a command takes.
 
 mod baselines;
+mod board;
 mod calibrate;
 mod demo;
 mod evaluate;
@@ -18,6 +19,7 @@ use std::num::NonZeroUsize;
 use clap::{Parser, Subcommand};
 
 pub(crate) use baselines::{DecodeArgs, ProjectorArgs, TableArgs, TableCommand, TableExportArgs, TableInfoArgs};
+pub(crate) use board::{BoardArgs, BoardCommand, PrintArgs};
 pub(crate) use calibrate::CalibrateArgs;
 pub(crate) use demo::{DemoArgs, SimulateArgs};
 pub(crate) use evaluate::{EvaluateArgs, ExperimentArgs};
@@ -72,6 +74,8 @@ pub(crate) enum Command {
     Demo(DemoArgs),
     /// Write the rig folder of a virtual scanner, with exact ground truth.
     Simulate(SimulateArgs),
+    /// Print a board: PDF, SVG or PNG true to scale, and its lines for rig.toml.
+    Board(BoardArgs),
     /// Make the images a light source shows, or score such images as a code.
     #[command(subcommand)]
     Patterns(PatternsCommand),

@@ -1,6 +1,7 @@
 //! One module per command: what was typed becomes what it means, then the library does the work.
 
 pub(crate) mod bench;
+pub(crate) mod board;
 pub(crate) mod calibrate;
 pub(crate) mod check;
 pub(crate) mod decode;

@@ -10,6 +10,8 @@ pub struct Artwork {
     squares: Option<Squares>,
     dictionary: Option<Dictionary>,
     markers: Vec<Print>,
+    /// Real lengths along x and y over those of the description.
+    scale: [f64; 2],
     /// Which markers may cover a cell of a coarse grid over them.
     index: Index,
 }
@@ -41,12 +43,13 @@ impl Artwork {
             markers.push(Print { id: m.id, unit_from_board });
         }
         let index = Index::new(&layout);
-        Ok(Self { squares: layout.squares, dictionary: layout.dictionary, markers, index })
+        Ok(Self { squares: layout.squares, dictionary: layout.dictionary, markers, scale: layout.scale, index })
     }
 
     /// Returns 0 where black ink is printed and 1 on bare paper, for a point of the board's plane (mm); all paper
     /// outside the print.
     pub fn albedo(&self, x_mm: f64, y_mm: f64) -> f32 {
+        let (x_mm, y_mm) = (x_mm / self.scale[0], y_mm / self.scale[1]);
         if let Some(s) = &self.squares {
             let (c, r) = ((x_mm / s.side_mm).floor(), (y_mm / s.side_mm).floor());
             let outside = !(c >= 0.0 && r >= 0.0 && c < s.columns as f64 && r < s.rows as f64);

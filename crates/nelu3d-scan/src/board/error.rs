@@ -15,6 +15,12 @@ pub enum BoardError {
         /// What is wrong.
         reason: String,
     },
+    /// The board does not go on this paper.
+    #[error("the board cannot be printed: {reason}; take larger paper or smaller margins, or a smaller board")]
+    Paper {
+        /// What does not fit.
+        reason: String,
+    },
     /// The image has no pixels, or not as many as its size says.
     #[error("an image of {width} x {height} pixels cannot have {len} values")]
     ImageSize {

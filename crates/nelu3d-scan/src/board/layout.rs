@@ -25,13 +25,27 @@ pub(crate) struct Layout {
     pub(crate) markers: Vec<Marker>,
     /// Present when there are markers.
     pub(crate) dictionary: Option<Dictionary>,
+    /// Real lengths along x and y over those above, which are as described.
+    pub(crate) scale: [f64; 2],
 }
 
 /// Most squares along a side, and most markers: far beyond any print, small enough to be laid out at once.
 const MAX_COUNT: usize = 1000;
 
+/// Smallest size of a print over the one described: printers are off by percents, a page fitted to paper by tenths.
+const MIN_SCALE: f64 = 0.5;
+
 impl Layout {
     pub(crate) fn new(board: &Board) -> Result<Self, BoardError> {
+        let scale = board.scale;
+        if scale.iter().any(|s| !(MIN_SCALE..=1.0 / MIN_SCALE).contains(s)) {
+            return Err(BoardError::invalid(format!(
+                "its print is {} by {} times as large as described ({MIN_SCALE} to {} is possible)",
+                scale[0],
+                scale[1],
+                1.0 / MIN_SCALE
+            )));
+        }
         match &board.kind {
             BoardKind::Charuco { columns, rows, square_mm, marker_mm, dictionary, legacy } => {
                 // OpenCV's `CharucoBoard`: since 4.6 the top-left square is always black. Before, an even number of
@@ -53,19 +67,19 @@ impl Layout {
                         dictionary.len()
                     )));
                 }
-                Ok(Self { squares: Some(squares), markers, dictionary: Some(dictionary) })
+                Ok(Self { squares: Some(squares), markers, dictionary: Some(dictionary), scale })
             }
             BoardKind::Chessboard { columns, rows, square_mm } => {
                 let squares = squares(*columns, *rows, *square_mm, true)?;
                 if *columns < 3 || *rows < 3 {
                     return Err(BoardError::invalid("a chessboard needs at least 3 x 3 squares"));
                 }
-                Ok(Self { squares: Some(squares), markers: Vec::new(), dictionary: None })
+                Ok(Self { squares: Some(squares), markers: Vec::new(), dictionary: None, scale })
             }
             BoardKind::Markers { dictionary, markers } => {
                 let dictionary = Dictionary::by_name(dictionary)?;
                 check_markers(markers, &dictionary)?;
-                Ok(Self { squares: None, markers: markers.clone(), dictionary: Some(dictionary) })
+                Ok(Self { squares: None, markers: markers.clone(), dictionary: Some(dictionary), scale })
             }
         }
     }

@@ -1,7 +1,8 @@
 //! The flat target of the calibration sweep: what is printed on it, and where its corners are in an image.
 //!
 //! [`Artwork`] answers what is printed at a point of the board, [`Detector`] finds the board's corners in an image.
-//! Both read the same layout, so a board that one of them accepts means the same to the other.
+//! Both read the same layout, so a board that one of them accepts means the same to the other; so does [`print`], which
+//! puts boards on paper.
 //!
 //! The board's frame: x to the right and y down as one looks at the print, z into the board, so that a board seen from
 //! its front has a right-handed rotation into the camera's frame (OpenCV's convention). For the kinds made of squares,
@@ -12,6 +13,8 @@ mod detect;
 mod dictionary;
 mod error;
 mod layout;
+mod marker_frame;
+pub mod print;
 #[cfg(test)]
 pub(crate) mod render;
 #[cfg(test)]
@@ -29,6 +32,8 @@ pub struct Board {
     pub kind: BoardKind,
     /// Outline `[x_min, y_min, x_max, y_max]`, mm. Pixels whose ray meets the plane outside it are not samples.
     pub extent_mm: [f64; 4],
+    /// What the printer made of a length along x and along y, for one of 1: lengths of `kind` times this are real ones.
+    pub scale: [f64; 2],
 }
 
 /// The kinds of board there are.
@@ -67,6 +72,25 @@ pub enum BoardKind {
         /// The markers.
         markers: Vec<Marker>,
     },
+}
+
+impl BoardKind {
+    /// Returns `[x_min, y_min, x_max, y_max]` of the squares or markers as described, mm.
+    pub fn bounding_box_mm(&self) -> [f64; 4] {
+        match self {
+            BoardKind::Charuco { columns, rows, square_mm, .. }
+            | BoardKind::Chessboard { columns, rows, square_mm } => {
+                [0.0, 0.0, *columns as f64 * square_mm, *rows as f64 * square_mm]
+            }
+            BoardKind::Markers { markers, .. } => {
+                let empty = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+                markers
+                    .iter()
+                    .flat_map(|m| m.corners_mm)
+                    .fold(empty, |b, [x, y]| [b[0].min(x), b[1].min(y), b[2].max(x), b[3].max(y)])
+            }
+        }
+    }
 }
 
 /// One ArUco marker on a board.

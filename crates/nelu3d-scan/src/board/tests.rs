@@ -10,12 +10,16 @@ fn charuco(columns: usize, rows: usize, square_mm: f64, dictionary: &str, legacy
     let marker_mm = 0.73 * square_mm;
     let extent_mm = [0.0, 0.0, columns as f64 * square_mm, rows as f64 * square_mm];
     let dictionary = dictionary.to_owned();
-    Board { kind: BoardKind::Charuco { columns, rows, square_mm, marker_mm, dictionary, legacy }, extent_mm }
+    Board {
+        kind: BoardKind::Charuco { columns, rows, square_mm, marker_mm, dictionary, legacy },
+        extent_mm,
+        scale: [1.0, 1.0],
+    }
 }
 
 fn chessboard(columns: usize, rows: usize, square_mm: f64) -> Board {
     let extent_mm = [0.0, 0.0, columns as f64 * square_mm, rows as f64 * square_mm];
-    Board { kind: BoardKind::Chessboard { columns, rows, square_mm }, extent_mm }
+    Board { kind: BoardKind::Chessboard { columns, rows, square_mm }, extent_mm, scale: [1.0, 1.0] }
 }
 
 /// Markers in a frame around an empty middle, as the `dlp` rig has them, centered on the origin.
@@ -33,7 +37,7 @@ fn frame(dictionary: &str, first: u32, half_mm: f64, side_mm: f64, per_side: usi
         }
     }
     let extent_mm = [-half_mm, -half_mm, half_mm, half_mm];
-    Board { kind: BoardKind::Markers { dictionary: dictionary.to_owned(), markers }, extent_mm }
+    Board { kind: BoardKind::Markers { dictionary: dictionary.to_owned(), markers }, extent_mm, scale: [1.0, 1.0] }
 }
 
 /// Cameras like those of the shared rigs.

@@ -13,6 +13,7 @@ use std::path::PathBuf;
 pub use capture::{Capture, Need, ShotReader};
 pub use check::{Finding, Severity, check};
 pub use error::RigError;
+pub use file::{board_lines, read_board};
 pub use mono::LUMA;
 pub(crate) use shots::natural_order;
 

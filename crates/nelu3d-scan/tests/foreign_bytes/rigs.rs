@@ -179,7 +179,7 @@ proptest! {
             white: file.clone(),
             black: file,
             pattern_sets: vec![PatternSet { name: set, inverse: images.clone(), images }],
-            board: Some(Board { kind, extent_mm }),
+            board: Some(Board { kind, extent_mm, scale: [1.0, 1.0] }),
             poses: Vec::new(),
             projector: None,
         };

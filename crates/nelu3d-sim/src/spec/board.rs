@@ -85,6 +85,6 @@ impl BoardSpec {
                 (BoardKind::Markers { dictionary, markers }, extent_mm)
             }
         };
-        Board { kind, extent_mm }
+        Board { kind, extent_mm, scale: [1.0, 1.0] }
     }
 }

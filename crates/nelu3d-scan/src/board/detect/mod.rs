@@ -56,7 +56,9 @@ impl Detector {
             _ => None,
         };
         let matcher = layout.dictionary.as_ref().map(markers::matcher);
-        Ok(Self { layout, artwork: Artwork::new(board)?, corners, camera: None, charuco, matcher })
+        // Everything is looked for at the sizes described: what a printer does to them is part of the board's homography.
+        let artwork = Artwork::new(&Board { scale: [1.0, 1.0], ..board.clone() })?;
+        Ok(Self { layout, artwork, corners, camera: None, charuco, matcher })
     }
 
     /// Tells the detector the camera that takes the images. Then the lens distortion is known between corners;
@@ -141,7 +143,9 @@ impl Detector {
                 found.len()
             )));
         }
-        Ok(found.into_iter().map(|c| c.corner).collect())
+        let [sx, sy] = self.layout.scale;
+        let real = |c: Corner| Corner { board_mm: [c.board_mm[0] * sx, c.board_mm[1] * sy], ..c };
+        Ok(found.into_iter().map(|c| real(c.corner)).collect())
     }
 }
 

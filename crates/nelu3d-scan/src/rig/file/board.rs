@@ -15,18 +15,24 @@ pub(super) fn board(b: BoardToml, problems: &mut Problems) -> Option<Board> {
         return None;
     }
     let given_extent = b.extent_mm;
+    let scale = b.scale.unwrap_or([1.0, 1.0]);
+    let good = scale.iter().all(|s| (0.5..=2.0).contains(s));
+    let remedy = "give what was measured along x and y over what it should have been, as [0.996, 0.998]";
+    if !problems.expect(good, "board.scale", format!("is {scale:?}"), remedy) {
+        return None;
+    }
     let kind = board_kind(b, allowed, problems);
     if problems.found.len() > before {
         return None;
     }
-    let extent_mm = given_extent.unwrap_or_else(|| bounding_box_mm(&kind));
+    let extent_mm = given_extent.unwrap_or_else(|| bounding_box_mm(&kind, scale));
     let [x0, y0, x1, y1] = extent_mm;
     let good = extent_mm.iter().all(|v| v.is_finite()) && x0 < x1 && y0 < y1;
     let problem = format!("is {extent_mm:?}");
     if !problems.expect(good, "board.extent_mm", problem, "it must be [x_min, y_min, x_max, y_max]") {
         return None;
     }
-    let board = Board { kind, extent_mm };
+    let board = Board { kind, extent_mm, scale };
     match Artwork::new(&board) {
         Ok(_) => Some(board),
         Err(e) => {
@@ -41,7 +47,7 @@ pub(super) fn board(b: BoardToml, problems: &mut Problems) -> Option<Board> {
     }
 }
 
-/// Returns the keys that a kind of board has, beside `kind` and `extent_mm`; `None` for an unknown kind.
+/// Returns the keys that a kind of board has, beside `kind`, `scale` and `extent_mm`; `None` for an unknown kind.
 fn allowed_keys(kind: &str, problems: &mut Problems) -> Option<&'static [&'static str]> {
     Some(match kind {
         "charuco" => &["columns", "rows", "square_mm", "marker_mm", "dictionary", "legacy"],

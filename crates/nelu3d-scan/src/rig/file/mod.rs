@@ -1,12 +1,14 @@
 //! rig.toml: reading and writing.
 
 mod board;
+mod board_file;
 mod problems;
 mod schema;
 mod validate;
 
 use std::path::{Path, PathBuf};
 
+pub use board_file::{board_lines, read_board};
 pub(super) use schema::RigToml;
 pub(super) use validate::from_toml;
 

@@ -84,6 +84,8 @@ pub(in crate::rig) struct BoardToml {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::rig) legacy: Option<bool>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::rig) scale: Option<[f64; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::rig) extent_mm: Option<[f64; 4]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::rig) markers: Option<Vec<Marker>>,
@@ -129,8 +131,9 @@ pub(super) fn to_toml(rig: &Rig) -> RigToml {
 }
 
 /// Describes a board; its extent only where it is not that of the print.
-fn board_to_toml(board: &Board) -> BoardToml {
-    let extent_mm = (board.extent_mm != bounding_box_mm(&board.kind)).then_some(board.extent_mm);
+pub(super) fn board_to_toml(board: &Board) -> BoardToml {
+    let extent_mm = (board.extent_mm != bounding_box_mm(&board.kind, board.scale)).then_some(board.extent_mm);
+    let scale = (board.scale != [1.0, 1.0]).then_some(board.scale);
     match board.kind.clone() {
         BoardKind::Charuco { columns, rows, square_mm, marker_mm, dictionary, legacy } => BoardToml {
             kind: "charuco".into(),
@@ -140,6 +143,7 @@ fn board_to_toml(board: &Board) -> BoardToml {
             marker_mm: Some(marker_mm),
             dictionary: Some(dictionary),
             legacy: Some(legacy),
+            scale,
             extent_mm,
             markers: None,
         },
@@ -148,12 +152,14 @@ fn board_to_toml(board: &Board) -> BoardToml {
             columns: Some(columns),
             rows: Some(rows),
             square_mm: Some(square_mm),
+            scale,
             extent_mm,
             ..BoardToml::default()
         },
         BoardKind::Markers { dictionary, markers } => BoardToml {
             kind: "markers".into(),
             dictionary: Some(dictionary),
+            scale,
             extent_mm,
             markers: Some(markers),
             ..BoardToml::default()
@@ -161,18 +167,8 @@ fn board_to_toml(board: &Board) -> BoardToml {
     }
 }
 
-/// Returns the outline of a board that states none: that of its squares, or of its markers.
-pub(super) fn bounding_box_mm(kind: &BoardKind) -> [f64; 4] {
-    match kind {
-        BoardKind::Charuco { columns, rows, square_mm, .. } | BoardKind::Chessboard { columns, rows, square_mm } => {
-            [0.0, 0.0, *columns as f64 * square_mm, *rows as f64 * square_mm]
-        }
-        BoardKind::Markers { markers, .. } => {
-            let empty = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-            markers
-                .iter()
-                .flat_map(|m| m.corners_mm)
-                .fold(empty, |b, [x, y]| [b[0].min(x), b[1].min(y), b[2].max(x), b[3].max(y)])
-        }
-    }
+/// Returns the outline of a board that states none, as printed: that of its squares, or of its markers.
+pub(super) fn bounding_box_mm(kind: &BoardKind, [sx, sy]: [f64; 2]) -> [f64; 4] {
+    let [x0, y0, x1, y1] = kind.bounding_box_mm();
+    [x0 * sx, y0 * sy, x1 * sx, y1 * sy]
 }

@@ -26,9 +26,17 @@ fn boards() -> [Board; 3] {
     let charuco =
         BoardKind::Charuco { columns, rows, square_mm, marker_mm: 15.0, dictionary: dictionary.clone(), legacy: true };
     [
-        Board { kind: charuco, extent_mm: [0.0, 0.0, 240.0, 180.0] },
-        Board { kind: BoardKind::Chessboard { columns, rows, square_mm }, extent_mm: [-10.0, -10.0, 250.0, 190.0] },
-        Board { kind: BoardKind::Markers { dictionary, markers: markers() }, extent_mm: [-50.0, 0.0, 50.5, 70.0] },
+        Board { kind: charuco, extent_mm: [0.0, 0.0, 240.0, 180.0], scale: [1.0, 1.0] },
+        Board {
+            kind: BoardKind::Chessboard { columns, rows, square_mm },
+            extent_mm: [-10.0, -10.0, 250.0, 190.0],
+            scale: [0.996, 0.998],
+        },
+        Board {
+            kind: BoardKind::Markers { dictionary, markers: markers() },
+            extent_mm: [-50.0, 0.0, 50.5, 70.0],
+            scale: [1.0, 1.0],
+        },
     ]
 }
 
@@ -249,6 +257,7 @@ fn markers_and_poses_are_judged() {
         let board = Board {
             kind: BoardKind::Markers { dictionary: "DICT_4X4_50".into(), markers },
             extent_mm: [0.0, 0.0, 1.0, 1.0],
+            scale: [1.0, 1.0],
         };
         Rig { board: Some(board), ..rig_at(dir.path()) }.save()
     };
