@@ -54,6 +54,18 @@ impl CommandContext {
         Progress::new(Arc::new(HiddenSink), self.cancel.clone())
     }
 
+    /// Returns the flag that Ctrl-C raises.
+    #[cfg(feature = "capture")]
+    pub(crate) fn cancel(&self) -> Arc<AtomicBool> {
+        self.cancel.clone()
+    }
+
+    /// Tells a person something in passing, on standard error.
+    #[cfg(feature = "capture")]
+    pub(crate) fn note(&self, message: &str) {
+        self.console.note(message);
+    }
+
     /// Fails if Ctrl-C was pressed: the last chance before an output is put into place.
     pub(crate) fn stop_if_asked(&self) -> Result<()> {
         if self.progress.cancelled() { Err(anyhow::anyhow!("stopped")) } else { Ok(()) }

@@ -62,6 +62,8 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
         Command::Simulate(a) => commands::simulate::run(a, &context),
         Command::Board(a) => commands::board::run(a, &context),
         Command::Patterns(a) => commands::patterns::run(a, &context),
+        #[cfg(feature = "capture")]
+        Command::Capture(a) => commands::capture::run(a, &context),
         Command::Import(a) => commands::import::run(a, &context),
         Command::Check(a) => commands::check::run(a, &context),
         Command::Calibrate(a) => commands::calibrate::run(a, &context),

@@ -5,6 +5,8 @@
 mod baselines;
 mod board;
 mod calibrate;
+#[cfg(feature = "capture")]
+mod capture;
 mod demo;
 mod evaluate;
 mod machine;
@@ -21,6 +23,8 @@ use clap::{Parser, Subcommand};
 pub(crate) use baselines::{DecodeArgs, ProjectorArgs, TableArgs, TableCommand, TableExportArgs, TableInfoArgs};
 pub(crate) use board::{BoardArgs, BoardCommand, PrintArgs};
 pub(crate) use calibrate::CalibrateArgs;
+#[cfg(feature = "capture")]
+pub(crate) use capture::{CaptureArgs, NewRigArgs};
 pub(crate) use demo::{DemoArgs, SimulateArgs};
 pub(crate) use evaluate::{EvaluateArgs, ExperimentArgs};
 pub(crate) use machine::BenchArgs;
@@ -29,6 +33,11 @@ pub(crate) use patterns::{AxisChoice, PatternImageArgs, PatternScoreArgs, Patter
 pub(crate) use reconstruct::ReconstructArgs;
 pub(crate) use rig::{CheckArgs, ImportArgs};
 pub(crate) use sequence::SequenceArgs;
+
+#[cfg(feature = "capture")]
+use patterns::size as parse_size;
+#[cfg(feature = "capture")]
+use rig::{channels as parse_channels, code as parse_code};
 
 /// Exit codes, which scripts can rely on.
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed or stopped by Ctrl-C, 2 wrong usage. What fails says so in one \
@@ -79,6 +88,9 @@ pub(crate) enum Command {
     /// Make the images a light source shows, or score such images as a code.
     #[command(subcommand)]
     Patterns(PatternsCommand),
+    /// Take a sweep and scenes with a camera and a projector: a page in the browser shows the patterns.
+    #[cfg(feature = "capture")]
+    Capture(CaptureArgs),
     /// Turn a recording, a folder of numbered frames, into a sequence, a scene or the sweep of a rig.
     Import(ImportArgs),
     /// List everything that is wrong with a rig folder, in one go.

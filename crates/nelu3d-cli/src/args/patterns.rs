@@ -4,12 +4,22 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 use nelu3d_scan::pattern::{
-    Alacarte, Binary, Film, Gray, Hilbert, Mps, PhaseShift, Ramp, Random, ScoreOptions, Sinusoid, Triangle, Xor,
+    Alacarte, Binary, Film, Gray, Hilbert, Mps, PhaseShift, RECOMMENDED_IMAGES, Ramp, Random, ScoreOptions, Sinusoid,
+    Triangle, Xor,
 };
 
 /// Arguments of `nelu3d patterns`: the family of patterns, or their score.
 #[derive(Debug, Subcommand)]
 pub(crate) enum PatternsCommand {
+    /// The set to begin with: a fine sinusoid, a triangle wave and smooth noise.
+    Recommended {
+        /// Settings of the set.
+        #[command(flatten)]
+        settings: RecommendedArgs,
+        /// Settings of the images.
+        #[command(flatten)]
+        sheet: PatternImageArgs,
+    },
     /// One sinusoid, shifted in phase.
     #[command(alias = "sine")]
     Sinusoid {
@@ -179,6 +189,14 @@ pub(crate) struct RgbArgs {
     pub random: Random,
 }
 
+/// Settings of the recommended set.
+#[derive(Debug, clap::Args)]
+pub(crate) struct RecommendedArgs {
+    /// Number of images beside white and black: more take longer and measure better.
+    #[arg(long, value_name = "3|5|8", default_value_t = 3, value_parser = images)]
+    pub images: usize,
+}
+
 /// Arguments of `nelu3d patterns score`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct PatternScoreArgs {
@@ -207,10 +225,16 @@ pub(crate) struct PatternScoreArgs {
 }
 
 /// Parses columns and rows.
-fn size(text: &str) -> Result<[usize; 2], String> {
+pub(super) fn size(text: &str) -> Result<[usize; 2], String> {
     let sides =
         text.split_once(['x', 'X', '×']).and_then(|(w, h)| Some([w.trim().parse().ok()?, h.trim().parse().ok()?]));
     sides.ok_or_else(|| "columns and rows, as 1280x800".into())
+}
+
+/// Parses the number of images of a recommended set.
+fn images(text: &str) -> Result<usize, String> {
+    let images = text.parse().ok().filter(|n| RECOMMENDED_IMAGES.contains(n));
+    images.ok_or_else(|| "3, 5 or 8".into())
 }
 
 /// Parses the bits of a pixel.

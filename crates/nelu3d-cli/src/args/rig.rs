@@ -70,12 +70,12 @@ pub(crate) struct SensorArgs {
 }
 
 /// Parses the name of a color format.
-fn channels(text: &str) -> Result<Channels, String> {
+pub(super) fn channels(text: &str) -> Result<Channels, String> {
     Channels::from_name(text).ok_or_else(|| format!("one of {}", Channels::ALL.map(Channels::name).join(", ")))
 }
 
 /// Parses a sensor code.
-fn code(text: &str) -> Result<f64, String> {
+pub(super) fn code(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(code) if (0.0..=65535.0).contains(&code) => Ok(code),
         _ => Err("a number from 0 to 65535".into()),

@@ -3,6 +3,8 @@
 pub(crate) mod bench;
 pub(crate) mod board;
 pub(crate) mod calibrate;
+#[cfg(feature = "capture")]
+pub(crate) mod capture;
 pub(crate) mod check;
 pub(crate) mod decode;
 pub(crate) mod demo;

@@ -19,7 +19,7 @@ pub use box_mean::box_mean;
 pub use decode::{Depth, ImageFileError, Raw, RawData, decode, decode_bytes, read_any};
 pub use gaussian_blur::gaussian_blur;
 pub(crate) use write::{Codes, write_png};
-pub use write::{encode_rgb8, write_gray8, write_png8, write_png16, write_rgb8};
+pub use write::{encode_rgb8, write_gray8, write_png8, write_png16, write_raw_png, write_rgb8};
 
 /// How the sensor delivers color.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use std::path::Path;
 use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter};
 use rayon::prelude::*;
 
-use super::Image;
+use super::{Image, Raw, RawData};
 use crate::output::write_atomic;
 
 /// Writes a linear image as 8-bit sensor codes `value · (saturation − black_level) + black_level`, rounded and limited
@@ -72,6 +72,23 @@ pub fn encode_rgb8(width: usize, height: usize, data: &[u8]) -> Vec<u8> {
     encode(&mut bytes, Codes::U8(data), [width, height], 3, Compression::Balanced)
         .expect("a PNG in memory of matching size cannot fail");
     bytes
+}
+
+/// Writes a sensor's codes as they are, as an 8- or 16-bit PNG file: what [`super::decode()`] reads back.
+///
+/// # Errors
+///
+/// The file cannot be written, or the codes are floating-point numbers, which PNG does not hold.
+pub fn write_raw_png(path: &Path, raw: &Raw) -> io::Result<()> {
+    let codes = match &raw.data {
+        RawData::U8(v) => Codes::U8(v),
+        RawData::U16(v) => Codes::U16(v),
+        RawData::Float(_) => {
+            let problem = format!("{}: floating-point numbers do not fit into PNG; save codes", path.display());
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
+        }
+    };
+    write_png(path, codes, raw.width, raw.height, raw.channels)
 }
 
 /// A sensor's codes, row by row, channels interleaved.

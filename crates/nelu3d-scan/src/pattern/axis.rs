@@ -25,7 +25,7 @@ impl Axis {
     }
 
     /// Returns the side of a `width × height` image along this axis, px.
-    pub(super) fn length(self, width: usize, height: usize) -> usize {
+    pub fn length(self, width: usize, height: usize) -> usize {
         match self {
             Axis::X => width,
             Axis::Y => height,

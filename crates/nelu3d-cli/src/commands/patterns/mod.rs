@@ -9,7 +9,9 @@ use anyhow::Result;
 use nelu3d_scan::Image;
 use nelu3d_scan::image::{write_png8, write_png16};
 use nelu3d_scan::output::OutputDir;
-use nelu3d_scan::pattern::{Axis, Pattern, PatternError, PatternImage, PatternImages, Ramp, Rgb, Sinusoid, Triangle};
+use nelu3d_scan::pattern::{
+    Axis, Pattern, PatternError, PatternImage, PatternImages, Ramp, Rgb, Sinusoid, Triangle, recommended_patterns,
+};
 use serde::Serialize;
 
 use crate::args::{AxisChoice, PatternImageArgs, PatternsCommand, RgbArgs};
@@ -36,8 +38,14 @@ pub(crate) fn run(args: PatternsCommand, context: &CommandContext) -> Result<Exi
         PatternsCommand::Rgb { settings, sheet } => ("rgb", Pattern::Rgb(rgb(&settings)), sheet),
         PatternsCommand::Film { settings, sheet } => ("film", Pattern::Film(settings), sheet),
         PatternsCommand::Score(args) => return score::run(&args, context),
+        PatternsCommand::Recommended { settings, sheet } => {
+            let name = format!("mixed{}", settings.images);
+            let length = |axis: Axis| axis.length(sheet.size[0], sheet.size[1]);
+            let set = |axis| recommended_patterns(length(axis), axis, settings.images);
+            return write(&name, &set, &sheet, context);
+        }
     };
-    write(family, &pattern, &sheet, context)
+    write(family, &|axis| Ok(vec![pattern.along(axis)]), &sheet, context)
 }
 
 /// Returns the patterns of family `rgb`.
@@ -65,7 +73,7 @@ struct PatternsMetadata {
 /// A pattern set as rig.toml lists it.
 #[derive(Debug, Serialize)]
 struct PatternSetEntry {
-    name: &'static str,
+    name: String,
     images: Vec<String>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     inverse: Vec<String>,
@@ -83,15 +91,43 @@ impl PatternSetEntry {
     }
 }
 
+/// The patterns of a set along an axis.
+type SetAlong<'a> = dyn Fn(Axis) -> Result<Vec<Pattern>, PatternError> + 'a;
+
 /// Makes the images, writes their folder and prints the entry of rig.toml.
-fn write(
-    family: &'static str,
-    pattern: &Pattern,
+fn write(name: &str, set: &SetAlong<'_>, sheet: &PatternImageArgs, context: &CommandContext) -> Result<ExitCode> {
+    let (metadata, n) = make(name, set, sheet, context)?;
+    let toml = metadata.pattern_set.toml();
+    let [width, height] = sheet.size;
+    let mut json = serde_json::to_value(&metadata)?;
+    json["output"] = serde_json::json!(sheet.output);
+    json["toml"] = serde_json::json!(toml);
+    context.answer(&json, || format!("# {n} images of {width} x {height} px in {}\n{toml}", shown(&sheet.output)))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes the folder of a recommended set along x.
+#[cfg(feature = "capture")]
+pub(crate) fn write_recommended(
+    folder: &Path,
+    size: [usize; 2],
+    images: usize,
+    context: &CommandContext,
+) -> Result<()> {
+    let sheet = PatternImageArgs { size, axis: AxisChoice::X, bits: 8, gamma: 1.0, output: folder.to_path_buf() };
+    let set = |axis: Axis| recommended_patterns(axis.length(size[0], size[1]), axis, images);
+    make(&format!("mixed{images}"), &set, &sheet, context).map(|_| ())
+}
+
+/// Makes the images and writes their folder; returns what it says of itself, and the number of images.
+fn make(
+    name: &str,
+    set: &SetAlong<'_>,
     sheet: &PatternImageArgs,
     context: &CommandContext,
-) -> Result<ExitCode> {
+) -> Result<(PatternsMetadata, usize)> {
     context.progress.stage("make patterns");
-    let (patterns, lines) = generate(pattern, sheet)?;
+    let (patterns, lines) = generate(set, sheet)?;
     let folder = OutputDir::create(&sheet.output, METADATA_FILE)?;
     let all = lines.images.iter().chain(&lines.inverse);
     let n = lines.images.len() + lines.inverse.len() + 2;
@@ -110,26 +146,23 @@ fn write(
         bits: sheet.bits,
         gamma: sheet.gamma,
         patterns,
-        pattern_set: PatternSetEntry { name: family, images: names(&lines.images), inverse: names(&lines.inverse) },
+        pattern_set: PatternSetEntry {
+            name: name.into(),
+            images: names(&lines.images),
+            inverse: names(&lines.inverse),
+        },
         white: "white.png",
         black: "black.png",
     };
     std::fs::write(folder.path().join(METADATA_FILE), serde_json::to_vec_pretty(&metadata)?)?;
     context.stop_if_asked()?;
     folder.commit()?;
-
-    let toml = metadata.pattern_set.toml();
-    let [width, height] = sheet.size;
-    let mut json = serde_json::to_value(&metadata)?;
-    json["output"] = serde_json::json!(sheet.output);
-    json["toml"] = serde_json::json!(toml);
-    context.answer(&json, || format!("# {n} images of {width} x {height} px in {}\n{toml}", shown(&sheet.output)))?;
-    Ok(ExitCode::SUCCESS)
+    Ok((metadata, n))
 }
 
 /// Makes the patterns along the axes that were asked for, with one line of each of their images: the whole of large
 /// sets would not fit into memory.
-fn generate(pattern: &Pattern, sheet: &PatternImageArgs) -> Result<(Vec<Pattern>, PatternImages)> {
+fn generate(set: &SetAlong<'_>, sheet: &PatternImageArgs) -> Result<(Vec<Pattern>, PatternImages)> {
     let axes: &[Axis] = match sheet.axis {
         AxisChoice::X => &[Axis::X],
         AxisChoice::Y => &[Axis::Y],
@@ -141,16 +174,17 @@ fn generate(pattern: &Pattern, sheet: &PatternImageArgs) -> Result<(Vec<Pattern>
     if ramp.generate(width, 1).and(ramp.generate(height, 1)).is_err() {
         return Err(PatternError::Size { width, height }.into());
     }
-    let patterns =
-        axes.iter().map(|&axis| pattern.along(axis).resolved(width, height)).collect::<Result<Vec<_>, _>>()?;
+    let mut patterns = Vec::new();
     let mut lines = PatternImages::default();
-    for (pattern, axis) in patterns.iter().zip(axes) {
-        let [w, h] = if *axis == Axis::X { [width, 1] } else { [1, height] };
-        let mut more = pattern.generate(w, h)?;
+    for &axis in axes {
+        let [w, h] = if axis == Axis::X { [width, 1] } else { [1, height] };
+        let along = set(axis)?.iter().map(|p| p.resolved(width, height)).collect::<Result<Vec<_>, _>>()?;
+        let mut more = nelu3d_scan::pattern::generate(&along, w, h)?;
         number_after(&lines.images, &mut more.images);
         number_after(&lines.inverse, &mut more.inverse);
         lines.images.extend(more.images);
         lines.inverse.extend(more.inverse);
+        patterns.extend(along);
     }
     Ok((patterns, lines))
 }

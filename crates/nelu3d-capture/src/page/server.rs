@@ -1,0 +1,357 @@
+//! The server on the loopback interface.
+
+use std::hash::{BuildHasher, RandomState};
+use std::io::Read;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use nelu3d_scan::image::{Image, Raw, RawData, encode_rgb8};
+use serde::Deserialize;
+use tiny_http::{Header, Method, Request, Response, Server};
+
+use super::request::{Asked, Refusal, judge};
+use super::state::{PageCommand, PageStatus, Shared, WindowReport};
+use super::{PageCamera, PageDisplay};
+use crate::display::Slide;
+use crate::error::CaptureError;
+use crate::frame::Frame;
+
+/// Where the images to show lie.
+#[derive(Clone, Debug)]
+pub struct SlideFiles {
+    /// The flash.
+    pub white: PathBuf,
+    /// Darkness.
+    pub black: PathBuf,
+    /// The patterns, in the order of [`Slide::Pattern`].
+    pub patterns: Vec<PathBuf>,
+    /// Size of all of them, px.
+    pub size: [usize; 2],
+}
+
+/// The pages, while they are served.
+pub struct PageServer {
+    shared: Arc<Shared>,
+    server: Arc<Server>,
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+    address: String,
+    clock: Instant,
+}
+
+/// Requests answered at the same time. One or two of them wait for the next slide.
+const THREADS: usize = 6;
+/// Longest wait of a request for the next slide.
+const LONGEST_WAIT: Duration = Duration::from_secs(20);
+/// Longest wait before looking whether to end.
+const TICK: Duration = Duration::from_millis(200);
+/// Frames kept for the camera: older ones make room.
+const KEPT_FRAMES: usize = 3;
+
+const INDEX_HTML: &str = include_str!("index.html");
+const INDEX_JS: &str = include_str!("index.js");
+const SCREEN_HTML: &str = include_str!("screen.html");
+const SCREEN_JS: &str = include_str!("screen.js");
+const STYLE: &str = include_str!("style.css");
+
+/// What a thread needs to answer.
+struct Answers {
+    shared: Arc<Shared>,
+    slides: SlideFiles,
+    own: Vec<String>,
+    token: String,
+    clock: Instant,
+}
+
+/// What the page says when a slide is on the screen.
+#[derive(Deserialize)]
+struct ShownBody {
+    sequence: u64,
+    width: f64,
+    height: f64,
+    missed: f64,
+    warnings: Vec<String>,
+}
+
+/// A button of the page.
+#[derive(Deserialize)]
+struct CommandBody {
+    #[serde(rename = "do")]
+    what: String,
+    #[serde(default)]
+    name: String,
+}
+
+impl PageServer {
+    /// Serves the pages on 127.0.0.1 at `port`, 0 for any that is free. `stop` ends the waiting of its display and
+    /// camera.
+    ///
+    /// # Errors
+    ///
+    /// The port is taken.
+    pub fn start(slides: SlideFiles, port: u16, stop: Arc<AtomicBool>) -> Result<Self, CaptureError> {
+        let fails = |e: &dyn std::fmt::Display| CaptureError::Device {
+            device: format!("port {port} of 127.0.0.1"),
+            problem: format!("cannot be used: {e}"),
+            remedy: "choose another one".into(),
+        };
+        let server = Arc::new(Server::http(("127.0.0.1", port)).map_err(|e| fails(&e))?);
+        let port = server.server_addr().to_ip().ok_or_else(|| fails(&"it has no address"))?.port();
+        let token = token();
+        let address = format!("http://127.0.0.1:{port}/{token}/");
+        let own = vec![format!("127.0.0.1:{port}"), format!("localhost:{port}")];
+        let (shared, clock) = (Arc::new(Shared::default()), Instant::now());
+        let mut threads = Vec::new();
+        for _ in 0..THREADS {
+            let (server, shared) = (server.clone(), shared.clone());
+            let answers = Answers { shared, slides: slides.clone(), own: own.clone(), token: token.clone(), clock };
+            threads.push(std::thread::spawn(move || {
+                // Ends with an error when the server is told to unblock.
+                while let Ok(request) = server.recv() {
+                    answers.answer(request);
+                    if answers.shared.lock().ended {
+                        break;
+                    }
+                }
+            }));
+        }
+        Ok(Self { shared, server, stop, threads, address, clock })
+    }
+
+    /// Returns the address of the page for people. That of the patterns is `screen` below it.
+    pub fn address(&self) -> &str {
+        &self.address
+    }
+
+    /// Returns the clock of the display and of frames.
+    pub fn clock(&self) -> Instant {
+        self.clock
+    }
+
+    /// Returns the page as a display.
+    pub fn display(&self) -> PageDisplay {
+        PageDisplay { shared: self.shared.clone(), stop: self.stop.clone() }
+    }
+
+    /// Returns the page's webcam as a camera.
+    pub fn camera(&self) -> PageCamera {
+        PageCamera { shared: self.shared.clone(), stop: self.stop.clone() }
+    }
+
+    /// Shows a status on the page.
+    pub fn set_status(&self, change: impl FnOnce(&mut PageStatus)) {
+        change(&mut self.shared.lock().status);
+    }
+
+    /// Shows a picture of the camera on the page: `height × width × 1 or 3`, linear, in [0, 1].
+    pub fn set_live(&self, image: &Image) {
+        // A page needs no more than this, and encoding takes time.
+        let step = image.width.div_ceil(640).max(1);
+        let (w, h) = (image.width / step, image.height / step);
+        let mut data = Vec::with_capacity(3 * w * h);
+        for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
+            let pixel = image.pixel(x * step, y * step);
+            let code = |c: usize| (255.0 * pixel[c.min(pixel.len() - 1)].clamp(0.0, 1.0).powf(1.0 / 2.2)) as u8;
+            data.extend([code(0), code(1), code(2)]);
+        }
+        let png = encode_rgb8(w, h, &data);
+        let mut state = self.shared.lock();
+        state.live = png;
+        state.status.live += 1;
+        state.status.live_size = [image.width, image.height];
+    }
+
+    /// Returns the next thing that a person asked for on the page.
+    pub fn command(&self) -> Option<PageCommand> {
+        self.shared.lock().commands.pop_front()
+    }
+
+    /// Returns what is wrong with how the patterns are shown: scaling, a window of another size, missed refreshes.
+    pub fn screen_warnings(&self) -> Vec<String> {
+        self.shared.lock().window.as_ref().map(|w| w.warnings.clone()).unwrap_or_default()
+    }
+}
+
+impl std::fmt::Debug for PageServer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("PageServer").field("address", &self.address).finish_non_exhaustive()
+    }
+}
+
+impl Drop for PageServer {
+    fn drop(&mut self) {
+        self.shared.lock().ended = true;
+        self.shared.changed.notify_all();
+        for _ in 0..self.threads.len() {
+            self.server.unblock();
+        }
+        for thread in self.threads.drain(..) {
+            // A thread that panicked has nothing left to end.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Answers {
+    fn answer(&self, mut request: Request) {
+        let header = |request: &Request, name: &'static str| {
+            let found = request.headers().iter().find(|h| h.field.equiv(name));
+            found.map(|h| h.value.as_str().to_owned())
+        };
+        let (host, origin) = (header(&request, "Host"), header(&request, "Origin"));
+        let is_post = *request.method() == Method::Post;
+        let known = is_post || *request.method() == Method::Get;
+        let url = request.url().to_owned();
+        let judged = judge(is_post, &url, host.as_deref(), origin.as_deref(), &self.own, &self.token);
+        let done = match judged.and_then(|asked| if known { Ok(asked) } else { Err(Refusal::Method) }) {
+            Ok(asked) => self.reply(&asked, &mut request).unwrap_or_else(|refusal| refuse(refusal)),
+            Err(refusal) => refuse(refusal),
+        };
+        // A page that was closed meanwhile wants no answer.
+        let _ = request.respond(done);
+    }
+
+    fn reply(&self, asked: &Asked, request: &mut Request) -> Result<Reply, Refusal> {
+        Ok(match asked {
+            Asked::Index => content("text/html; charset=utf-8", INDEX_HTML.into()),
+            Asked::Screen => content("text/html; charset=utf-8", SCREEN_HTML.into()),
+            Asked::Script("index") => content("text/javascript", INDEX_JS.into()),
+            Asked::Script(_) => content("text/javascript", SCREEN_JS.into()),
+            Asked::Style => content("text/css", STYLE.into()),
+            Asked::Slide(name) => content("image/png", self.slide(name).ok_or(Refusal::NotFound)?),
+            Asked::Next(after) => self.next(*after),
+            Asked::Status => {
+                let state = self.shared.lock();
+                json(&serde_json::json!({
+                    "status": state.status,
+                    "screen": state.window,
+                    "webcam": state.webcam,
+                    "frames": state.received,
+                }))
+            }
+            Asked::Live => content("image/png", self.shared.lock().live.clone()),
+            Asked::Shown => {
+                let at = self.clock.elapsed();
+                let body: ShownBody = body(request)?;
+                let mut state = self.shared.lock();
+                if body.sequence > state.shown {
+                    (state.shown, state.shown_at) = (body.sequence, at);
+                }
+                let ShownBody { width, height, missed, warnings, .. } = body;
+                state.window = Some(WindowReport { width, height, missed, warnings });
+                self.shared.changed.notify_all();
+                json(&serde_json::json!({}))
+            }
+            Asked::Frame(width, height) => self.frame(*width, *height, request)?,
+            Asked::Webcam => {
+                let text: String = body(request)?;
+                self.shared.lock().webcam = text.chars().take(500).collect();
+                json(&serde_json::json!({}))
+            }
+            Asked::Command => {
+                let CommandBody { what, name } = body(request)?;
+                let command = match what.as_str() {
+                    "take" => PageCommand::Take,
+                    "finish" => PageCommand::Finish,
+                    "scene" => PageCommand::Scene(name),
+                    "stop" => PageCommand::Stop,
+                    _ => return Err(Refusal::NotFound),
+                };
+                self.shared.lock().commands.push_back(command);
+                json(&serde_json::json!({}))
+            }
+        })
+    }
+
+    /// Waits for the slide after a sequence number.
+    fn next(&self, after: u64) -> Reply {
+        let begun = Instant::now();
+        let mut state = self.shared.lock();
+        while state.sequence <= after && begun.elapsed() < LONGEST_WAIT && !state.ended {
+            state = self.shared.wait(state, TICK);
+        }
+        let slide = match state.slide {
+            None => String::new(),
+            Some(Slide::White) => "white".into(),
+            Some(Slide::Black) => "black".into(),
+            Some(Slide::Pattern(i)) => i.to_string(),
+        };
+        let all = self.slides.patterns.len();
+        let ended = state.ended;
+        json(&serde_json::json!({
+            "sequence": state.sequence, "slide": slide, "size": self.slides.size, "patterns": all, "ended": ended,
+        }))
+    }
+
+    fn slide(&self, name: &str) -> Option<Vec<u8>> {
+        let file = match name {
+            "white" => &self.slides.white,
+            "black" => &self.slides.black,
+            number => self.slides.patterns.get(number.parse::<usize>().ok()?)?,
+        };
+        std::fs::read(file).ok()
+    }
+
+    /// Takes a frame: `height × width × 4` bytes of red, green, blue and opacity, as a canvas has them.
+    fn frame(&self, width: usize, height: usize, request: &mut Request) -> Result<Reply, Refusal> {
+        let at = self.clock.elapsed();
+        let n = 4 * width * height;
+        let mut bytes = Vec::new();
+        let read = request.as_reader().take(n as u64 + 1).read_to_end(&mut bytes);
+        if read.is_err() || bytes.len() != n {
+            return Err(Refusal::NotFound);
+        }
+        let data = bytes.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        let raw = Raw { width, height, channels: 3, data: RawData::U8(data) };
+        let mut state = self.shared.lock();
+        let number = state.received;
+        state.received += 1;
+        state.frames.push_back(Frame { number, at, raw });
+        while state.frames.len() > KEPT_FRAMES {
+            state.frames.pop_front();
+        }
+        self.shared.changed.notify_all();
+        Ok(json(&serde_json::json!({})))
+    }
+}
+
+type Reply = Response<std::io::Cursor<Vec<u8>>>;
+
+fn content(kind: &str, bytes: Vec<u8>) -> Reply {
+    let mut response = Response::from_data(bytes);
+    // Nothing but what is served here may be loaded or shown in a frame of another page.
+    for (name, value) in [
+        ("Content-Type", kind),
+        ("Cache-Control", "no-store"),
+        ("Content-Security-Policy", "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'"),
+        ("X-Content-Type-Options", "nosniff"),
+        ("Referrer-Policy", "no-referrer"),
+    ] {
+        response.add_header(Header::from_bytes(name, value).expect("a header of plain letters"));
+    }
+    response
+}
+
+fn json(value: &serde_json::Value) -> Reply {
+    content("application/json", value.to_string().into_bytes())
+}
+
+fn refuse(refusal: Refusal) -> Reply {
+    content("text/plain", Vec::new()).with_status_code(refusal as u16)
+}
+
+/// Reads a small JSON body.
+fn body<T: serde::de::DeserializeOwned>(request: &mut Request) -> Result<T, Refusal> {
+    let mut text = String::new();
+    request.as_reader().take(65_536).read_to_string(&mut text).map_err(|_| Refusal::NotFound)?;
+    serde_json::from_str(&text).map_err(|_| Refusal::NotFound)
+}
+
+/// Returns 128 bits that nobody can guess: the standard library seeds its hashers from the system's randomness.
+fn token() -> String {
+    let word = || RandomState::new().hash_one(Instant::now());
+    format!("{:016x}{:016x}", word(), word())
+}

@@ -1,0 +1,66 @@
+//! Arguments of `capture`.
+
+use std::path::PathBuf;
+
+use nelu3d_scan::image::Channels;
+
+use super::{parse_channels, parse_code, parse_size};
+
+/// Arguments of `nelu3d capture`.
+#[derive(Debug, clap::Args)]
+#[command(group = clap::ArgGroup::new("source").required(true))]
+pub(crate) struct CaptureArgs {
+    /// Rig folder, new or begun by an earlier capture.
+    pub rig: PathBuf,
+    /// The camera is a webcam: the page in the browser looks through it.
+    #[arg(long, group = "source")]
+    pub webcam: bool,
+    /// The camera takes a picture when this is run, as "gphoto2 … --filename {file}".
+    #[arg(long, value_name = "COMMAND", group = "source")]
+    pub camera_command: Option<String>,
+    /// The camera's own program saves its pictures in this folder.
+    #[arg(long, value_name = "DIR", group = "source")]
+    pub watch: Option<PathBuf>,
+    /// No hardware: a simulated display and camera, late and unreliable, show this rig's images.
+    #[arg(long, value_name = "RIG", group = "source")]
+    pub rehearse: Option<PathBuf>,
+    /// Take this scene at once, without waiting for somebody to press a button, and end; may be repeated.
+    #[arg(long, value_name = "NAME")]
+    pub scene: Vec<String>,
+    /// Port of the page on 127.0.0.1 (default: any that is free).
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub port: u16,
+    /// Settings of a new rig.
+    #[command(flatten)]
+    pub new: NewRigArgs,
+}
+
+/// Settings of a new rig.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "New rigs")]
+pub(crate) struct NewRigArgs {
+    /// Columns and rows of the light source's image: the recommended patterns are made for it.
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[usize; 2]>,
+    /// Number of recommended patterns: 3, 5 or 8.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub images: usize,
+    /// Other patterns: a folder that `nelu3d patterns` wrote.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["size", "images"])]
+    pub patterns: Option<PathBuf>,
+    /// The board: a file with the table [board] of rig.toml.
+    #[arg(long, value_name = "FILE")]
+    pub board: Option<PathBuf>,
+    /// Intrinsics of the camera, if they are known already.
+    #[arg(long, value_name = "FILE")]
+    pub camera: Option<PathBuf>,
+    /// Color format of the camera's pictures (default: rgb for a webcam, mono otherwise).
+    #[arg(long, value_name = "CHANNELS", value_parser = parse_channels)]
+    pub channels: Option<Channels>,
+    /// The camera's code for no light.
+    #[arg(long, value_name = "CODE", value_parser = parse_code, default_value_t = 0.0)]
+    pub black_level: f64,
+    /// The camera's code at and above which a value is saturated: 255, 4095, 65535.
+    #[arg(long, value_name = "CODE", value_parser = parse_code, default_value_t = 255.0)]
+    pub saturation: f64,
+}

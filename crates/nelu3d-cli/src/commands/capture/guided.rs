@@ -1,0 +1,200 @@
+//! A capture that a person guides, on the page.
+
+use anyhow::Result;
+use nelu3d_capture::page::{PageCommand, PageServer};
+use nelu3d_capture::{BoardView, Camera, CaptureError, CaptureSession, RigWriter, ShotPlace, SlideImages, SweepGuide};
+use nelu3d_scan::image::Raw;
+
+use super::CaptureReport;
+use crate::context::CommandContext;
+
+/// A capture under way.
+struct Desk<'a> {
+    server: &'a PageServer,
+    writer: &'a RigWriter,
+    guide: SweepGuide,
+    context: &'a CommandContext,
+    report: CaptureReport,
+}
+
+/// Takes positions and scenes as the page asks for them; or the `scenes` at once.
+pub(super) fn run(
+    server: &PageServer,
+    camera: &mut dyn Camera,
+    writer: &RigWriter,
+    scenes: &[String],
+    context: &CommandContext,
+) -> Result<CaptureReport> {
+    let report = CaptureReport {
+        rig: writer.rig().root.clone(),
+        written: Vec::new(),
+        found: writer.positions(),
+        frames: Default::default(),
+        timing: None,
+        noise: None,
+        exposure: None,
+        has_intrinsics: writer.has_intrinsics(),
+    };
+    let mut guide = SweepGuide::new(writer.rig(), writer.has_intrinsics())?;
+    resume(&mut guide, writer)?;
+    let mut desk = Desk { server, writer, guide, context, report };
+    let mut display = server.display();
+    let mut session = loop {
+        desk.status("start", "measuring how long a flash takes to be seen");
+        match CaptureSession::start(&mut display, camera) {
+            Ok(session) => break session,
+            // With nobody at the page there is nobody to help.
+            Err(e) if !scenes.is_empty() => return Err(e.into()),
+            Err(e @ (CaptureError::Stopped | CaptureError::Write(_))) => return Err(e.into()),
+            Err(e) => desk.complain(&e.to_string()),
+        }
+        if matches!(server.command(), Some(PageCommand::Stop)) {
+            return Ok(desk.report);
+        }
+    };
+    desk.describe(&session);
+    for warning in server.screen_warnings() {
+        context.progress.warn(&warning);
+    }
+    if scenes.is_empty() {
+        desk.follow(&mut session)?;
+    }
+    for name in scenes {
+        desk.take(&mut session, &ShotPlace::Scene(name.clone()))?;
+    }
+    desk.status("done", "the capture has ended; this page may be closed");
+    Ok(desk.report)
+}
+
+/// Lets the guide know of the positions that an earlier capture took.
+fn resume(guide: &mut SweepGuide, writer: &RigWriter) -> Result<()> {
+    if !guide.has_board() || writer.positions() == 0 {
+        return Ok(());
+    }
+    for shot in writer.rig().positions()? {
+        let white = nelu3d_scan::image::decode(&shot.dir.join(&writer.rig().white), None)?;
+        if let Ok(view) = guide.find(&white)? {
+            guide.add(view);
+        }
+    }
+    Ok(())
+}
+
+impl Desk<'_> {
+    fn status(&self, stage: &'static str, message: &str) {
+        self.server.set_status(|s| {
+            s.stage = stage;
+            message.clone_into(&mut s.message);
+        });
+    }
+
+    fn complain(&self, problem: &str) {
+        self.context.progress.warn(problem);
+        self.server.set_status(|s| problem.clone_into(&mut s.problem));
+    }
+
+    /// Shows what was measured.
+    fn describe(&mut self, session: &CaptureSession<'_>) {
+        let (timing, rig) = (session.timing(), self.writer.rig());
+        let exposure = session.exposure(rig.black_level, rig.saturation);
+        (self.report.timing, self.report.noise) = (Some(timing), Some(session.noise()));
+        self.report.exposure = Some(exposure);
+        let text = format!(
+            "a frame every {:.0} ms; changes are seen after {:.0} to {:.0} ms",
+            1e3 * timing.frame_secs,
+            1e3 * timing.latency_min_secs,
+            1e3 * timing.latency_max_secs
+        );
+        let coverage = self.guide.coverage();
+        self.server.set_status(|s| {
+            s.problem.clear();
+            s.timing = text;
+            s.exposure = Some(exposure);
+            s.exposure_text = exposure.to_string();
+            s.coverage = coverage;
+        });
+    }
+
+    /// Shows the live picture and does what the page asks for, until that is to end.
+    fn follow(&mut self, session: &mut CaptureSession<'_>) -> Result<()> {
+        let mut stage = if self.guide.has_board() { "sweep" } else { "scenes" };
+        loop {
+            self.context.stop_if_asked()?;
+            let next = if stage == "sweep" { self.guide.next_step() } else { "name a scene and take it".into() };
+            self.status(stage, &next);
+            let frame = session.glance()?;
+            let _ = self.look(&frame.raw)?;
+            match self.server.command() {
+                Some(PageCommand::Take) if stage == "sweep" => {
+                    let place = self.writer.next_position()?;
+                    self.try_to_take(session, &place)?;
+                }
+                Some(PageCommand::Scene(name)) if stage == "scenes" => {
+                    self.try_to_take(session, &ShotPlace::Scene(name))?;
+                }
+                Some(PageCommand::Finish) => stage = "scenes",
+                Some(PageCommand::Stop) => return Ok(()),
+                Some(PageCommand::Take | PageCommand::Scene(_)) | None => {}
+            }
+        }
+    }
+
+    /// Shows a picture and looks for the board in it.
+    fn look(&mut self, raw: &Raw) -> Result<Option<BoardView>> {
+        let rig = self.writer.rig();
+        let image = raw.linearize(&rig.root.join("(live)"), rig.channels, rig.black_level, rig.saturation)?;
+        self.server.set_live(&image);
+        if !self.guide.has_board() {
+            return Ok(None);
+        }
+        let found = self.guide.find(raw)?;
+        let (corners, text) = match &found {
+            Ok(view) => {
+                let depth = view.depth_mm.map(|z| format!(", {z:.0} mm away")).unwrap_or_default();
+                let tilt = view.tilt_deg.map(|a| format!(", tilted by {a:.0}°")).unwrap_or_default();
+                (view.corners_px.clone(), format!("the board: {} corners{depth}{tilt}", view.corners_px.len()))
+            }
+            Err(reason) => (Vec::new(), format!("no board: {reason}")),
+        };
+        self.server.set_status(|s| {
+            s.corners_px = corners;
+            s.board = text;
+        });
+        Ok(found.ok())
+    }
+
+    /// Takes a folder of images; what can be tried again is said on the page.
+    fn try_to_take(&mut self, session: &mut CaptureSession<'_>, place: &ShotPlace) -> Result<()> {
+        match self.take(session, place) {
+            Ok(()) => Ok(()),
+            Err(e) => match e.downcast_ref() {
+                Some(CaptureError::Unsteady { .. } | CaptureError::Moved { .. } | CaptureError::Unfit { .. }) => {
+                    self.complain(&e.to_string());
+                    Ok(())
+                }
+                _ => Err(e),
+            },
+        }
+    }
+
+    fn take(&mut self, session: &mut CaptureSession<'_>, place: &ShotPlace) -> Result<()> {
+        self.status("busy", "taking images: do not touch anything");
+        let images: SlideImages = session.take(self.writer.pattern_names().len())?;
+        self.report.frames += images.counts;
+        let view = self.look(&images.white.raw)?;
+        if matches!(place, ShotPlace::Position(_)) && view.is_none() {
+            let path = self.writer.folder(place);
+            let problem = "was not kept, for the board was not found in it".into();
+            let remedy = "turn the board to the camera, all of it in the picture and in the light".into();
+            return Err(CaptureError::Unfit { path, problem, remedy }.into());
+        }
+        self.report.written.push(self.writer.write(place, &images)?);
+        match (place, view) {
+            (ShotPlace::Position(_), Some(view)) => self.guide.add(view),
+            (ShotPlace::Scene(name), _) => self.server.set_status(|s| s.scenes.push(name.clone())),
+            _ => {}
+        }
+        self.describe(session);
+        Ok(())
+    }
+}

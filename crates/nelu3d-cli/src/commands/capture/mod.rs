@@ -1,0 +1,161 @@
+//! `nelu3d capture`: from a camera and a light source to a rig folder.
+
+mod guided;
+mod rehearse;
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use anyhow::{Context as _, Result, bail};
+use nelu3d_capture::page::{PageServer, SlideFiles};
+use nelu3d_capture::{
+    Camera, CaptureTiming, CommandCamera, ExposureAdvice, FrameCounts, FrameNoise, NewRig, RigWriter, WatchedFolder,
+};
+use nelu3d_scan::camera::read_camera;
+use nelu3d_scan::image::{Channels, decode};
+use nelu3d_scan::rig::RIG_FILE;
+use serde::Serialize;
+
+use super::patterns::write_recommended;
+use crate::args::{CaptureArgs, NewRigArgs};
+use crate::context::CommandContext;
+use crate::paths::shown;
+
+/// What a capture did.
+#[derive(Debug, Serialize)]
+struct CaptureReport {
+    rig: std::path::PathBuf,
+    /// Folders written.
+    written: Vec<std::path::PathBuf>,
+    /// Folders that an earlier capture had written.
+    found: usize,
+    /// What became of the frames.
+    frames: FrameCounts,
+    timing: Option<CaptureTiming>,
+    noise: Option<FrameNoise>,
+    exposure: Option<ExposureAdvice>,
+    /// Whether the rig has intrinsics.
+    has_intrinsics: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: CaptureArgs, context: &CommandContext) -> Result<ExitCode> {
+    let report = match &args.rehearse {
+        Some(source) => rehearse::run(&args, source, context)?,
+        None => with_page(&args, context)?,
+    };
+    context.answer(&report, || text(&report))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Captures with the page as display, and whatever was typed as camera.
+fn with_page(args: &CaptureArgs, context: &CommandContext) -> Result<CaptureReport> {
+    let writer = rig(args, context)?;
+    let slides = slides(&writer)?;
+    let stop = context.cancel();
+    let server = PageServer::start(slides, args.port, stop.clone())?;
+    context.note(&format!("open {} in a browser", server.address()));
+    let folder = tempfile::tempdir().context("no place for temporary files")?;
+    let mut camera: Box<dyn Camera> = match (&args.camera_command, &args.watch) {
+        (Some(command), _) => Box::new(CommandCamera::new(command, folder.path(), server.clock(), stop)?),
+        (_, Some(folder)) => Box::new(WatchedFolder::new(folder, server.clock(), stop)?),
+        _ => Box::new(server.camera()),
+    };
+    guided::run(&server, camera.as_mut(), &writer, &args.scene, context)
+}
+
+/// Opens the rig, or makes it.
+fn rig(args: &CaptureArgs, context: &CommandContext) -> Result<RigWriter> {
+    let new = &args.new;
+    if args.rig.join(RIG_FILE).exists() {
+        let writer = RigWriter::open(&args.rig)?;
+        if let Some(patterns) = &new.patterns {
+            writer.keep_patterns(patterns)?;
+        }
+        let given =
+            [("--board", new.board.is_some()), ("--camera", new.camera.is_some()), ("--size", new.size.is_some())];
+        if let Some((option, _)) = given.iter().find(|(_, given)| *given) {
+            bail!("{}: exists and says this itself; leave {option} away", shown(&args.rig.join(RIG_FILE)));
+        }
+        return Ok(writer);
+    }
+    let made = tempfile::tempdir().context("no place for temporary files")?;
+    let patterns = match (&new.patterns, new.size) {
+        (Some(folder), _) => folder.clone(),
+        (None, Some(size)) => {
+            let folder = made.path().join("patterns");
+            write_recommended(&folder, size, new.images, context)?;
+            folder
+        }
+        (None, None) => bail!(
+            "{}: is no rig yet, and a new one needs patterns; give the projector's size with --size 1280x800, or \
+             --patterns DIR",
+            shown(&args.rig)
+        ),
+    };
+    Ok(RigWriter::create(&args.rig, &new_rig(&args.rig, new, &patterns, args.webcam)?)?)
+}
+
+fn new_rig(root: &Path, new: &NewRigArgs, patterns: &Path, webcam: bool) -> Result<NewRig> {
+    Ok(NewRig {
+        name: root.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        channels: new.channels.unwrap_or(if webcam { Channels::Rgb } else { Channels::Mono }),
+        black_level: new.black_level,
+        saturation: new.saturation,
+        intrinsics: new.camera.as_deref().map(read_camera).transpose()?,
+        board: new.board.clone(),
+        patterns: patterns.to_path_buf(),
+    })
+}
+
+/// Returns the images to show, which must all have one size.
+fn slides(writer: &RigWriter) -> Result<SlideFiles> {
+    let rig = writer.rig();
+    let file = |name: &String| rig.projected(name);
+    let slides = SlideFiles {
+        white: file(&rig.white),
+        black: file(&rig.black),
+        patterns: writer.pattern_names().iter().map(file).collect(),
+        size: [0, 0],
+    };
+    let mut size = None;
+    for path in slides.patterns.iter().chain([&slides.white, &slides.black]) {
+        if !path.exists() {
+            bail!("{}: is missing; give the folder of the patterns with --patterns DIR", shown(path));
+        }
+        let raw = decode(path, None)?;
+        let found = [raw.width, raw.height];
+        if *size.get_or_insert(found) != found {
+            bail!("{}: has another size than the other patterns; write them again with `nelu3d patterns`", shown(path));
+        }
+    }
+    Ok(SlideFiles { size: size.unwrap_or([1, 1]), ..slides })
+}
+
+/// Returns the report for people.
+fn text(report: &CaptureReport) -> String {
+    let mut text = format!("rig       {}\n", shown(&report.rig));
+    let found = if report.found > 0 { format!(", {} were there", report.found) } else { String::new() };
+    text += &format!("written   {} folders{found}\n", report.written.len());
+    if let Some(timing) = report.timing {
+        let ms = |secs: f64| 1e3 * secs;
+        text += &format!(
+            "timing    a frame every {:.0} ms; changes are seen after {:.0} to {:.0} ms\n",
+            ms(timing.frame_secs),
+            ms(timing.latency_min_secs),
+            ms(timing.latency_max_secs)
+        );
+    }
+    let n = report.frames;
+    text += &format!(
+        "frames    {} delivered, {} accepted; {} too early, {} stale, {} twice, {} torn or shaken, {} lost\n",
+        n.delivered, n.accepted, n.early, n.stale, n.duplicated, n.lone, n.lost
+    );
+    if let Some(exposure) = report.exposure {
+        text += &format!("exposure  {exposure}\n");
+    }
+    if !report.has_intrinsics {
+        text += "next      the rig has no intrinsics yet: `nelu3d camera` makes camera.json\n";
+    }
+    text
+}
