@@ -10,7 +10,7 @@ use crate::sensor::NoiseModel;
 /// Pixels about as bright as their surroundings have none: there it is part of what the field describes.
 const STRAY_LIGHT: f32 = 0.03;
 /// Largest ratio of the light around to the own one that paper has, where light falls off.
-const PAPER: f32 = 2.0;
+const PAPER: f32 = 1.5;
 /// Radius of the surroundings that stray light comes from, as a fraction of the image's width.
 const SURROUNDINGS: f32 = 1.0 / 16.0;
 
@@ -28,7 +28,7 @@ pub struct Position {
     pub values: Vec<f32>,
     /// White − black, `height × width × channels`; 0 where the sample cannot be used.
     pub contrast: Vec<f32>,
-    /// Mean white − black around a sample, `height × width`.
+    /// White − black of what is bright around a sample, `height × width`: its mean weighted by itself.
     pub around: Vec<f32>,
 }
 
@@ -87,12 +87,18 @@ impl Position {
         Self { width: w, height: h, k, channels: c, values, contrast, around }
     }
 
-    /// Takes the mean contrast around every sample.
+    /// Takes the contrast of what is bright around every sample. Weighted by itself, the mean is that of paper whether
+    /// much or little of the surroundings is ink.
     fn look_around(&mut self) {
         let c = self.channels;
-        self.around = self.contrast.chunks_exact(c).map(|d| d.iter().sum::<f32>() / c as f32).collect();
+        let mut mean: Vec<f32> = self.contrast.chunks_exact(c).map(|d| d.iter().sum::<f32>() / c as f32).collect();
+        self.around = mean.iter().map(|d| d * d).collect();
         let radius = ((self.width as f32 * SURROUNDINGS) as usize).max(1);
+        box_mean(&mut mean, self.width, self.height, radius);
         box_mean(&mut self.around, self.width, self.height, radius);
+        for (around, mean) in self.around.iter_mut().zip(&mean) {
+            *around = if *mean > 0.0 { *around / mean } else { 0.0 };
+        }
     }
 }
 
@@ -193,7 +199,7 @@ mod tests {
         assert!((w[0] - 0.64 / 1.5e-6).abs() < 1e3, "paper has no more than noise: {w:?}");
         p.sample(20 * 64 + 20, &noise, &mut w);
         // 3 % of sixteen times its own light, less what paper may have.
-        assert!((1.0 / w[0] - (0.03f32 * 14.0).powi(2)).abs() < 0.02, "{w:?}");
+        assert!((1.0 / w[0] - (0.03f32 * 14.5).powi(2)).abs() < 0.02, "{w:?}");
     }
 
     #[test]
