@@ -70,8 +70,16 @@ fn decode_with_projector(
 
     clock.begin("decode");
     let (maps, own_normals, training) = if opts.method == Method::TurboSl {
-        let scene =
-            turbosl::TurboSlScene::new(&rig.camera, projector, &plane, range.mm, &images.patterns, &captured, &code)?;
+        let scene = turbosl::TurboSlScene::new(
+            &rig.camera,
+            projector,
+            &plane,
+            range.mm,
+            &images.patterns,
+            &captured,
+            &code,
+            opts.turbosl.unit_mm,
+        )?;
         let found = turbosl::decode(&scene, &captured, &opts.turbosl, progress)?;
         (found.maps, found.normals, Some(found.diagnostics))
     } else {

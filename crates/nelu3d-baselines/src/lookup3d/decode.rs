@@ -159,7 +159,12 @@ struct Placed {
     depth: f32,
     sigma: f32,
     residual: f32,
+    /// Whether noise explains the residual: if not, a window may have missed the position.
+    explained: bool,
 }
+
+/// Standard deviations of the noise that a residual may have before all positions are searched.
+const EXPLAINED: f32 = 6.0;
 
 /// What one thread decodes with.
 struct Decoder<'a> {
@@ -168,6 +173,8 @@ struct Decoder<'a> {
     windows: Option<&'a Windows>,
     /// Standard deviations of the noise that a residual may have.
     tau: f32,
+    /// Largest RMS difference to the table's codeword.
+    max_difference: f32,
     /// Variance of what the interpolation gets wrong.
     own: f32,
     interpolator: Interpolator<'a>,
@@ -186,6 +193,7 @@ impl<'a> Decoder<'a> {
             m,
             windows,
             tau: if settings.max_residual > 0.0 { settings.max_residual } else { f32::INFINITY },
+            max_difference: if settings.max_difference > 0.0 { settings.max_difference } else { f32::INFINITY },
             own: settings.interpolation.error().powi(2),
             interpolator: Interpolator::new(table, settings.interpolation),
             queries: vec![0.0; BLOCK * k],
@@ -251,7 +259,7 @@ impl<'a> Decoder<'a> {
         let placed = self.accept(pixel, x, hit);
         if let Some([from, to]) = self.windows.map(|w| w.of(pixel, 1)[0])
             && (from > 0 || (to as usize) < n_positions)
-            && (placed.is_none() || Windows::at_border([from, to], hit.index, n_positions))
+            && (placed.as_ref().is_none_or(|p| !p.explained) || Windows::at_border([from, to], hit.index, n_positions))
         {
             let mut hit = [Hit::NONE];
             self.table.nearest(pixel, &self.queries[x * k..(x + 1) * k], None, &mut hit);
@@ -271,14 +279,16 @@ impl<'a> Decoder<'a> {
         let n_used = query.iter().filter(|q| !q.is_nan()).count() as f32;
         let noise = variances.iter().sum::<f32>() + n_used * (self.table.variance() + self.own);
         let found = self.interpolator.find(pixel, hit.index as usize, hit.distance, query, variances);
-        let believed = found.distance <= self.tau * self.tau * noise
-            || found.distance.sqrt()
-                <= self.interpolator.slack(pixel, hit.index as usize, query).sqrt() + self.tau * noise.sqrt();
-        (believed && found.variance.is_finite()).then(|| Placed {
-            depth: found.depth,
-            sigma: found.variance.sqrt(),
-            residual: (found.distance / n_used).sqrt(),
-        })
+        let mut within = |tau: f32| {
+            found.distance <= tau * tau * noise
+                || found.distance.sqrt()
+                    <= self.interpolator.slack(pixel, hit.index as usize, query).sqrt() + tau * noise.sqrt()
+        };
+        let explained = within(EXPLAINED.min(self.tau));
+        let believed = self.tau == f32::INFINITY || within(self.tau);
+        let residual = (found.distance / n_used).sqrt();
+        let accepted = believed && residual <= self.max_difference && found.variance.is_finite();
+        accepted.then(|| Placed { depth: found.depth, sigma: found.variance.sqrt(), residual, explained })
     }
 }
 
@@ -318,7 +328,7 @@ fn between(coarse: LookupMaps, table: &Table, m: &Measurements, camera: &Camera)
         if far - near > MAX_SLOPE * near * s.step as f32 / camera.fx.min(camera.fy) as f32 {
             return Err(PixelStatus::DepthDiscontinuity);
         }
-        Ok(Placed { depth: 1.0 / inverse, sigma: variance.sqrt(), residual })
+        Ok(Placed { depth: 1.0 / inverse, sigma: variance.sqrt(), residual, explained: true })
     };
     let found: Vec<Result<Placed, PixelStatus>> = (0..m.n()).into_par_iter().map(one).collect();
     let map = |of: fn(&Placed) -> f32| found.iter().map(|f| f.as_ref().map_or(f32::NAN, of)).collect();

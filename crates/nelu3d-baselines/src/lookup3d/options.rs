@@ -76,9 +76,12 @@ pub struct SearchSettings {
     /// How the depth between positions of the lookup table is found
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Interpolation::Cubic))]
     pub interpolation: Interpolation,
-    /// Residual above which a pixel is rejected, in standard deviations of the noise (0: reject none)
-    #[cfg_attr(feature = "clap", arg(long, value_name = "SIGMAS", default_value_t = 6.0))]
+    /// Residual above which a pixel is rejected, in standard deviations of the noise (0: reject none, as its authors do)
+    #[cfg_attr(feature = "clap", arg(long, value_name = "SIGMAS", default_value_t = 0.0))]
     pub max_residual: f32,
+    /// RMS difference to the table's codeword above which a pixel is rejected, in normalized intensity (0: reject none)
+    #[cfg_attr(feature = "clap", arg(long, value_name = "RMS", default_value_t = 0.0))]
+    pub max_difference: f32,
     /// Coarse to fine: every Nth pixel and row is decoded first
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = 4))]
     pub coarse: usize,
@@ -89,6 +92,13 @@ pub struct SearchSettings {
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self { search: Search::Brute, interpolation: Interpolation::Cubic, max_residual: 6.0, coarse: 4, window: 2 }
+        Self {
+            search: Search::Brute,
+            interpolation: Interpolation::Cubic,
+            max_residual: 0.0,
+            max_difference: 0.0,
+            coarse: 4,
+            window: 2,
+        }
     }
 }

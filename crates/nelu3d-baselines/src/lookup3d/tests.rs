@@ -73,8 +73,13 @@ fn camera() -> Camera {
     Camera::pinhole(WIDTH, HEIGHT, 1000.0, 1000.0, 19.5, 14.5)
 }
 
+/// Settings that reject what noise does not explain.
+fn strict() -> SearchSettings {
+    SearchSettings { max_residual: 6.0, ..SearchSettings::default() }
+}
+
 fn with(interpolation: Interpolation) -> SearchSettings {
-    SearchSettings { interpolation, ..SearchSettings::default() }
+    SearchSettings { interpolation, ..strict() }
 }
 
 fn worst(depth: &[f32], truth: impl Fn(usize) -> f32) -> f32 {
@@ -178,14 +183,17 @@ fn channels_that_were_not_measured_take_no_part_and_nonsense_is_left_out() {
         m.p[(i + WIDTH) * K..][..K].copy_from_slice(&[0.95, 0.95, 0.95]);
         m.status[i + 2 * WIDTH] = PixelStatus::Saturated;
     }
-    let maps = decode(&table, &m, &camera(), &SearchSettings::default());
+    let maps = decode(&table, &m, &camera(), &strict());
     // Two of three shifts leave two depths to a codeword at worst; most pixels know theirs.
     let close = maps.depth[..WIDTH].iter().filter(|z| (*z - 533.0).abs() < 0.5).count();
     assert!(close > WIDTH * 3 / 4, "{close}");
     assert!(maps.status[WIDTH..2 * WIDTH].iter().all(|l| *l == PixelStatus::Ambiguous));
     assert!(maps.status[2 * WIDTH..3 * WIDTH].iter().all(|l| *l == PixelStatus::Saturated));
-    let all = decode(&table, &m, &camera(), &SearchSettings { max_residual: 0.0, ..SearchSettings::default() });
+    // By default nothing is rejected for its residual.
+    let all = decode(&table, &m, &camera(), &SearchSettings::default());
     assert!(all.depth[WIDTH..2 * WIDTH].iter().all(|z| z.is_finite()));
+    let similar = decode(&table, &m, &camera(), &SearchSettings { max_difference: 0.1, ..strict() });
+    assert!(similar.status[WIDTH..2 * WIDTH].iter().all(|l| *l == PixelStatus::Ambiguous));
 }
 
 #[test]
@@ -195,10 +203,10 @@ fn whatever_memory_maps_are_made_in_they_are_the_same() {
     m.status[5] = PixelStatus::Underexposed;
     let bits =
         |maps: &LookupMaps| [&maps.depth, &maps.sigma, &maps.residual].map(|m| m.iter().map(|v| v.to_bits()).collect());
-    let fresh = decode(&table, &m, &camera(), &SearchSettings::default());
+    let fresh = decode(&table, &m, &camera(), &strict());
     let memory = MapBuffers::of(&mut m);
     assert!(m.surround.is_empty() && m.contrast.is_empty() && m.light.is_empty());
-    let used = decode_in(&table, &m, &camera(), &SearchSettings::default(), memory);
+    let used = decode_in(&table, &m, &camera(), &strict(), memory);
     let (fresh, used): ([Vec<u32>; 3], [Vec<u32>; 3]) = (bits(&fresh), bits(&used));
     assert_eq!(fresh, used);
 }
@@ -207,9 +215,8 @@ fn whatever_memory_maps_are_made_in_they_are_the_same() {
 fn coarse_to_fine_finds_what_brute_force_finds() {
     let table = Table::Full(table(1, 21, |_, _| false));
     let m = scene(surface);
-    let brute = decode(&table, &m, &camera(), &SearchSettings::default());
-    let fine =
-        decode(&table, &m, &camera(), &SearchSettings { search: Search::CoarseToFine, ..SearchSettings::default() });
+    let brute = decode(&table, &m, &camera(), &strict());
+    let fine = decode(&table, &m, &camera(), &SearchSettings { search: Search::CoarseToFine, ..strict() });
     assert_eq!(brute.index, fine.index);
     assert_eq!(brute.depth, fine.depth);
     assert_eq!(brute.n_fallbacks, 0);
@@ -221,7 +228,7 @@ fn an_earlier_frame_narrows_the_search_and_a_wrong_one_does_no_harm() {
     let table = Table::Full(table(1, 21, |_, _| false));
     let moved = |i| surface(i) + 4.0;
     let m = scene(moved);
-    let settings = SearchSettings { window: 3, ..SearchSettings::default() };
+    let settings = SearchSettings { window: 3, ..strict() };
     let brute = decode(&table, &m, &camera(), &settings);
     let n = WIDTH * HEIGHT;
     let before: Vec<f32> = (0..n).map(|i| if i % 9 == 0 { f32::NAN } else { surface(i) }).collect();
@@ -250,7 +257,7 @@ fn all_terms_are_the_table_and_few_are_close_to_it() {
         }
     }
     let m = scene(surface);
-    let maps = decode(&product, &m, &camera(), &SearchSettings::default());
+    let maps = decode(&product, &m, &camera(), &strict());
     assert!(worst(&maps.depth, surface) < 0.02);
 
     // A sine of any phase is two terms, a constant one: three are the whole table; planes of constant z are one term.
@@ -262,7 +269,7 @@ fn all_terms_are_the_table_and_few_are_close_to_it() {
     let two = compress(&full, Rank::Fixed(2));
     assert!(two.table.rank == 2 && two.rms[0] > 10.0 * few.rms[0]);
     assert!(few.table.bytes() * 4 < whole.bytes());
-    let maps = decode(&Table::LowRank(few.table), &m, &camera(), &SearchSettings::default());
+    let maps = decode(&Table::LowRank(few.table), &m, &camera(), &strict());
     assert!(worst(&maps.depth, surface) < 0.1);
 }
 
@@ -292,7 +299,7 @@ fn noise_is_not_kept() {
 #[test]
 fn a_table_of_every_other_pixel_decodes_all_but_edges() {
     let table = Table::Full(table(2, 21, |_, _| false));
-    let maps = decode(&table, &scene(surface), &camera(), &SearchSettings::default());
+    let maps = decode(&table, &scene(surface), &camera(), &strict());
     assert_eq!(maps.depth.len(), WIDTH * HEIGHT);
     assert_eq!(maps.index.len(), WIDTH * HEIGHT / 4);
     let inside = |i: &usize| i % WIDTH < WIDTH - 1 && i / WIDTH < HEIGHT - 1;

@@ -1,62 +1,100 @@
 //! The projector's blur: a separable kernel of 11 × 11 projector pixels, learned.
 //!
-//! Each axis has five free taps, the same on both sides, and a middle that makes the sum 1: the kernel neither moves
-//! the pattern (which the published kernel sees to by balancing its two halves) nor changes its brightness.
+//! Each axis has five free taps l_t on the left and r_t on the right, t pixels away. Those on the right are rescaled so
+//! that the kernel does not move the pattern, and the middle makes the sum 1:
+//!
+//! ```text
+//! r'_t = r_t Σ s l_s / (Σ s r_s + 1e-8),     middle = 1 − Σ l_t − Σ r'_t
+//! ```
+//!
+//! There is no light beyond the image, and what is blurred is clipped to [0, 1]. All taps begin at 0.
 
 use nelu3d_field::adam::{self, AdamConfig, MomentBuffers, Schedule};
 
-/// Taps on either side.
+/// Free taps on either side.
 pub(crate) const HALF: usize = 5;
+/// Taps of the kernel.
+pub(crate) const TAPS: usize = 2 * HALF + 1;
+
+/// What is added to the first moment on the right before it is divided by.
+const EPSILON: f32 = 1e-8;
 
 /// A learned kernel of one axis.
 #[derive(Clone, Debug)]
 pub(crate) struct Blur {
-    taps: [f32; HALF],
+    /// The free taps l, then r, from the middle outwards.
+    free: [f32; 2 * HALF],
     moments: MomentBuffers,
     n_steps: u64,
+}
+
+/// Returns the first moment of taps on one side.
+fn moment(taps: &[f32]) -> f32 {
+    taps.iter().enumerate().map(|(t, tap)| (t + 1) as f32 * tap).sum()
 }
 
 impl Blur {
     /// No blur.
     pub(crate) fn new() -> Self {
-        Self { taps: [0.0; HALF], moments: MomentBuffers::new(HALF), n_steps: 0 }
+        Self { free: [0.0; 2 * HALF], moments: MomentBuffers::new(2 * HALF), n_steps: 0 }
     }
 
-    /// Returns the taps on one side, from the middle outwards.
-    pub(crate) fn taps(&self) -> [f32; HALF] {
-        self.taps
+    /// Returns the kernel, from the far left to the far right.
+    pub(crate) fn taps(&self) -> [f32; TAPS] {
+        let (left, right) = self.free.split_at(HALF);
+        let balance = moment(left) / (moment(right) + EPSILON);
+        let mut taps = [0.0; TAPS];
+        for t in 0..HALF {
+            taps[HALF - 1 - t] = left[t];
+            taps[HALF + 1 + t] = right[t] * balance;
+        }
+        taps[HALF] = 1.0 - taps.iter().sum::<f32>();
+        taps
     }
 
-    /// Returns a blurred line; beyond its ends there is no light.
+    /// Returns a line of values, or one of an image, before it is clipped to [0, 1].
+    fn convolve(&self, line: &[f32]) -> Vec<f32> {
+        let taps = self.taps();
+        (0..line.len()).map(|i| taps.iter().enumerate().map(|(t, tap)| tap * shifted(line, i, t)).sum()).collect()
+    }
+
+    /// Returns a blurred line.
     pub(crate) fn apply(&self, line: &[f32]) -> Vec<f32> {
-        let middle = 1.0 - 2.0 * self.taps.iter().sum::<f32>();
-        (0..line.len())
-            .map(|i| {
-                let sides = self.taps.iter().enumerate().map(|(t, tap)| tap * both(line, i, t + 1));
-                middle * line[i] + sides.sum::<f32>()
-            })
-            .collect()
+        let mut out = self.convolve(line);
+        out.iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
+        out
     }
 
-    /// Adds to `d` the gradient by the taps, given that by the blurred line.
-    pub(crate) fn backward(line: &[f32], d_blurred: &[f32], d: &mut [f32; HALF]) {
-        for (t, d) in d.iter_mut().enumerate() {
-            *d += d_blurred.iter().enumerate().map(|(i, d)| d * (both(line, i, t + 1) - 2.0 * line[i])).sum::<f32>();
+    /// Adds to `d` the gradient by the free taps, given that by the blurred line.
+    pub(crate) fn backward(&self, line: &[f32], d_blurred: &[f32], d: &mut [f32; 2 * HALF]) {
+        let inside = |(v, d): (f32, &f32)| if (0.0..=1.0).contains(&v) { *d } else { 0.0 };
+        let d_line: Vec<f32> = self.convolve(line).into_iter().zip(d_blurred).map(inside).collect();
+        let d_tap = |t: usize| d_line.iter().enumerate().map(|(i, d)| d * shifted(line, i, t)).sum::<f32>();
+        let d_middle = d_tap(HALF);
+        let (left, right) = self.free.split_at(HALF);
+        let below = moment(right) + EPSILON;
+        let balance = moment(left) / below;
+        // By the rescaled taps on the right, and by what rescales them.
+        let d_right: [f32; HALF] = std::array::from_fn(|t| d_tap(HALF + 1 + t) - d_middle);
+        let d_balance: f32 = right.iter().zip(d_right).map(|(r, d)| r * d).sum();
+        for t in 0..HALF {
+            let distance = (t + 1) as f32;
+            d[t] += d_tap(HALF - 1 - t) - d_middle + d_balance * distance / below;
+            d[HALF + t] += d_right[t] * balance - d_balance * distance * balance / below;
         }
     }
 
     /// One step of the optimizer.
-    pub(crate) fn descend(&mut self, d: &[f32; HALF], learning_rate: f64, adam: &AdamConfig, schedule: &Schedule) {
+    pub(crate) fn descend(&mut self, d: &[f32; 2 * HALF], learning_rate: f64, adam: &AdamConfig, schedule: &Schedule) {
         let rate = learning_rate * schedule.factor(self.n_steps);
-        adam::cpu::step(adam, rate, self.n_steps, &mut self.taps, self.moments.all(), d);
+        adam::cpu::step(adam, rate, self.n_steps, &mut self.free, self.moments.all(), d);
         self.n_steps += 1;
     }
 }
 
-/// Returns the sum of the two values `t` away.
-fn both(line: &[f32], i: usize, t: usize) -> f32 {
-    let left = i.checked_sub(t).map_or(0.0, |i| line[i]);
-    left + line.get(i + t).copied().unwrap_or(0.0)
+/// Returns the value that tap `t` of the kernel sees at pixel `i`; 0 beyond the line.
+fn shifted(line: &[f32], i: usize, t: usize) -> f32 {
+    (i + t).checked_sub(HALF).and_then(|i| line.get(i)).copied().unwrap_or(0.0)
 }
 
 /// Returns a value between two pixels, linear; 0 outside the line.
@@ -82,30 +120,39 @@ pub(crate) fn sample_backward(d_line: &mut [f32], u: f32, d: f32) {
 mod tests {
     use super::*;
 
+    fn blur(free: [f32; 2 * HALF]) -> Blur {
+        Blur { free, ..Blur::new() }
+    }
+
     #[test]
     fn keeps_place_and_brightness_and_differentiates() {
         let mut line = vec![0.0f32; 41];
         line[20] = 1.0;
-        let blur = Blur { taps: [0.2, 0.1, 0.04, 0.0, 0.01], ..Blur::new() };
-        let out = blur.apply(&line);
+        let free = [0.2, 0.1, 0.04, 0.0, 0.01, 0.1, 0.02, 0.03, 0.01, 0.0];
+        let kernel = blur(free).taps();
+        let out = blur(free).apply(&line);
         let sum: f32 = out.iter().sum();
         let mean: f32 = out.iter().enumerate().map(|(i, v)| i as f32 * v).sum();
         assert!((sum - 1.0).abs() < 1e-6 && (mean - 20.0).abs() < 1e-5);
+        // The two sides differ.
+        assert!((kernel[HALF - 1] - 0.2).abs() < 1e-6 && (kernel[HALF + 1] - 0.2).abs() > 0.01, "{kernel:?}");
         assert_eq!(Blur::new().apply(&line), line);
-        // d of Σ s_i blurred_i by the taps.
-        let line: Vec<f32> = (0..41).map(|i| (i as f32 * 0.7).sin()).collect();
+        // d of Σ s_i blurred_i by the free taps; a part of the line is clipped.
+        let line: Vec<f32> = (0..41).map(|i| 0.5 + 0.7 * (i as f32 * 0.7).sin()).collect();
         let s: Vec<f32> = (0..41).map(|i| (i as f32 * 0.3).cos()).collect();
-        let mut d = [0.0; HALF];
-        Blur::backward(&line, &s, &mut d);
-        let value = |taps: [f32; HALF]| -> f64 {
-            let out = Blur { taps, ..Blur::new() }.apply(&line);
-            out.iter().zip(&s).map(|(a, b)| f64::from(a * b)).sum()
+        let mut d = [0.0; 2 * HALF];
+        blur(free).backward(&line, &s, &mut d);
+        let value = |free: [f32; 2 * HALF]| -> f64 {
+            blur(free).apply(&line).iter().zip(&s).map(|(a, b)| f64::from(a * b)).sum()
         };
-        for t in 0..HALF {
-            let mut taps = [0.1; HALF];
-            taps[t] = 0.2;
-            let expected = (value(taps) - value([0.1; HALF])) / 0.1;
-            assert!((f64::from(d[t]) - expected).abs() < 1e-3, "{t}: {} {expected}", d[t]);
+        for t in 0..2 * HALF {
+            let at = |e: f32| {
+                let mut free = free;
+                free[t] += e;
+                value(free)
+            };
+            let expected = (at(1e-3) - at(-1e-3)) / 2e-3;
+            assert!((f64::from(d[t]) - expected).abs() < 0.02 * expected.abs().max(1.0), "{t}: {} {expected}", d[t]);
         }
     }
 

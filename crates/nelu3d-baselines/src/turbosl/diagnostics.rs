@@ -3,7 +3,7 @@
 use nelu3d::reconstruct::neural::TrainingRecord;
 use serde::Serialize;
 
-use super::blur::HALF;
+use super::blur::TAPS;
 
 /// What TurboSL puts on record of one training.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -16,11 +16,11 @@ pub struct TurboSlDiagnostics {
     pub blur: ProjectorBlur,
 }
 
-/// The learned blur of the projected images: per axis the taps on one side, from the middle outwards.
+/// The learned blur of the projected images: the kernel of each axis, from the far left (top) to the far right (bottom).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ProjectorBlur {
     /// Along x.
-    pub x: [f32; HALF],
+    pub x: [f32; TAPS],
     /// Along y.
-    pub y: [f32; HALF],
+    pub y: [f32; TAPS],
 }

@@ -1,10 +1,11 @@
 //! TurboSL (Mirdehghan, Wu, Chen, Lindell & Kutulakos, "TurboSL: Dense, Accurate and Fast 3D by Neural Inverse
 //! Structured Light", CVPR 2024): a signed distance field, an albedo, an ambient term and the projector's blur, trained
-//! so that the captures are rendered from the patterns and, from iteration 1,000 on, the patterns from the captures.
+//! so that the captures are rendered from the patterns and the patterns from the captures.
 //!
-//! Settings are those of its public configuration; deviations: the first shape is a plane or a sphere, the blur is the
-//! same to both sides, patterns change along one axis, rays are drawn from lit pixels only, and the depth is that of
-//! NeuS's own quadrature at the end. `ray.rs` is the image formation, `scene.rs` what is known, `step.rs` one
+//! Settings are those of its public configuration and code. Half of the rays are the projector's from the first
+//! iteration on; their image loss counts from a tenth of the iterations on. Deviations: the first shape is a plane
+//! unless another is asked for, patterns change along one axis (so does their blur), clipped pixels are left out, and
+//! the depth is that of NeuS's own quadrature at the end. `ray.rs` is the image formation, `scene.rs` what is known, `step.rs` one
 //! iteration.
 
 mod blur;

@@ -23,9 +23,13 @@ pub(crate) struct TurboSlScene<'a> {
     pub(super) bounds: Bounds,
     /// Lit pixels, in the order of small tiles.
     pub(super) lit: Vec<u32>,
+    /// Pixels that rays are drawn from: lit ones and dark ones, in the order of small tiles.
+    pub(super) drawn: Vec<u32>,
     /// Which pixels are lit.
     is_lit: Vec<bool>,
-    /// Projector pixels whose rays enter the cube, in the order of small tiles.
+    /// What a dark pixel should show: black, k values.
+    black: Vec<f32>,
+    /// All pixels of the projector, in the order of small tiles.
     pub(super) projected: Vec<u32>,
     /// Captured patterns, ambient light included, `[pixel][k]`.
     captured: Vec<f32>,
@@ -44,6 +48,7 @@ impl<'a> TurboSlScene<'a> {
         patterns: &[Image],
         captured: &Captured,
         code: &'a Code,
+        unit_mm: Option<f64>,
     ) -> Result<Self, DecodeError> {
         let n_channels = captured.channels;
         let k = captured.planes.len();
@@ -58,48 +63,45 @@ impl<'a> TurboSlScene<'a> {
         let is_lit: Vec<bool> = captured.status.iter().map(|l| *l == PixelStatus::Valid).collect();
         let mut lit: Vec<u32> = (0..is_lit.len()).filter(|&i| is_lit[i]).map(|i| i as u32).collect();
         in_tiles(&mut lit, camera.width);
-        let ends = lit.iter().flat_map(|&i| {
-            let [x, y] = plane[i as usize].map(f64::from);
+        if lit.is_empty() {
+            return Err(no_pixel());
+        }
+        // Clipped pixels show neither an object nor that there is none.
+        let is_drawn = |i: &u32| captured.status[*i as usize] != PixelStatus::Saturated;
+        let mut drawn: Vec<u32> = (0..is_lit.len() as u32).filter(is_drawn).collect();
+        in_tiles(&mut drawn, camera.width);
+        // The whole image, whatever the scene shows: the unit of the losses is that of the rig.
+        let ends = plane.iter().flat_map(|xy| {
+            let [x, y] = xy.map(f64::from);
             depth.map(|z| Point3::new(x * z, y * z, z))
         });
-        let bounds = Bounds::around(ends).ok_or(DecodeError::Setting {
-            setting: "min_contrast",
-            problem: "leaves no pixel; check that white.png shows the scene lit".into(),
-        })?;
+        let mut bounds = Bounds::around(ends).ok_or_else(no_pixel)?;
+        if let Some(unit_mm) = unit_mm {
+            bounds = bounds.with_unit(unit_mm);
+        }
         let mut all = vec![0.0; is_lit.len() * k];
-        for (i, out) in all.chunks_exact_mut(k).enumerate().filter(|(i, _)| is_lit[*i]) {
+        for (i, out) in all.chunks_exact_mut(k).enumerate() {
             for (j, out) in out.iter_mut().enumerate() {
                 *out = patterns[j / n_channels].data[i * n_channels + j % n_channels];
             }
         }
-        let mut scene = Self {
+        let mut projected: Vec<u32> = (0..projector.optics.n_pixels() as u32).collect();
+        in_tiles(&mut projected, projector.optics.width);
+        Ok(Self {
             camera,
             projector,
             plane,
             depth,
             bounds,
             lit,
+            drawn,
             is_lit,
-            projected: Vec::new(),
+            black: vec![0.0; k],
+            projected,
             captured: all,
             lines,
             n_channels,
-        };
-        let optics = &projector.optics;
-        let enters = |&i: &u32| {
-            let march = scene.projector_march(i as usize, 0.0);
-            let [near, far] = scene.bounds.clip(&march.origin, &march.dir, march.range);
-            // Its rays should also meet something the camera sees.
-            near < far
-                && (0..16).any(|s| {
-                    let t = near + (far - near) * (f64::from(s) + 0.5) / 16.0;
-                    scene.sees_lit(&(march.origin + march.dir * t))
-                })
-        };
-        let mut projected: Vec<u32> = (0..optics.n_pixels() as u32).filter(enters).collect();
-        in_tiles(&mut projected, optics.width);
-        scene.projected = projected;
-        Ok(scene)
+        })
     }
 
     /// Returns the number of captures of a pixel.
@@ -107,7 +109,17 @@ impl<'a> TurboSlScene<'a> {
         self.lines.len()
     }
 
-    /// Returns what was captured at a lit pixel, k values.
+    /// Returns whether a pixel is lit.
+    pub(crate) fn is_lit(&self, i: usize) -> bool {
+        self.is_lit[i]
+    }
+
+    /// Returns what a pixel's ray should show, k values: what was captured where it is lit, black elsewhere.
+    pub(crate) fn wanted(&self, i: usize) -> &[f32] {
+        if self.is_lit[i] { self.measured(i) } else { &self.black }
+    }
+
+    /// Returns what was captured at a pixel, k values.
     pub(crate) fn measured(&self, i: usize) -> &[f32] {
         &self.captured[i * self.k()..(i + 1) * self.k()]
     }
@@ -127,13 +139,6 @@ impl<'a> TurboSlScene<'a> {
         March { origin: self.projector.center(), dir, range: [0.0, 1e9], offset }
     }
 
-    fn sees_lit(&self, x: &Point3<f64>) -> bool {
-        let Some([u, v]) = self.camera.project(x) else { return false };
-        let (u, v) = (u.round(), v.round());
-        let inside = u >= 0.0 && v >= 0.0 && u < self.camera.width as f64 && v < self.camera.height as f64;
-        inside && self.is_lit[v as usize * self.camera.width + u as usize]
-    }
-
     /// Returns whether a ray of camera or projector may come near a point of the cube, and light and view reach it.
     pub(crate) fn reaches(&self, q: [f32; 3]) -> bool {
         let x = self.bounds.from_cube(q);
@@ -149,7 +154,7 @@ impl<'a> TurboSlScene<'a> {
             && within(&self.projector.optics, &(self.projector.proj_from_cam * x))
     }
 
-    /// What was captured around a point of the image, k values, bilinear; 0 where nothing is lit.
+    /// What was captured around a point of the image, k values, bilinear; 0 outside of it.
     pub(crate) fn captured_at(&self, [u, v]: [f32; 2], out: &mut [f32]) {
         let k = self.k();
         out.fill(0.0);
@@ -171,6 +176,12 @@ impl<'a> TurboSlScene<'a> {
     pub(crate) fn place(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         [(u + 0.5) / self.camera.width as f32, (v + 0.5) / self.camera.height as f32]
     }
+}
+
+/// Returns the error of a scene without a lit pixel.
+fn no_pixel() -> DecodeError {
+    let problem = "leaves no pixel; check that white.png shows the scene lit".into();
+    DecodeError::Setting { setting: "min_contrast", problem }
 }
 
 /// Sorts pixels so that neighbors are near each other.

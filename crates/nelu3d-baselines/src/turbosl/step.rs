@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use super::blur::{self, Blur, HALF};
 use super::ray::{self, Along, Gradient, Kind, Weights};
 use super::scene::TurboSlScene;
-use nelu3d::reconstruct::neural::bounds::SIDE;
-use nelu3d::reconstruct::neural::config::{self, STEPS_PER_DIAGONAL};
+use nelu3d::reconstruct::neural::config;
 use nelu3d::reconstruct::neural::march::{March, RaySamples, march};
+use nelu3d_field::volrend::midpoint::MidpointRay;
 
 /// Everything that is learned.
 pub(crate) struct Model {
@@ -32,6 +32,8 @@ struct Batch {
     marches: Vec<March>,
     /// Camera rays come first.
     n_camera: usize,
+    /// Masks of the camera rays, 0 or 1.
+    masks: Vec<f32>,
     /// Unit directions to the light, per sample.
     light: Vec<[f32; 3]>,
     /// Per sample: blurred patterns (of camera rays) or captures (of projector rays), k values.
@@ -43,20 +45,21 @@ struct Batch {
 }
 
 impl Model {
-    /// One step; `n_rays` of which half are the projector's if `reverse`. Returns the losses and the number of samples.
+    /// One step; half of the `n_rays` are the projector's unless `reverse` is `None`, and their image loss has that
+    /// weight. Returns the losses and the number of samples.
     pub(crate) fn step(
         &mut self,
         scene: &TurboSlScene<'_>,
         grid: &OccupancyGrid,
         n_rays: usize,
-        reverse: bool,
+        reverse: Option<f32>,
         anneal: f32,
         seed: u64,
     ) -> (SurfaceLosses, usize) {
         let c = scene.n_channels;
         let blurred: Vec<Vec<f32>> =
             scene.lines.iter().map(|(axis, line)| self.blur[*axis as usize].apply(line)).collect();
-        let (batch, drawn) = draw(scene, grid, n_rays, reverse, &blurred, seed);
+        let (batch, drawn) = draw(scene, grid, n_rays, reverse.is_some(), &blurred, seed);
 
         // Albedo and ambient: of a camera ray's pixel, and of every sample of a projector ray.
         let first = batch.samples.offsets[batch.n_camera];
@@ -67,7 +70,8 @@ impl Model {
         self.albedo.query(&places, &mut albedo);
         self.ambient.query(&places, &mut ambient);
 
-        let loss = Loss { scene, batch: &batch, albedo: &albedo, ambient: &ambient, anneal };
+        let reverse = reverse.unwrap_or(0.0);
+        let loss = Loss { scene, batch: &batch, albedo: &albedo, ambient: &ambient, reverse, anneal };
         let mut per_ray = vec![0.0; batch.marches.len() * loss.n_ray_outputs()];
         let mut per_sample = vec![0.0; batch.samples.t.len() * loss.n_sample_outputs()];
         let RaySamples { offsets, points, .. } = &batch.samples;
@@ -100,9 +104,9 @@ impl Model {
         }
         let settings = &self.albedo.config().training;
         for axis in [Axis::X, Axis::Y] {
-            let mut d = [0.0; HALF];
+            let mut d = [0.0; 2 * HALF];
             for ((_, line), d_blurred) in scene.lines.iter().zip(&d_blurred).filter(|((a, _), _)| *a == axis) {
-                Blur::backward(line, d_blurred, &mut d);
+                self.blur[axis as usize].backward(line, d_blurred, &mut d);
             }
             let rate = settings.encoding_learning_rate;
             self.blur[axis as usize].descend(&d, rate, &settings.adam, &settings.schedule);
@@ -129,7 +133,7 @@ fn draw(
         places.sort_unstable();
         places.into_iter().map(|p| pixels[p] as usize).collect()
     };
-    let mut drawn = of(&scene.lit, n_camera);
+    let mut drawn = of(&scene.drawn, n_camera);
     drawn.extend(of(&scene.projected, n_projector));
     let mut marches: Vec<March> = drawn[..n_camera].iter().map(|&i| scene.camera_march(i, rng.random())).collect();
     marches.extend(drawn[n_camera..].iter().map(|&i| scene.projector_march(i, rng.random())));
@@ -158,13 +162,14 @@ fn draw(
     });
     let width = scene.projector.optics.width;
     let mut wanted = Vec::with_capacity(n_rays * k);
-    drawn[..n_camera].iter().for_each(|&i| wanted.extend_from_slice(scene.measured(i)));
+    drawn[..n_camera].iter().for_each(|&i| wanted.extend_from_slice(scene.wanted(i)));
+    let masks = drawn[..n_camera].iter().map(|&i| f32::from(u8::from(scene.is_lit(i)))).collect();
     for &i in &drawn[n_camera..] {
         wanted.extend(
             scene.lines.iter().zip(blurred).map(|((axis, _), line)| line[[i % width, i / width][*axis as usize]]),
         );
     }
-    (Batch { samples, marches, n_camera, light, values, places, wanted }, drawn)
+    (Batch { samples, marches, n_camera, masks, light, values, places, wanted }, drawn)
 }
 
 /// TurboSL's loss of a batch.
@@ -174,6 +179,8 @@ struct Loss<'a> {
     /// Of camera rays, then of projector rays' samples, per channel.
     albedo: &'a [f32],
     ambient: &'a [f32],
+    /// Weight of the projector rays' image loss.
+    reverse: f32,
     anneal: f32,
 }
 
@@ -193,31 +200,33 @@ impl RayLoss for Loss<'_> {
     fn ray(&self, r: usize, sdf: &[f32], gradients: &[[f32; 3]], inv_s: f64, _: &mut RayScratch, out: RayGradient<'_>) {
         let (batch, k, c) = (self.batch, self.scene.k(), self.scene.n_channels);
         let here = batch.samples.offsets[r]..batch.samples.offsets[r + 1];
-        let along = Along {
+        let samples = MidpointRay {
             sdf,
             gradients,
+            lengths: &batch.samples.lengths[here.clone()],
             dir: batch.marches[r].dir.map(|v| v as f32).into(),
-            light: &batch.light[here.clone()],
-            step: (SIDE * 3f64.sqrt() / STEPS_PER_DIAGONAL) as f32,
             anneal: self.anneal,
             inv_s: inv_s as f32,
         };
+        let along = Along { ray: samples, light: &batch.light[here.clone()] };
         let values = &batch.values[here.start * k..here.end * k];
         let wanted = &batch.wanted[r * k..(r + 1) * k];
         let n_camera = batch.n_camera;
         let n_projector = batch.marches.len() - n_camera;
-        let (kind, n_rays, mask) = if r < n_camera {
+        let (kind, image, mask) = if r < n_camera {
             let own = r * c..(r + 1) * c;
             let (albedo, ambient) = (&self.albedo[own.clone()], &self.ambient[own]);
             let mask = (config::MASK_WEIGHT / n_camera as f64) as f32;
-            (Kind::Camera { colors: values, albedo, ambient, measured: wanted }, n_camera, mask)
+            let kind = Kind::Camera { mask: batch.masks[r], colors: values, albedo, ambient, measured: wanted };
+            (kind, 1.0 / (n_camera * k) as f32, mask)
         } else {
             let before = n_camera + here.start - batch.samples.offsets[n_camera];
             let own = before * c..(before + here.len()) * c;
             let (albedo, ambient) = (&self.albedo[own.clone()], &self.ambient[own]);
-            (Kind::Projector { captured: values, albedo, ambient, pattern: wanted }, n_projector, 0.0)
+            let kind = Kind::Projector { captured: values, albedo, ambient, pattern: wanted };
+            (kind, self.reverse / (n_projector * k) as f32, 0.0)
         };
-        let weights = Weights { l1: 1.0, l2: 10.0, image: 1.0 / (n_rays * k) as f32, mask };
+        let weights = Weights { l1: 1.0, l2: 10.0, image, mask };
         let gradient = Gradient { d_sdf: out.d_sdf, d_gradients: out.d_gradients, ray: out.ray, samples: out.samples };
         let losses = ray::ray(&along, &kind, weights, gradient);
         out.losses.image += f64::from(losses.image);

@@ -33,8 +33,8 @@ pub(super) fn train(
         ambient: image_field(opts.seed.wrapping_add(2)),
         blur: [Blur::new(), Blur::new()],
     };
-    let mut grid = OccupancyGrid::new(config::occupancy_config(), |q| scene.reaches(q));
-    // Of 10,000 iterations: from the 1,000th on; the cosine's annealing would take 20,000.
+    let mut grid = OccupancyGrid::new(config::occupancy_config(opts.steps), |q| scene.reaches(q));
+    // Of 10,000 iterations: from the 1,000th on.
     let reverse_from = opts.steps / 10;
     let mut n_rays = config::FIRST_RAYS;
     let mut records = Vec::new();
@@ -43,8 +43,8 @@ pub(super) fn train(
             return Err(DecodeError::Cancelled);
         }
         config::update_occupancy(&mut grid, &model.surface, step as u64, opts.seed);
-        let reverse = !opts.no_reverse && step >= reverse_from;
-        let anneal = step as f32 / (2 * opts.steps) as f32;
+        let reverse = (!opts.no_reverse).then_some(if step >= reverse_from { 1.0 } else { 0.0 });
+        let anneal = config::anneal(step, opts.steps);
         let seed = opts.seed.wrapping_mul(0x9E37_79B9).wrapping_add(step as u64);
         let (losses, n_samples) = model.step(scene, &grid, n_rays, reverse, anneal, seed);
         if step % 100 == 0 || step + 1 == opts.steps {

@@ -63,6 +63,7 @@ impl RaySet {
             white: &[],
             ambient: &[],
             mask: &self.mask,
+            intervals: None,
         }
     }
 }

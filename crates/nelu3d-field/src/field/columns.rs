@@ -2,11 +2,14 @@
 
 use crate::encoding::hash_grid::HashGrid;
 
-/// Writes points into the network's inputs after their features.
+/// The derivative of what a network sees of a point, 2x − 1, by the point.
+pub(crate) const POSITION_SLOPE: f32 = 2.0;
+
+/// Writes points x of the unit cube into the network's inputs after their features, as 2x − 1.
 #[inline(always)]
 pub(crate) fn append_positions<const D: usize>(points: &[[f32; D]], x: &mut [f32], stride: usize, column: usize) {
     for (point, x) in points.iter().zip(x.chunks_exact_mut(stride)) {
-        x[column..column + D].copy_from_slice(point);
+        x[column..column + D].copy_from_slice(&point.map(|p| POSITION_SLOPE * p - 1.0));
     }
 }
 

@@ -20,6 +20,19 @@ pub struct SurfaceBatch<'a> {
     pub ambient: &'a [f32],
     /// The mask M of every ray, 0 or 1.
     pub mask: &'a [f32],
+    /// The samples as midpoints of intervals; `None` where samples are the ends of sections (NeuS, Eq. 13).
+    pub intervals: Option<Intervals<'a>>,
+}
+
+/// The intervals around samples whose alphas are taken at midpoints, see [`crate::volrend::midpoint`].
+#[derive(Clone, Copy, Debug)]
+pub struct Intervals<'a> {
+    /// Their lengths δ, one per sample, in the unit of the signed distance.
+    pub lengths: &'a [f32],
+    /// Unit directions of the rays, along the axes of the cube.
+    pub dirs: &'a [[f32; 3]],
+    /// How far the cosine is annealed, r from 0 to 1.
+    pub anneal: f32,
 }
 
 impl SurfaceBatch<'_> {
@@ -41,6 +54,9 @@ impl SurfaceBatch<'_> {
         assert!(self.white.is_empty() || self.white.len() == n_rays * k);
         assert!(self.ambient.is_empty() || self.ambient.len() == n_rays * k);
         assert!(d_ambient.is_empty() || d_ambient.len() == n_rays * k);
+        if let Some(intervals) = &self.intervals {
+            assert!(intervals.lengths.len() == n_samples && intervals.dirs.len() == n_rays);
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use super::chunk::{Chunk, reserve};
 use super::config::SurfaceConfig;
 use super::ray_loss::{RayGradient, RayLoss};
 use crate::encoding::hash_grid::{HashGrid, cpu as hash_grid};
-use crate::field::columns::{Columns, append_positions};
+use crate::field::columns::{Columns, POSITION_SLOPE, append_positions};
 use crate::loss::cpu as loss;
 use crate::mlp::cpu::{PackedMlp, padded, rows};
 use crate::mlp::gradient;
@@ -119,7 +119,7 @@ fn space_gradients(config: &SurfaceConfig, chunk: &mut Chunk, sizes: Sizes) {
         let jacobian = &chunk.jacobian[t * 3 * stride..][..3 * stride];
         for a in 0..3 {
             let along = dot(&d[..n_features], &jacobian[a * stride..][..n_features]);
-            let own = if config.field.append_position { d[n_features + a] } else { 0.0 };
+            let own = if config.field.append_position { POSITION_SLOPE * d[n_features + a] } else { 0.0 };
             g[a] = (along + own) / config.extent[a];
         }
     }
@@ -189,7 +189,7 @@ fn eikonal<L: RayLoss>(shared: &Shared<L>, chunk: &mut Chunk, sizes: Sizes) {
         }
         tangent[n_features..].fill(0.0);
         if config.field.append_position {
-            tangent[n_features..][..3].copy_from_slice(&u);
+            tangent[n_features..][..3].copy_from_slice(&u.map(|u| POSITION_SLOPE * u));
         }
         for a in 0..3 {
             chunk.u[a][at + p] = u[a];

@@ -21,7 +21,7 @@ pub struct SurfaceLoss {
     pub eikonal_weight: f64,
     /// Weight of L_sp, Eq. 6.
     pub sparsity_weight: f64,
-    /// Which samples L_eik takes, see `eikonal_samples`; 0 for none.
+    /// Which samples L_eik takes, see `eikonal_samples`; 0 for none. Alphas at midpoints need all: 1.
     pub eikonal_every: usize,
 }
 

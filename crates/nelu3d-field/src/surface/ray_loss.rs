@@ -2,6 +2,7 @@
 
 use super::losses::SurfaceLosses;
 use crate::volrend::cpu::Step;
+use crate::volrend::midpoint::Midpoint;
 
 /// An image formation and its losses: what the samples of a ray should be, apart from a distance.
 pub trait RayLoss: Sync {
@@ -51,4 +52,5 @@ pub struct RayScratch {
     /// Scratch memory of the image formation, of any length.
     pub buffers: [Vec<f32>; 4],
     pub(crate) steps: Vec<Step>,
+    pub(crate) midpoints: Vec<Midpoint<f32>>,
 }

@@ -6,6 +6,7 @@ use super::losses::SurfaceLosses;
 use crate::Real;
 use crate::encoding::hash_grid::{HashGrid, reference as hash_grid};
 use crate::mlp::{MlpConfig, reference as mlp};
+use crate::volrend::midpoint::MidpointRay;
 use crate::{loss, volrend};
 
 /// Gradients of one step.
@@ -42,14 +43,14 @@ pub fn loss_and_gradient<T: Real>(
     let zero = T::of(0.0);
     let step = ReferenceStep { config, grid, network, table, weights, inv_s: (T::of(10.0) * sharpness).exp(), batch };
     let samples = step.samples();
-    let rays = step.composite(&samples.sdf, ambient);
+    let slopes = step.eikonal_slopes(&samples);
+    let rays = step.composite(&samples.sdf, &slopes.gradients, ambient);
 
     // Losses and their own gradients.
     let image_loss = step.image_loss(&rays);
-    let mask_loss = step.mask_loss(&samples.sdf, &rays);
+    let mask_loss = step.mask_loss(&rays);
     let mut d_sparsity = vec![zero; samples.sdf.len()];
     let sparsity = loss::reference::sparsity(&samples.sdf, &mut d_sparsity);
-    let slopes = step.eikonal_slopes(&samples);
     let mut d_gradients = vec![[zero; 3]; slopes.gradients.len()];
     let eikonal = loss::reference::eikonal(&slopes.gradients, &mut d_gradients);
 
@@ -57,7 +58,9 @@ pub fn loss_and_gradient<T: Real>(
     let ambient = vec![zero; rays.residual.len()];
     let mut out = SurfaceGradient { params: vec![zero; params.len()], sharpness: zero, ambient };
     let mut d_sdf: Vec<T> = d_sparsity.iter().map(|&d| T::of(settings.sparsity_weight) * d).collect();
-    step.render_backward(&samples.sdf, &rays, &image_loss, &mask_loss, &mut d_sdf, &mut out);
+    d_gradients.iter_mut().flatten().for_each(|d| *d = *d * T::of(settings.eikonal_weight));
+    let losses = (&image_loss, &mask_loss);
+    step.render_backward(&samples.sdf, &slopes.gradients, &rays, losses, &mut d_sdf, &mut d_gradients, &mut out);
     step.field_backward(&samples, &d_sdf, &slopes, &d_gradients, &mut out.params);
 
     let (image, mask) = (image_loss.value.to_f64(), mask_loss.value.to_f64());
@@ -105,7 +108,9 @@ struct Composited<T> {
     image: Vec<T>,
     /// Opacity of every ray.
     opacity: Vec<T>,
-    /// Residuals of Eq. 1, `[ray][k]`; 0 for a background ray, which has no codeword.
+    /// Logarithm of the transmittance behind every ray's last sample.
+    log_transmittance: Vec<T>,
+    /// Residuals of Eq. 1, `[ray][k]`.
     residual: Vec<T>,
 }
 
@@ -144,7 +149,7 @@ impl<T: Real> ReferenceStep<'_, T> {
             let mut input = vec![zero; self.grid.n_features()];
             hash_grid::forward(self.grid, self.table, x, &mut input);
             if self.config.field.append_position {
-                input.extend(x);
+                input.extend(x.map(|x| T::of(2.0) * x - T::of(1.0)));
             }
             input
         };
@@ -160,7 +165,7 @@ impl<T: Real> ReferenceStep<'_, T> {
     }
 
     /// Composites the rays, Eq. 1.
-    fn composite(&self, sdf: &[T], ambient: &[T]) -> Composited<T> {
+    fn composite(&self, sdf: &[T], gradients: &[[T; 3]], ambient: &[T]) -> Composited<T> {
         let (batch, zero, one) = (self.batch, T::of(0.0), T::of(1.0));
         let (n_rays, k) = (batch.n_rays(), batch.k());
         let colors: Vec<T> = widen(batch.colors, sdf.len() * k, 0.0);
@@ -169,17 +174,44 @@ impl<T: Real> ReferenceStep<'_, T> {
         let ambient = if ambient.is_empty() { vec![zero; n_rays * k] } else { ambient.to_vec() };
         let mut weights = vec![zero; sdf.len()];
         let (mut image, mut opacity) = (vec![zero; n_rays * k], vec![zero; n_rays]);
+        let mut log_transmittance = Vec::with_capacity(n_rays);
         for r in 0..n_rays {
             let samples = batch.offsets[r]..batch.offsets[r + 1];
-            volrend::reference::render_weights(&sdf[samples.clone()], self.inv_s, &mut weights[samples.clone()]);
+            log_transmittance.push(self.composite_ray(r, sdf, gradients, &mut weights[samples.clone()]));
             let ray = &weights[samples.clone()];
             volrend::reference::accumulate(ray, &colors[samples.start * k..samples.end * k], &mut image[r * k..][..k]);
             opacity[r] = ray.iter().copied().sum();
         }
-        let residual =
-            (0..n_rays * k).map(|i| mask[i / k] * (image[i] * (one - ambient[i]) + ambient[i] - measured[i])).collect();
+        let residual = (0..n_rays * k).map(|i| image[i] * (one - ambient[i]) + ambient[i] - measured[i]).collect();
         let white = widen(batch.white, n_rays * k, 1.0);
-        Composited { colors, white, mask, ambient, weights, image, opacity, residual }
+        Composited { colors, white, mask, ambient, weights, image, opacity, log_transmittance, residual }
+    }
+
+    /// Writes the weights of a ray's samples; returns the logarithm of the transmittance behind the last.
+    fn composite_ray(&self, r: usize, sdf: &[T], gradients: &[[T; 3]], weights: &mut [T]) -> T {
+        let samples = self.batch.offsets[r]..self.batch.offsets[r + 1];
+        let Some(lengths) = self.lengths(r) else {
+            volrend::reference::render_weights(&sdf[samples.clone()], self.inv_s, weights);
+            return volrend::reference::log_transmittance(&sdf[samples], self.inv_s);
+        };
+        let ray = self.midpoints(r, &sdf[samples.clone()], &gradients[samples], &lengths);
+        let mut out = Vec::new();
+        let left = volrend::midpoint::composite(&ray, &mut out);
+        weights.iter_mut().zip(out).for_each(|(w, m)| *w = m.weight);
+        left.ln()
+    }
+
+    /// Returns the lengths of a ray's intervals, if its samples are midpoints.
+    fn lengths(&self, r: usize) -> Option<Vec<T>> {
+        let batch = self.batch;
+        batch.intervals.map(|i| widen(&i.lengths[batch.offsets[r]..batch.offsets[r + 1]], 0, 0.0))
+    }
+
+    /// Returns a ray as its midpoints.
+    fn midpoints<'a>(&self, r: usize, sdf: &'a [T], gradients: &'a [[T; 3]], lengths: &'a [T]) -> MidpointRay<'a, T> {
+        let intervals = self.batch.intervals.expect("a ray of midpoints");
+        let dir = intervals.dirs[r].map(|x| T::of(x as f64));
+        MidpointRay { sdf, gradients, lengths, dir, anneal: T::of(intervals.anneal as f64), inv_s: self.inv_s }
     }
 
     /// Computes the image loss, Eq. 4.
@@ -195,28 +227,28 @@ impl<T: Real> ReferenceStep<'_, T> {
     }
 
     /// Computes the mask loss, Eq. 5.
-    fn mask_loss(&self, sdf: &[T], rays: &Composited<T>) -> MaskLoss<T> {
+    fn mask_loss(&self, rays: &Composited<T>) -> MaskLoss<T> {
         let n_rays = self.batch.n_rays();
         let (mut d_opacity, mut d_log_transmittance) = (vec![T::of(0.0); n_rays], vec![T::of(0.0); n_rays]);
         let value = if self.config.loss.clamped_mask {
             loss::reference::mask(&rays.opacity, &rays.mask, &mut d_opacity)
         } else {
-            let log = |r: &[usize]| volrend::reference::log_transmittance(&sdf[r[0]..r[1]], self.inv_s);
-            let log_transmittance: Vec<T> = self.batch.offsets.windows(2).map(log).collect();
-            loss::reference::mask_log(&log_transmittance, &rays.mask, &mut d_log_transmittance)
+            loss::reference::mask_log(&rays.log_transmittance, &rays.mask, &mut d_log_transmittance)
         };
         MaskLoss { value, d_opacity, d_log_transmittance }
     }
 
     /// Computes the distance's gradients in space, at the samples of the eikonal loss.
     fn eikonal_slopes(&self, all: &Samples<T>) -> EikonalSlopes<T> {
-        let (zero, one, extent) = (T::of(0.0), T::of(1.0), self.extent());
+        let (zero, extent) = (T::of(0.0), self.extent());
         let samples: Vec<usize> = eikonal_samples(self.batch.offsets, self.config.loss.eikonal_every).collect();
         let jacobian = |&i: &usize| {
             let mut rows = vec![[zero; 3]; self.grid.n_features()];
             hash_grid::jacobian(self.grid, self.table, all.points[i], &mut rows);
             if self.config.field.append_position {
-                rows.extend((0..3).map(|a| std::array::from_fn(|b| if a == b { one } else { zero })));
+                // 2x − 1
+                let two = T::of(2.0);
+                rows.extend((0..3).map(|a| std::array::from_fn(|b| if a == b { two } else { zero })));
             }
             rows
         };
@@ -230,14 +262,15 @@ impl<T: Real> ReferenceStep<'_, T> {
     }
 
     /// Adds what the image and mask losses send through compositing to the distances, the sharpness and the ambient
-    /// fractions.
+    /// fractions; where samples are midpoints, to the distances' gradients too.
     fn render_backward(
         &self,
         sdf: &[T],
+        gradients: &[[T; 3]],
         rays: &Composited<T>,
-        image_loss: &ImageLoss<T>,
-        mask_loss: &MaskLoss<T>,
+        (image_loss, mask_loss): (&ImageLoss<T>, &MaskLoss<T>),
         d_sdf: &mut [T],
+        d_gradients: &mut [[T; 3]],
         out: &mut SurfaceGradient<T>,
     ) {
         let (k, zero, one) = (self.batch.k(), T::of(0.0), T::of(1.0));
@@ -247,7 +280,7 @@ impl<T: Real> ReferenceStep<'_, T> {
             let mut d_image = vec![zero; k];
             for (c, d_image) in d_image.iter_mut().enumerate() {
                 let i = r * k + c;
-                let d_residual = rays.mask[r] * image_loss.d_residual[i];
+                let d_residual = image_loss.d_residual[i];
                 *d_image = d_residual * (one - rays.ambient[i]);
                 out.ambient[i] = d_residual * (one - rays.image[i]);
             }
@@ -259,7 +292,18 @@ impl<T: Real> ReferenceStep<'_, T> {
             let mut d_ray = vec![zero; samples.len()];
             let d_log = mask_weight * mask_loss.d_log_transmittance[r];
             let sdf = &sdf[samples.clone()];
-            let d_inv_s = volrend::reference::render_weights_backward(sdf, self.inv_s, &d_weights, d_log, &mut d_ray);
+            let d_inv_s = if let Some(lengths) = self.lengths(r) {
+                let along = self.midpoints(r, sdf, &gradients[samples.clone()], &lengths);
+                let (mut out, mut d_g) = (Vec::new(), vec![[zero; 3]; samples.len()]);
+                volrend::midpoint::composite(&along, &mut out);
+                let d_inv_s =
+                    volrend::midpoint::composite_backward(&along, &out, &d_weights, d_log, &[], &mut d_ray, &mut d_g);
+                let more = d_g.as_flattened();
+                d_gradients[samples.clone()].as_flattened_mut().iter_mut().zip(more).for_each(|(d, more)| *d += *more);
+                d_inv_s
+            } else {
+                volrend::reference::render_weights_backward(sdf, self.inv_s, &d_weights, d_log, &mut d_ray)
+            };
             out.sharpness += T::of(10.0) * self.inv_s * d_inv_s;
             d_sdf[samples].iter_mut().zip(d_ray).for_each(|(d, more)| *d += more);
         }
@@ -283,7 +327,7 @@ impl<T: Real> ReferenceStep<'_, T> {
             hash_grid::backward(grid, samples.points[i], &d_input[..n_features], d_table);
         }
         for ((&i, rows), d) in slopes.samples.iter().zip(&slopes.jacobians).zip(d_gradients) {
-            let u: [T; 3] = std::array::from_fn(|a| T::of(self.config.loss.eikonal_weight) * d[a] / extent[a]);
+            let u: [T; 3] = std::array::from_fn(|a| d[a] / extent[a]);
             let v: Vec<T> = rows.iter().map(|row| row.iter().zip(u).map(|(&j, u)| j * u).sum()).collect();
             mlp::backward_gradient(network, weights, &samples.inputs[i], &[T::of(1.0)], &v, d_network);
             hash_grid::backward_jacobian(grid, samples.points[i], &samples.d_inputs[i][..n_features], u, d_table);

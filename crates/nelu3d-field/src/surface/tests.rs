@@ -39,6 +39,8 @@ pub(crate) struct Rays {
     pub(crate) white: Vec<f32>,
     pub(crate) ambient: Vec<f32>,
     pub(crate) mask: Vec<f32>,
+    /// Lengths and directions of intervals around the samples, if they are midpoints.
+    pub(crate) intervals: Option<(Vec<f32>, Vec<[f32; 3]>)>,
 }
 
 impl Rays {
@@ -61,7 +63,17 @@ impl Rays {
             mask: (0..n_rays).map(|r| (r % 3 > 0) as u8 as f32).collect(),
             offsets,
             points,
+            intervals: None,
         }
+    }
+
+    /// The samples as midpoints of intervals of different lengths, seen along different directions.
+    fn with_intervals(mut self) -> Self {
+        let lengths = uniform_f32(6, self.points.len(), 0.02, 0.3);
+        let dirs = uniform_f32(7, 3 * self.mask.len(), -1.0, 1.0);
+        let unit = |d: &[f32; 3]| d.map(|x| x / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt());
+        self.intervals = Some((lengths, dirs.as_chunks().0.iter().map(unit).collect()));
+        self
     }
 
     pub(crate) fn batch(&self) -> SurfaceBatch<'_> {
@@ -73,6 +85,7 @@ impl Rays {
             white: &self.white,
             ambient: &self.ambient,
             mask: &self.mask,
+            intervals: self.intervals.as_ref().map(|(lengths, dirs)| Intervals { lengths, dirs, anneal: 0.3 }),
         }
     }
 }
@@ -94,11 +107,17 @@ pub(crate) fn gradients(surface: &NeuralSurface) -> Vec<f32> {
 
 #[test]
 fn reference_gradients_match_central_differences() {
-    for (append, clamped_mask) in [(false, true), (true, false)] {
+    for (append, clamped_mask, midpoints) in
+        [(false, true, false), (true, false, false), (true, true, true), (true, false, true)]
+    {
         let mut config = config(append);
         config.loss.clamped_mask = clamped_mask;
         let (grid, network) = config.field.build().unwrap();
-        let rays = Rays::new(&[7, 1, 5, 0, 9]);
+        let mut rays = Rays::new(&[7, 1, 5, 0, 9]);
+        if midpoints {
+            config.loss.eikonal_every = 1;
+            rays = rays.with_intervals();
+        }
         let params = uniform(5, grid.n_params() + network.n_params(), -0.4, 0.4);
         let ambient: Vec<f64> = rays.ambient.iter().map(|&a| a as f64).collect();
         let loss = |params: &[f64], v: f64, ambient: &[f64]| {
@@ -116,13 +135,14 @@ fn reference_gradients_match_central_differences() {
 #[test]
 fn a_step_follows_the_reference_gradient() {
     for append in [false, true] {
-        for every in [0, 1, 2, 8] {
+        for (every, midpoints) in [(0, false), (1, false), (2, false), (8, false), (1, true)] {
             let mut config = config(append);
             config.loss.eikonal_every = every;
             config.loss.clamped_mask = every == 1;
             // More than one chunk of eight blocks, rays longer than a block, empty ones and single samples.
             let lengths: Vec<usize> = (0..150).map(|r| [16, 1, 0, 7, 32][r % 5]).chain([300, 5, 97]).collect();
             let rays = Rays::new(&lengths);
+            let rays = if midpoints { rays.with_intervals() } else { rays };
             let mut surface = surface(config.clone());
             let (grid, network) = config.field.build().unwrap();
             let params: Vec<f64> = surface.field.params().iter().map(|&p| p as f64).collect();
@@ -154,7 +174,10 @@ fn a_step_follows_the_reference_gradient() {
             let n_table = grid.n_params();
             for (part, name) in [(0..n_table, "table"), (n_table..fast.len(), "network")] {
                 let error = relative(&fast[part.clone()], &expected.params[part]);
-                assert!(error <= tolerance, "{name}: {error:e} of {tolerance:e}, every {every}, append {append}");
+                assert!(
+                    error <= tolerance,
+                    "{name}: {error:e} of {tolerance:e}, every {every}, append {append}, midpoints {midpoints}"
+                );
             }
             assert!(relative(&d_ambient, &expected.ambient) <= tolerance);
             let share = 1.0 - AdamConfig::default().beta1 as f32;

@@ -17,8 +17,11 @@
 //! ```
 //!
 //! which is −(1 − alpha_j) times the usual ∂L/∂alpha_j = T_j g_j − (Σ_{l>j} w_l g_l) / (1 − alpha_j).
+//!
+//! [`midpoint`] has the alphas of the public code of NeuS and TurboSL instead, which see a sample's own gradient.
 
 pub mod cpu;
+pub mod midpoint;
 pub mod reference;
 
 #[cfg(test)]

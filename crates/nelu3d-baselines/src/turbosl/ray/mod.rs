@@ -22,9 +22,8 @@
 mod tests;
 
 use nelu3d_field::Real;
+use nelu3d_field::volrend::midpoint::{self, Midpoint, MidpointRay};
 
-/// ε of the alphas.
-const EPSILON: f64 = 1e-5;
 /// Bounds of the reflectance that captures are divided by.
 const REFLECTANCE: [f64; 2] = [0.1, 1.0];
 /// The opacity's clamp in the mask loss.
@@ -32,26 +31,18 @@ const MASK_CLAMP: f64 = 1e-3;
 
 /// The samples of a ray, of either kind.
 pub(crate) struct Along<'a, T> {
-    /// Signed distances, units.
-    pub(in crate::turbosl) sdf: &'a [T],
-    /// Their gradients.
-    pub(in crate::turbosl) gradients: &'a [[T; 3]],
-    /// The ray's unit direction.
-    pub(in crate::turbosl) dir: [T; 3],
-    /// Unit directions to the light.
+    /// Its samples, as midpoints of intervals.
+    pub(in crate::turbosl) ray: MidpointRay<'a, T>,
+    /// Unit directions to the light, per sample.
     pub(in crate::turbosl) light: &'a [[T; 3]],
-    /// δ, units.
-    pub(in crate::turbosl) step: T,
-    /// r
-    pub(in crate::turbosl) anneal: T,
-    /// Sharpness.
-    pub(in crate::turbosl) inv_s: T,
 }
 
 /// What is rendered.
 pub(crate) enum Kind<'a, T> {
     /// A camera pixel.
     Camera {
+        /// Whether the pixel is lit: 1 or 0, what its opacity should be.
+        mask: T,
         /// The blurred patterns at the samples, `[sample][k]`.
         colors: &'a [T],
         /// A value of the pixel, per camera channel.
@@ -81,7 +72,7 @@ pub(crate) struct Weights<T> {
     pub(in crate::turbosl) l2: T,
     /// Weight of one residual: 1 / (rays · k).
     pub(in crate::turbosl) image: T,
-    /// Weight of the ray's mask loss; 0 for none.
+    /// Weight of a camera ray's mask loss.
     pub(in crate::turbosl) mask: T,
 }
 
@@ -95,29 +86,8 @@ pub(crate) struct Gradient<'a, T> {
     pub(in crate::turbosl) samples: &'a mut [T],
 }
 
-/// One sample of a ray, composited.
-#[derive(Clone, Copy)]
-struct Sample<T> {
-    normal: [T; 3],
-    /// 1 / |∇f|
-    inv_norm: T,
-    cos: T,
-    h: T,
-    /// Φ(f + h), Φ(f − h)
-    phi: [T; 2],
-    alpha: T,
-    /// Transmittance before the sample.
-    transmittance: T,
-    weight: T,
-    shade: T,
-}
-
 fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn relu<T: Real>(x: T) -> T {
-    x.max(T::of(0.0))
 }
 
 /// Losses of one ray.
@@ -130,6 +100,11 @@ pub(crate) struct RayLosses<T> {
     pub(in crate::turbosl) d_inv_s: T,
 }
 
+/// Returns the cosines between the samples' normals and the directions to the light.
+fn shades<T: Real>(samples: &[Midpoint<T>], light: &[[T; 3]]) -> Vec<T> {
+    samples.iter().zip(light).map(|(s, l)| dot(s.normal, *l)).collect()
+}
+
 /// Gradients of the losses by what compositing made of the samples.
 struct SampleGradient<T> {
     weight: Vec<T>,
@@ -139,40 +114,29 @@ struct SampleGradient<T> {
 /// Computes the losses of one ray and their gradients.
 pub(crate) fn ray<T: Real>(along: &Along<T>, kind: &Kind<T>, weights: Weights<T>, out: Gradient<T>) -> RayLosses<T> {
     let zero = T::of(0.0);
-    let n = along.sdf.len();
+    let n = along.ray.sdf.len();
     out.ray.fill(zero);
     out.samples.fill(zero);
     let samples = composite(along);
+    let shades = shades(&samples, along.light);
     let mut d = SampleGradient { weight: vec![zero; n], shade: vec![zero; n] };
     let image = match kind {
-        Kind::Camera { .. } => camera_loss(kind, &samples, weights, out.ray, out.samples, &mut d),
-        Kind::Projector { .. } => projector_loss(kind, &samples, weights, out.ray, out.samples, &mut d),
+        Kind::Camera { .. } => camera_loss(kind, &samples, &shades, weights, out.ray, out.samples, &mut d),
+        Kind::Projector { .. } => projector_loss(kind, &samples, &shades, weights, out.ray, out.samples, &mut d),
     };
-    let mask = mask_loss(&samples, weights.mask, &mut d.weight);
+    let mask = match kind {
+        Kind::Camera { mask, .. } => mask_loss(&samples, *mask, weights.mask, &mut d.weight),
+        Kind::Projector { .. } => zero,
+    };
     let d_inv_s = backward(along, &samples, &d, out.d_sdf, out.d_gradients);
     RayLosses { image, mask, d_inv_s }
 }
 
 /// Composites the samples of a ray, from its start on.
-fn composite<T: Real>(along: &Along<T>) -> Vec<Sample<T>> {
-    let (zero, one, half, epsilon) = (T::of(0.0), T::of(1.0), T::of(0.5), T::of(EPSILON));
-    let Along { sdf, gradients, dir, light, step, anneal, inv_s } = *along;
-    let mut transmittance = one;
-    let one_sample = |j: usize| {
-        let g = gradients[j];
-        let inv_norm = one / dot(g, g).sqrt().max(T::of(1e-12));
-        let normal = g.map(|x| x * inv_norm);
-        let cos = dot(dir, normal);
-        let h = half * step * ((one - anneal) * relu(half - half * cos) + anneal * relu(-cos));
-        let phi = [(inv_s * (sdf[j] + h)).sigmoid(), (inv_s * (sdf[j] - h)).sigmoid()];
-        let alpha = ((phi[0] - phi[1] + epsilon) / (phi[0] + epsilon)).max(zero).min(one);
-        let weight = transmittance * alpha;
-        let shade = dot(normal, light[j]);
-        let sample = Sample { normal, inv_norm, cos, h, phi, alpha, transmittance, weight, shade };
-        transmittance *= one - alpha;
-        sample
-    };
-    (0..sdf.len()).map(one_sample).collect()
+fn composite<T: Real>(along: &Along<T>) -> Vec<Midpoint<T>> {
+    let mut out = Vec::with_capacity(along.ray.sdf.len());
+    midpoint::composite(&along.ray, &mut out);
+    out
 }
 
 /// Returns the loss of a residual and its derivative.
@@ -183,20 +147,21 @@ fn robust<T: Real>(weights: &Weights<T>, r: T) -> (T, T) {
 /// Returns the image loss of a camera ray and adds its gradients.
 fn camera_loss<T: Real>(
     kind: &Kind<T>,
-    samples: &[Sample<T>],
+    samples: &[Midpoint<T>],
+    shades: &[T],
     weights: Weights<T>,
     d_ray: &mut [T],
     d_samples: &mut [T],
     d_sample: &mut SampleGradient<T>,
 ) -> T {
-    let Kind::Camera { colors, albedo, ambient, measured } = *kind else { unreachable!("a camera ray") };
+    let Kind::Camera { colors, albedo, ambient, measured, .. } = *kind else { unreachable!("a camera ray") };
     let n_sample_outputs = d_samples.len() / samples.len().max(1);
     let opacity = samples.iter().map(|s| s.weight).sum::<T>();
     let (k, c) = (measured.len(), albedo.len());
     let mut loss = T::of(0.0);
     for i in 0..k {
         let (a, b) = (albedo[i % c], ambient[i % c]);
-        let lit = samples.iter().enumerate().map(|(j, s)| s.weight * s.shade * colors[j * k + i]).sum::<T>();
+        let lit = samples.iter().enumerate().map(|(j, s)| s.weight * shades[j] * colors[j * k + i]).sum::<T>();
         let (value, slope) = robust(&weights, a * lit + b * opacity - measured[i]);
         loss += weights.image * value;
         let d = weights.image * slope;
@@ -204,9 +169,9 @@ fn camera_loss<T: Real>(
         d_ray[c + i % c] += d * opacity;
         for (j, s) in samples.iter().enumerate() {
             let color = colors[j * k + i];
-            d_sample.weight[j] += d * (a * s.shade * color + b);
+            d_sample.weight[j] += d * (a * shades[j] * color + b);
             d_sample.shade[j] += d * s.weight * a * color;
-            d_samples[j * n_sample_outputs + i] = d * s.weight * a * s.shade;
+            d_samples[j * n_sample_outputs + i] = d * s.weight * a * shades[j];
         }
     }
     loss
@@ -215,7 +180,8 @@ fn camera_loss<T: Real>(
 /// Returns the image loss of a projector ray and adds its gradients.
 fn projector_loss<T: Real>(
     kind: &Kind<T>,
-    samples: &[Sample<T>],
+    samples: &[Midpoint<T>],
+    shades: &[T],
     weights: Weights<T>,
     d_ray: &mut [T],
     d_samples: &mut [T],
@@ -226,7 +192,7 @@ fn projector_loss<T: Real>(
     let k = pattern.len();
     let c = (albedo.len() / samples.len().max(1)).max(1);
     let [low, high] = REFLECTANCE.map(T::of);
-    let m = |j: usize, ch: usize| (albedo[j * c + ch] * samples[j].shade).max(low).min(high);
+    let m = |j: usize, ch: usize| (albedo[j * c + ch] * shades[j]).max(low).min(high);
     let mut loss = T::of(0.0);
     for i in 0..k {
         let ch = i % c;
@@ -246,10 +212,10 @@ fn projector_loss<T: Real>(
             d_sample.weight[j] += d_sum * e + d_reflectance * m;
             d_samples[j * n_sample_outputs + c + ch] += -s.weight * d_sum / m;
             let a = albedo[j * c + ch];
-            let product = a * s.shade;
+            let product = a * shades[j];
             if product > low && product < high {
                 let d_m = s.weight * (d_reflectance - d_sum * e / m);
-                d_samples[j * n_sample_outputs + ch] += d_m * s.shade;
+                d_samples[j * n_sample_outputs + ch] += d_m * shades[j];
                 d_sample.shade[j] += d_m * a;
             }
         }
@@ -257,62 +223,30 @@ fn projector_loss<T: Real>(
     loss
 }
 
-/// Returns the mask loss, not weighted, and adds its gradient: a lit pixel should be opaque (Eq. 5 with M = 1). 0
-/// without a weight.
-fn mask_loss<T: Real>(samples: &[Sample<T>], weight: T, d_weight: &mut [T]) -> T {
-    if weight <= T::of(0.0) {
-        return T::of(0.0);
-    }
+/// Returns the mask loss, not weighted, and adds its gradient: a lit pixel should be opaque, another transparent (Eq. 5).
+fn mask_loss<T: Real>(samples: &[Midpoint<T>], mask: T, weight: T, d_weight: &mut [T]) -> T {
+    let one = T::of(1.0);
     let opacity = samples.iter().map(|s| s.weight).sum::<T>();
     let (low, high) = (T::of(MASK_CLAMP), T::of(1.0 - MASK_CLAMP));
+    let o = opacity.max(low).min(high);
     if opacity > low && opacity < high {
-        d_weight.iter_mut().for_each(|d| *d += -weight / opacity);
+        let slope = weight * (o - mask) / (o * (one - o));
+        d_weight.iter_mut().for_each(|d| *d += slope);
     }
-    -opacity.max(low).min(high).ln()
+    -(mask * o.ln() + (one - mask) * (one - o).ln())
 }
 
 /// Goes back through compositing, alphas and normals; returns the derivative by the sharpness.
 fn backward<T: Real>(
     along: &Along<T>,
-    samples: &[Sample<T>],
+    samples: &[Midpoint<T>],
     d: &SampleGradient<T>,
     d_sdf: &mut [T],
     d_gradients: &mut [[T; 3]],
 ) -> T {
-    let (zero, one, half, epsilon) = (T::of(0.0), T::of(1.0), T::of(0.5), T::of(EPSILON));
-    let Along { sdf, dir, light, step, anneal, inv_s, .. } = *along;
-    let mut after = zero;
-    let mut d_inv_s = zero;
-    for j in (0..samples.len()).rev() {
-        let s = samples[j];
-        let mut d_normal: [T; 3] = std::array::from_fn(|a| d.shade[j] * light[j][a]);
-        let mut d_f = zero;
-        let d_alpha = s.transmittance * d.weight[j] - after / (one - s.alpha).max(T::of(1e-10));
-        after += s.weight * d.weight[j];
-        if s.alpha > zero && s.alpha < one {
-            let bottom = s.phi[0] + epsilon;
-            let d_phi = [d_alpha * s.phi[1] / (bottom * bottom), -d_alpha / bottom];
-            let slope = [s.phi[0] * (one - s.phi[0]) * d_phi[0], s.phi[1] * (one - s.phi[1]) * d_phi[1]];
-            d_f = inv_s * (slope[0] + slope[1]);
-            d_inv_s += slope[0] * (sdf[j] + s.h) + slope[1] * (sdf[j] - s.h);
-            let d_h = inv_s * (slope[0] - slope[1]);
-            let mut h_slope = zero;
-            if s.cos < one {
-                h_slope += -half * (one - anneal);
-            }
-            if s.cos < zero {
-                h_slope += -anneal;
-            }
-            let d_cos = d_h * half * step * h_slope;
-            for a in 0..3 {
-                d_normal[a] += d_cos * dir[a];
-            }
-        }
-        d_sdf[j] = d_f;
-        let radial = dot(s.normal, d_normal);
-        d_gradients[j] = std::array::from_fn(|a| (d_normal[a] - radial * s.normal[a]) * s.inv_norm);
-    }
-    d_inv_s
+    let normal = |(light, &shade): (&[T; 3], &T)| light.map(|l| shade * l);
+    let d_normals: Vec<[T; 3]> = along.light.iter().zip(&d.shade).map(normal).collect();
+    midpoint::composite_backward(&along.ray, samples, &d.weight, T::of(0.0), &d_normals, d_sdf, d_gradients)
 }
 
 fn sign<T: Real>(x: T) -> T {

@@ -10,6 +10,7 @@ struct TestRay {
     k: usize,
     c: usize,
     is_camera: bool,
+    mask: f64,
     light: Vec<[f64; 3]>,
     measured: Vec<f64>,
 }
@@ -24,19 +25,15 @@ impl TestRay {
     fn eval(&self, x: &[f64]) -> (f64, Vec<f64>) {
         let TestRay { n, k, c, .. } = *self;
         let gradients: Vec<[f64; 3]> = x[n..4 * n].as_chunks::<3>().0.to_vec();
-        let along = Along {
-            sdf: &x[..n],
-            gradients: &gradients,
-            dir: [0.1, -0.2, (1.0f64 - 0.05).sqrt()],
-            light: &self.light,
-            step: 0.11,
-            anneal: 0.3,
-            inv_s: x[4 * n],
-        };
+        let lengths = vec![0.11; n];
+        let dir = [0.1, -0.2, (1.0f64 - 0.05).sqrt()];
+        let (sdf, inv_s) = (&x[..n], x[4 * n]);
+        let ray_along = MidpointRay { sdf, gradients: &gradients, lengths: &lengths, dir, anneal: 0.3, inv_s };
+        let along = Along { ray: ray_along, light: &self.light };
         let own = &x[4 * n + 1..];
         let kind = if self.is_camera {
             let (colors, rest) = own.split_at(n * k);
-            Kind::Camera { colors, albedo: &rest[..c], ambient: &rest[c..], measured: &self.measured }
+            Kind::Camera { mask: self.mask, colors, albedo: &rest[..c], ambient: &rest[c..], measured: &self.measured }
         } else {
             let (fields, pattern) = own.split_at(2 * n * c);
             Kind::Projector { captured: &self.measured, albedo: &fields[..n * c], ambient: &fields[n * c..], pattern }
@@ -66,7 +63,8 @@ impl TestRay {
 
 #[test]
 fn gradients_match_central_differences() {
-    for (seed, is_camera, k, c) in [(1, true, 3, 1), (2, false, 3, 1), (3, true, 6, 3), (4, false, 6, 3)] {
+    let cases = [(1, true, 3, 1), (2, false, 3, 1), (3, true, 6, 3), (4, false, 6, 3), (6, true, 3, 1)];
+    for (seed, is_camera, k, c) in cases {
         let mut rng = StdRng::seed_from_u64(seed);
         let n = 9;
         let unit = |rng: &mut StdRng| {
@@ -77,7 +75,9 @@ fn gradients_match_central_differences() {
         let light = (0..n).map(|_| unit(&mut rng)).collect();
         let n_measured = if is_camera { k } else { n * k };
         let measured = (0..n_measured).map(|_| rng.random_range(0.1..0.9)).collect();
-        let scene = TestRay { n, k, c, is_camera, light, measured };
+        // The last is a camera ray of the background.
+        let mask = if seed == 6 { 0.0 } else { 1.0 };
+        let scene = TestRay { n, k, c, is_camera, mask, light, measured };
         // A surface that is crossed in the middle, with normals that face the ray more or less.
         let mut x: Vec<f64> = (0..n).map(|j| 0.4 - 0.1 * j as f64 + rng.random_range(-0.03..0.03)).collect();
         for _ in 0..n {
@@ -105,18 +105,12 @@ fn a_surface_in_the_right_place_has_no_residual() {
     let n = 6;
     let sdf: Vec<f64> = (0..n).map(|j| 0.25 - 0.1 * j as f64).collect();
     let facing = vec![[0.0, 0.0, -1.0]; n];
-    let along = Along {
-        sdf: &sdf,
-        gradients: &facing,
-        dir: [0.0, 0.0, 1.0],
-        light: &facing,
-        step: 0.1,
-        anneal: 1.0,
-        inv_s: 1e4,
-    };
+    let (lengths, dir) = (vec![0.1; n], [0.0, 0.0, 1.0]);
+    let samples = MidpointRay { sdf: &sdf, gradients: &facing, lengths: &lengths, dir, anneal: 1.0, inv_s: 1e4 };
+    let along = Along { ray: samples, light: &facing };
     let colors: Vec<f64> = (0..n).map(|j| 0.1 * j as f64).collect();
     let measured = [0.5 * 0.5 * (colors[2] + colors[3]) + 0.1];
-    let kind = Kind::Camera { colors: &colors, albedo: &[0.5], ambient: &[0.1], measured: &measured };
+    let kind = Kind::Camera { mask: 1.0, colors: &colors, albedo: &[0.5], ambient: &[0.1], measured: &measured };
     let weights = Weights { l1: 1.0, l2: 10.0, image: 1.0, mask: 1.0 };
     let out = Gradient {
         d_sdf: &mut vec![0.0; n],

@@ -21,7 +21,7 @@ pub struct HashFieldConfig<const D: usize = 3> {
     /// Activation of the output.
     #[serde(default)]
     pub output_activation: Activation,
-    /// Whether the network also sees the point itself, after its features.
+    /// Whether the network also sees the point x itself, as 2x − 1, after its features.
     #[serde(default)]
     pub append_position: bool,
     /// Training.

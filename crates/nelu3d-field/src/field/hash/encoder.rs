@@ -8,7 +8,7 @@ use crate::encoding::hash_grid::{HashGrid, cpu as hash_grid};
 pub(super) struct HashEncoder<'a, const D: usize> {
     pub(super) grid: &'a HashGrid<D>,
     pub(super) table: &'a [f32],
-    /// Whether the network also sees the point itself, after its features.
+    /// Whether the network also sees the point x itself, as 2x − 1, after its features.
     pub(super) append: bool,
 }
 

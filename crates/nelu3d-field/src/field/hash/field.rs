@@ -3,7 +3,7 @@
 use super::super::config::{FieldError, check_params};
 use super::super::training::Training;
 use super::config::HashFieldConfig;
-use crate::encoding::hash_grid::HashGrid;
+use crate::encoding::hash_grid::{HashGrid, Level};
 use crate::memory;
 use crate::mlp::MlpConfig;
 use crate::mlp::cpu::PackedMlp;
@@ -68,6 +68,16 @@ impl<const D: usize> HashField<D> {
     /// [`crate::mlp`]).
     pub fn params(&self) -> &[f32] {
         &self.params
+    }
+
+    /// Returns the number of the hash table's parameters, the first of all, level by level.
+    pub fn n_table_params(&self) -> usize {
+        self.grid.n_params()
+    }
+
+    /// Returns the levels of the hash grid, coarse to fine.
+    pub fn levels(&self) -> &[Level<D>] {
+        self.grid.levels()
     }
 
     /// Returns the number of the network's parameters, the last of all.

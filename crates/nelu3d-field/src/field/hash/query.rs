@@ -1,6 +1,6 @@
 //! Evaluation of many points, also with derivatives.
 
-use super::super::columns::append_positions;
+use super::super::columns::{POSITION_SLOPE, append_positions};
 use super::super::query::{TASK, copy_outputs};
 use super::super::regression::Network;
 use super::encoder::HashEncoder;
@@ -77,7 +77,7 @@ impl<const D: usize> WithSimd for QueryWithJacobian<'_, D> {
                     for a in 0..D {
                         jacobian[o][a] = dot(&d[..n_features], &slopes[a * stride..][..n_features]);
                         if config.append_position {
-                            jacobian[o][a] += d[n_features + a];
+                            jacobian[o][a] += POSITION_SLOPE * d[n_features + a];
                         }
                     }
                 }

@@ -97,8 +97,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let residual = image[c] * (1.0 - share) + share - measured[pixel * per_pixel + c];
         let lookup = robust(residual);
         let pattern = robust(white * residual);
-        image_loss += mask * ((1.0 - ALPHA) * pattern.x + ALPHA * lookup.x);
-        let d = ((1.0 - ALPHA) * white * pattern.y + ALPHA * lookup.y) * mask * image_scale;
+        image_loss += (1.0 - ALPHA) * pattern.x + ALPHA * lookup.x;
+        let d = ((1.0 - ALPHA) * white * pattern.y + ALPHA * lookup.y) * image_scale;
         d_share[channel] += d * (1.0 - image[c]);
         // From here on its gradient.
         image[c] = d * (1.0 - share);

@@ -28,7 +28,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             g += value * slope(level, cell, corner, p);
         }
     }
-    for (var a = 0u; a < APPENDED; a++) { g[a] += d_x[(N_FEATURES + a) * CAPACITY + s]; }
+    for (var a = 0u; a < APPENDED; a++) { g[a] += 2.0 * d_x[(N_FEATURES + a) * CAPACITY + s]; }
     let extent = vec3(EXTENT_X, EXTENT_Y, EXTENT_Z);
     g /= extent;
     let length = sqrt(dot(g, g));

@@ -28,6 +28,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     for (var f = 0u; f < FEATURES; f++) { x[(l * FEATURES + f) * CAPACITY + s] = sum[f]; }
     if (l == 0u) {
-        for (var a = 0u; a < APPENDED; a++) { x[(N_FEATURES + a) * CAPACITY + s] = s_of[s] * p[a] + u[a]; }
+        for (var a = 0u; a < APPENDED; a++) { x[(N_FEATURES + a) * CAPACITY + s] = s_of[s] * (2.0 * p[a] - 1.0) + 2.0 * u[a]; }
     }
 }

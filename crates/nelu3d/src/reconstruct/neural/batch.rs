@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 use nelu3d_field::occupancy::OccupancyGrid;
-use nelu3d_field::surface::{NeuralSurface, SurfaceBatch, SurfaceLosses};
+use nelu3d_field::surface::{Intervals, NeuralSurface, SurfaceBatch, SurfaceLosses};
 use nelu3d_scan::Camera;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
@@ -10,8 +10,9 @@ use rayon::prelude::*;
 
 use super::ambient::{AmbientField, image_point};
 use super::bounds::Bounds;
+use super::importance;
 use super::march::{March, RaySamples, march};
-use super::options::Background;
+use super::options::{Background, PaperOptions};
 use crate::color_field::{CameraRays, SplineEvaluator};
 use crate::sensor::Measurements;
 use crate::surface::PixelStatus;
@@ -29,21 +30,26 @@ pub(super) struct TrainingPixels {
 impl TrainingPixels {
     /// Selects the pixels of a scene. The mask M is 1 where white is bright enough; saturated pixels and those outside
     /// the calibrated volume are not used. `None` if no pixel is lit.
-    pub(super) fn new(m: &Measurements, rays: &CameraRays, background: Background) -> Option<Self> {
+    pub(super) fn new(m: &Measurements, rays: &CameraRays, settings: &PaperOptions) -> Option<Self> {
         let usable = |i: usize| {
             let [near, far] = rays.range[i];
             let whole = m.inv_var[i * m.k..(i + 1) * m.k].iter().all(|v| *v > 0.0);
-            let dark = m.status[i] == PixelStatus::Underexposed && background != Background::Crop;
+            let dark = m.status[i] == PixelStatus::Underexposed && settings.background != Background::Crop;
             near < far && (dark || m.status[i] == PixelStatus::Valid && whole)
         };
         let mut all: Vec<u32> = (0..m.n()).filter(|&i| usable(i)).map(|i| i as u32).collect();
         all.sort_by_key(|&i| (i as usize / m.width / 8, i as usize % m.width / 8, i));
         let is_lit: Vec<bool> = all.iter().map(|&i| m.status[i as usize] == PixelStatus::Valid).collect();
-        let ends = all.iter().zip(&is_lit).filter(|(_, lit)| **lit).flat_map(|(&i, _)| {
-            let dir = direction(rays, i as usize);
-            rays.range[i as usize].map(|t| Point3::from(dir * f64::from(t)))
-        });
-        let bounds = Bounds::around(ends)?;
+        if !is_lit.contains(&true) {
+            return None;
+        }
+        // The whole calibrated volume, whatever the scene shows: the unit of the losses is that of the rig.
+        let inside = (0..m.n()).filter(|&i| rays.range[i][0] < rays.range[i][1]);
+        let ends = inside.flat_map(|i| rays.range[i].map(|t| Point3::from(direction(rays, i) * f64::from(t))));
+        let mut bounds = Bounds::around(ends)?;
+        if let Some(unit_mm) = settings.unit_mm {
+            bounds = bounds.with_unit(unit_mm);
+        }
         Some(Self { bounds, all, is_lit })
     }
 
@@ -93,6 +99,8 @@ pub(super) struct RayBatch {
     light: Vec<f32>,
     /// Mask M, one per ray.
     mask: Vec<f32>,
+    /// Unit directions, one per ray.
+    dirs: Vec<[f32; 3]>,
     /// Positions in the unit square of the image, one per ray.
     image_points: Vec<[f32; 2]>,
     n_channels: usize,
@@ -100,7 +108,8 @@ pub(super) struct RayBatch {
 }
 
 impl RayBatch {
-    /// Draws the rays of iteration `step` at random, samples them, and gathers what was measured along them.
+    /// Draws the rays of iteration `step` at random, samples them (with at most `per_ray` samples where the surface may
+    /// be, or by marching if that is `None`), and gathers what was measured along them. Where nothing is lit, black was.
     pub(super) fn draw(
         &mut self,
         pixels: &TrainingPixels,
@@ -108,7 +117,9 @@ impl RayBatch {
         rays: &CameraRays,
         spline: &SplineEvaluator<'_>,
         grid: &OccupancyGrid,
+        surface: &NeuralSurface,
         n_rays: usize,
+        per_ray: Option<usize>,
         seed: u64,
         step: u64,
     ) {
@@ -117,7 +128,10 @@ impl RayBatch {
         drawn.sort_unstable();
         let marches: Vec<March> =
             drawn.iter().map(|&p| pixels.march(rays, pixels.all[p] as usize, rng.random())).collect();
-        self.samples = march(&marches, &pixels.bounds, grid);
+        self.samples = match per_ray {
+            Some(per_ray) => importance::place(&marches, &pixels.bounds, grid, surface, per_ray, rng.random()),
+            None => march(&marches, &pixels.bounds, grid),
+        };
         let (k, n) = (m.k, self.samples.t.len());
         self.k = k;
         self.n_channels = m.light.len() / m.n();
@@ -142,12 +156,16 @@ impl RayBatch {
         self.measured.clear();
         self.light.clear();
         self.mask.clear();
+        self.dirs.clear();
+        self.dirs.extend(marches.iter().map(|m| <[f32; 3]>::from(m.dir.map(|d| d as f32))));
         self.image_points.clear();
         for r in 0..n_rays {
             let i = pixel(r);
-            self.measured.extend_from_slice(&m.p[i * k..(i + 1) * k]);
-            self.light.extend_from_slice(&m.light[i * self.n_channels..(i + 1) * self.n_channels]);
-            self.mask.push(f32::from(u8::from(pixels.is_lit[drawn[r]])));
+            let lit = pixels.is_lit[drawn[r]];
+            self.measured.extend(m.p[i * k..(i + 1) * k].iter().map(|p| if lit { *p } else { 0.0 }));
+            let light = &m.light[i * self.n_channels..(i + 1) * self.n_channels];
+            self.light.extend(light.iter().map(|l| l.max(0.0)));
+            self.mask.push(f32::from(u8::from(lit)));
             self.image_points.push(image_point(m, i));
         }
     }
@@ -157,8 +175,8 @@ impl RayBatch {
         self.samples.t.len()
     }
 
-    /// Takes one step of the optimizers.
-    pub(super) fn step(&self, surface: &mut NeuralSurface, ambient: &mut AmbientField) -> SurfaceLosses {
+    /// Takes one step of the optimizers; the cosine of the alphas is annealed by `anneal`, 0 to 1.
+    pub(super) fn step(&self, surface: &mut NeuralSurface, ambient: &mut AmbientField, anneal: f32) -> SurfaceLosses {
         let (k, c) = (self.k, self.n_channels);
         let mut fractions = Vec::new();
         ambient.query(&self.image_points, &self.light, &mut fractions);
@@ -175,6 +193,7 @@ impl RayBatch {
             white: &spread(&self.light),
             ambient: &spread(&fractions),
             mask: &self.mask,
+            intervals: Some(Intervals { lengths: &self.samples.lengths, dirs: &self.dirs, anneal }),
         };
         let mut d_spread = vec![0.0; n_rays * k];
         let losses = surface.train_step(&batch, &mut d_spread);

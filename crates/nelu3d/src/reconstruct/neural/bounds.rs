@@ -29,6 +29,11 @@ impl Bounds {
         (longest > 0.0 && longest.is_finite()).then(|| Self { center, unit_mm: 1.02 * longest / SIDE })
     }
 
+    /// Returns the cube around the same center whose unit is `unit_mm`.
+    pub fn with_unit(self, unit_mm: f64) -> Self {
+        Self { unit_mm, ..self }
+    }
+
     /// Returns the side of the cube, mm.
     pub fn side_mm(&self) -> f64 {
         SIDE * self.unit_mm

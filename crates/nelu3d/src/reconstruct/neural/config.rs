@@ -19,13 +19,32 @@ const PER_LEVEL_SCALE: f64 = 1.447_269_237_440_378;
 /// Number of steps along a cube's diagonal.
 pub const STEPS_PER_DIAGONAL: f64 = 1024.0;
 
+/// Number of iterations of the published training, by which its schedules are stated.
+pub const PUBLISHED_STEPS: usize = 10_000;
+/// Number of samples of an iteration of the published training.
+pub const PUBLISHED_SAMPLES: usize = 262_144;
+
+/// v of inv_s = exp(10 v) at the start of the published training.
+pub const PUBLISHED_SHARPNESS: f64 = 0.3;
+
 /// Weight of the mask loss, as published.
 pub const MASK_WEIGHT: f64 = 0.1;
 
-/// Returns the optimizer of a field over `n_steps` steps: warm-up from 1 % over 500 steps, then exponential decay to a
-/// tenth.
+/// Returns the distance between two samples of a marched ray, units.
+pub fn step_units() -> f32 {
+    (SIDE * 3f64.sqrt() / STEPS_PER_DIAGONAL) as f32
+}
+
+/// Returns how far the cosine of the alphas is annealed at a step: over 20,000 steps of a training of 10,000, in
+/// proportion in shorter ones.
+pub fn anneal(step: usize, n_steps: usize) -> f32 {
+    (step as f64 / (2 * n_steps).max(1) as f64).min(1.0) as f32
+}
+
+/// Returns the optimizer of a field over `n_steps` steps: warm-up from 1 % over 500 of 10,000 steps, in proportion in
+/// shorter trainings, then exponential decay to a tenth.
 fn training(learning_rate: f64, n_steps: usize) -> TrainConfig {
-    let n_warmup_steps = 500.min(n_steps as u64 / 4);
+    let n_warmup_steps = scaled(500, n_steps) as u64;
     TrainConfig {
         adam: AdamConfig { beta1: 0.9, beta2: 0.99, epsilon: 1e-15 },
         encoding_learning_rate: learning_rate,
@@ -33,6 +52,17 @@ fn training(learning_rate: f64, n_steps: usize) -> TrainConfig {
         schedule: Schedule { n_warmup_steps, warmup_start: 0.01, n_steps: n_steps as u64, final_factor: 0.1 },
         ..TrainConfig::default()
     }
+}
+
+/// Returns the factor on the learning rates of the surface in a training of `n_steps` steps: a shorter one than the
+/// published takes larger steps, by the root of what it is shorter, at most fourfold.
+fn rate_factor(n_steps: usize) -> f64 {
+    (PUBLISHED_STEPS as f64 / n_steps.max(1) as f64).sqrt().clamp(1.0, 4.0)
+}
+
+/// Returns the part of a training of `n_steps` steps that `steps` are of the published one, no more than `steps`.
+fn scaled(steps: usize, n_steps: usize) -> usize {
+    (steps * n_steps / PUBLISHED_STEPS).clamp(1, steps)
 }
 
 /// Returns a hash grid of 16 levels of 2 features, base 16.
@@ -47,10 +77,11 @@ fn encoding<const D: usize>(log2_hashmap_size: u32) -> HashGridConfig<D> {
     }
 }
 
-/// Returns the published signed distance field (method.md §3): 2^19 entries, xyz appended, 2 × 64 ReLU with weight
-/// normalization, learning rate 8e-4, inv_s = exp(10 v) with v = 0.3 at the start.
+/// Returns the published signed distance field (method.md §3): 2^19 entries, 2x − 1 appended, 2 × 64 ReLU with weight
+/// normalization, learning rate 8e-4 (more in trainings of fewer steps than the published), inv_s = exp(10 v) with v =
+/// 0.3 at the start.
 pub fn surface_config(loss: SurfaceLoss, n_steps: usize) -> SurfaceConfig {
-    const LEARNING_RATE: f64 = 8e-4;
+    let learning_rate = 8e-4 * rate_factor(n_steps);
     let field = HashFieldConfig {
         encoding: encoding(19),
         n_outputs: 1,
@@ -58,9 +89,15 @@ pub fn surface_config(loss: SurfaceLoss, n_steps: usize) -> SurfaceConfig {
         n_hidden_layers: 2,
         output_activation: Activation::Linear,
         append_position: true,
-        training: TrainConfig { weight_normalization: true, ..training(LEARNING_RATE, n_steps) },
+        training: TrainConfig { weight_normalization: true, ..training(learning_rate, n_steps) },
     };
-    SurfaceConfig { field, extent: [SIDE as f32; 3], sharpness: 0.3, sharpness_learning_rate: LEARNING_RATE, loss }
+    SurfaceConfig {
+        field,
+        extent: [SIDE as f32; 3],
+        sharpness: PUBLISHED_SHARPNESS,
+        sharpness_learning_rate: learning_rate,
+        loss,
+    }
 }
 
 /// Returns the published field over an image (ambient, albedo): 2^15 entries, 2 × 64, sigmoid, learning rate 8e-3.
@@ -76,16 +113,19 @@ pub fn image_field_config(n_outputs: usize, n_steps: usize) -> HashFieldConfig<2
     }
 }
 
-/// Returns the settings of the occupancy grid: 128³ cells, threshold 1e-3.
-pub fn occupancy_config() -> OccupancyConfig {
-    OccupancyConfig::default()
+/// Returns the settings of the occupancy grid: 128³ cells, threshold 1e-3, all cells for the first 256 of 10,000 steps,
+/// in proportion in shorter trainings.
+pub fn occupancy_config(n_steps: usize) -> OccupancyConfig {
+    let published = OccupancyConfig::default();
+    let n_warmup_steps = scaled(published.n_warmup_steps as usize, n_steps) as u64;
+    OccupancyConfig { n_warmup_steps, ..published }
 }
 
 /// Updates the occupancy grid's cells: a cell's alpha is that of a surface seen head on over one step,
 /// (Φ(f + h) − Φ(f − h) + 1e-5) / (Φ(f + h) + 1e-5) with h half a step (TurboSL's published configuration).
 pub fn update_occupancy(grid: &mut OccupancyGrid, surface: &NeuralSurface, step: u64, seed: u64) {
     let inv_s = surface.inv_s() as f32;
-    let half = (0.5 * SIDE * 3f64.sqrt() / STEPS_PER_DIAGONAL) as f32;
+    let half = 0.5 * step_units();
     grid.update(step, seed, |points, alpha| {
         surface.field().query(points, alpha);
         for a in alpha {

@@ -1,11 +1,11 @@
-//! Samples along rays, in the occupied part of the cube only.
+//! Samples along rays at even distances, in the occupied part of the cube only.
 
 use nalgebra::{Point3, Vector3};
 use nelu3d_field::occupancy::OccupancyGrid;
 use rayon::prelude::*;
 
 use super::bounds::Bounds;
-use super::config::STEPS_PER_DIAGONAL;
+use super::config::{STEPS_PER_DIAGONAL, step_units};
 
 /// A ray in the camera's frame, mm.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +29,29 @@ pub struct RaySamples {
     pub t: Vec<f32>,
     /// Position in the unit cube.
     pub points: Vec<[f32; 3]>,
+    /// Length of the interval in whose middle the sample lies, units.
+    pub lengths: Vec<f32>,
+}
+
+impl RaySamples {
+    /// Joins the samples of groups of rays, in order; the offsets of a group's rays are their ends.
+    pub(super) fn concatenate(groups: Vec<RaySamples>) -> Self {
+        let n = groups.iter().map(|c| c.t.len()).sum();
+        let mut all = RaySamples {
+            offsets: vec![0],
+            t: Vec::with_capacity(n),
+            points: Vec::with_capacity(n),
+            lengths: Vec::with_capacity(n),
+        };
+        for group in groups {
+            let first = all.t.len();
+            all.offsets.extend(group.offsets.iter().map(|o| first + o));
+            all.t.extend_from_slice(&group.t);
+            all.points.extend_from_slice(&group.points);
+            all.lengths.extend_from_slice(&group.lengths);
+        }
+        all
+    }
 }
 
 /// Returns the distance between two samples, mm.
@@ -57,6 +80,7 @@ pub fn march(rays: &[March], bounds: &Bounds, grid: &OccupancyGrid) -> RaySample
                     if grid.is_occupied(point) {
                         out.t.push(t as f32);
                         out.points.push(point);
+                        out.lengths.push(step_units());
                     }
                 }
                 out.offsets.push(out.t.len());
@@ -64,13 +88,5 @@ pub fn march(rays: &[March], bounds: &Bounds, grid: &OccupancyGrid) -> RaySample
             out
         })
         .collect();
-    let n = chunks.iter().map(|c| c.t.len()).sum();
-    let mut all = RaySamples { offsets: vec![0], t: Vec::with_capacity(n), points: Vec::with_capacity(n) };
-    for chunk in chunks {
-        let first = all.t.len();
-        all.offsets.extend(chunk.offsets.iter().map(|o| first + o));
-        all.t.extend_from_slice(&chunk.t);
-        all.points.extend_from_slice(&chunk.points);
-    }
-    all
+    RaySamples::concatenate(chunks)
 }

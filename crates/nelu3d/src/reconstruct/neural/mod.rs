@@ -1,14 +1,20 @@
 //! Recipe `paper`: the published reconstruction (paper, Sec. 3; settings in TurboSL's public configuration, from which
 //! it derives).
 //!
-//! A hash-encoded signed distance field is trained from a plane or sphere by volume rendering of the frozen color
-//! field, with an ambient term A(u, v) over the image, for 10,000 iterations. Nothing of what recipe `fast` knows
-//! (noise, ambiguity, depth jumps, interreflection) is used. Fig. 7's ablations are settings.
+//! A hash-encoded signed distance field is trained by volume rendering of the frozen color field, with an ambient term
+//! A(u, v) over the image, for 10,000 iterations. It begins as the surface that recipe `fast` decodes from its cost
+//! volume, or as published with nothing, or as a plane or a sphere; nothing else of what `fast` knows (noise, depth
+//! jumps, interreflection) is used. Fig. 7's ablations are settings.
+//!
+//! With fewer iterations or samples than published, the same schedules run in proportion, and samples are placed where
+//! the surface may be.
 
 mod ambient;
 mod batch;
 pub mod bounds;
 pub mod config;
+mod importance;
+mod lookup_start;
 pub mod march;
 #[cfg(feature = "gpu")]
 mod on_gpu;
@@ -25,15 +31,17 @@ use super::context::Context;
 use super::diagnostics::{PaperDiagnostics, RecipeDiagnostics};
 use super::error::Failure;
 use super::filter::nothing_left;
+use super::initialize::initialize;
 use super::observer::Stage;
-use super::options::ReconstructionOptions;
+use super::options::{CrosstalkMode, ReconstructionOptions};
 use super::scene::Scene;
+use super::settings::FastSettings;
 use crate::color_field::ColorField;
 use crate::surface::{PixelStatus, Surface, SurfaceMaps, assemble};
 pub use ambient::Ambient;
 use ambient::AmbientField;
 use batch::TrainingPixels;
-pub use options::{Background, PaperOptions};
+pub use options::{Background, PaperOptions, PaperStart};
 pub use record::TrainingRecord;
 use training::Training;
 use view::RenderedView;
@@ -55,11 +63,12 @@ pub(super) fn reconstruct(
 ) -> Result<(Surface, RecipeDiagnostics), Failure> {
     let n_steps = opts.steps.unwrap_or(ITERATIONS);
     let mut scene = Scene::measure(capture, camera, field, MIN_MODEL_SIGMA, cx)?;
-    let pixels = TrainingPixels::new(&scene.measurements, &scene.rays, opts.paper.background)
+    let pixels = TrainingPixels::new(&scene.measurements, &scene.rays, &opts.paper)
         .ok_or_else(|| nothing_left(&scene.measurements.status))?;
 
+    let decoded = if opts.paper.start == PaperStart::Lookup { Some(decode(&mut scene, opts, cx)?) } else { None };
     cx.clock.begin("give the field its start");
-    let mut training = Training::new(&scene, &pixels, opts, n_steps);
+    let mut training = Training::new(&scene, &pixels, opts, n_steps, decoded.as_deref());
     cx.clock.begin("train by volume rendering");
     training.run(cx)?;
 
@@ -78,6 +87,15 @@ pub(super) fn reconstruct(
     surface.replace_normals(&view.normals);
     let diagnostics = PaperDiagnostics { iterations: n_steps, unit_mm: pixels.bounds.unit_mm, losses: records };
     Ok((surface, RecipeDiagnostics::Paper(diagnostics)))
+}
+
+/// Decodes the depth map from which training starts, camera z in mm; NaN where there is none. The measurements stay as
+/// they are.
+fn decode(scene: &mut Scene<'_>, opts: &ReconstructionOptions, cx: &mut Context<'_>) -> Result<Vec<f32>, Failure> {
+    let measured = scene.measurements.clone();
+    let initial = initialize(scene, None, CrosstalkMode::Off, &FastSettings::new(opts), cx);
+    scene.measurements = measured;
+    Ok(initial?.depth.inv_z.iter().map(|inv_z| 1.0 / inv_z).collect())
 }
 
 /// Rejects valid pixels to which rendering gave no depth.

@@ -222,7 +222,7 @@ mod tests {
         let before = surface.field().params().to_vec();
         let mut ambient = AmbientField::new(Ambient::Bounded, 1, 300, 1);
         let mut occupancy =
-            OccupancyGrid::new(OccupancyConfig { resolution: 8, ..config::occupancy_config() }, |_| true);
+            OccupancyGrid::new(OccupancyConfig { resolution: 8, ..config::occupancy_config(300) }, |_| true);
         let nodes = vec![0.5; 4 * 4 * 4 * 2];
         let pixel = ScenePixel { dir: [0.0, 0.0, 1.0], near: 1.0, place: [0.5; 2], far: 2.0, mask: 1.0 };
         let scene = DeviceScene {

@@ -3,7 +3,41 @@
 use serde::{Deserialize, Serialize};
 
 use super::ambient::Ambient;
+use super::config::{PUBLISHED_SAMPLES, PUBLISHED_SHARPNESS};
 use super::start::Start;
+
+/// The first shape of the signed distance field of recipe `paper`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum PaperStart {
+    /// None, as TurboSL's public code has it: random parameters
+    Random,
+    /// A plane through the middle of the volume that faces the camera
+    Plane,
+    /// A sphere of half a unit in the middle of the volume
+    Sphere,
+    /// The surface that recipe `fast` decodes from its cost volume, before it refines it
+    #[default]
+    Lookup,
+}
+
+impl PaperStart {
+    /// Returns v of the sharpness exp(10 v) that training begins with.
+    pub(super) fn sharpness(self) -> f64 {
+        if self == Self::Lookup { 0.45 } else { PUBLISHED_SHARPNESS }
+    }
+
+    /// Returns the shape that needs no scene; `None` for the decoded surface.
+    pub(super) fn shape(self) -> Option<Start> {
+        match self {
+            Self::Random => Some(Start::Random),
+            Self::Plane => Some(Start::Plane),
+            Self::Sphere => Some(Start::Sphere),
+            Self::Lookup => None,
+        }
+    }
+}
 
 /// Rays whose pixel is too dark to show an object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -11,9 +45,10 @@ use super::start::Start;
 #[serde(rename_all = "lowercase")]
 pub enum Background {
     /// They are not drawn: all rays go to pixels with a codeword
-    #[default]
     Crop,
-    /// They are drawn, with the published mask loss, which has no gradient where the start blocks them for certain
+    /// They are drawn and should be black and transparent, as published; the mask loss has no gradient where the start
+    /// blocks them for certain
+    #[default]
     Clamped,
     /// They are drawn, with a mask loss that does not saturate; it can push a plane behind the object
     Carve,
@@ -27,7 +62,7 @@ pub enum Background {
 pub struct PaperOptions {
     /// First shape of the signed distance field
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Self::default().start))]
-    pub start: Start,
+    pub start: PaperStart,
     /// α of Eq. 4: 1 for the lookup loss alone, 0 for the pattern loss alone
     #[cfg_attr(feature = "clap", arg(long, value_name = "A", value_parser = unit_interval))]
     #[cfg_attr(feature = "clap", arg(default_value_t = Self::default().lookup_loss_weight))]
@@ -41,6 +76,26 @@ pub struct PaperOptions {
     /// Samples per iteration; the number of rays follows
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = Self::default().samples))]
     pub samples: usize,
+    /// Largest number of samples of a ray where `--samples` is below the published 262144: half of them spread evenly,
+    /// half where these see the surface; 0 marches as published
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = Self::default().ray_samples))]
+    pub ray_samples: usize,
+    /// v of the sharpness exp(10 v) that the surface begins with, per unit (default: 0.3 as published; 0.45 with `--start
+    /// lookup`, whose surface is known better)
+    #[cfg_attr(feature = "clap", arg(long, value_name = "V"))]
+    pub sharpness: Option<f64>,
+    /// Length of the unit in which distances and losses are measured; the field is a cube of 3 units around the middle
+    /// of the calibrated volume (default: a third of that volume's longest side)
+    #[cfg_attr(feature = "clap", arg(long, value_name = "MM", value_parser = positive))]
+    pub unit_mm: Option<f64>,
+}
+
+#[cfg(feature = "clap")]
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(v) if v > 0.0 && f64::is_finite(v) => Ok(v),
+        _ => Err("a positive number".into()),
+    }
 }
 
 #[cfg(feature = "clap")]
@@ -54,11 +109,14 @@ fn unit_interval(text: &str) -> Result<f64, String> {
 impl Default for PaperOptions {
     fn default() -> Self {
         Self {
-            start: Start::Plane,
+            start: PaperStart::default(),
             lookup_loss_weight: 0.1,
             ambient: Ambient::Bounded,
-            background: Background::Crop,
-            samples: 262_144,
+            background: Background::default(),
+            samples: PUBLISHED_SAMPLES,
+            ray_samples: 64,
+            sharpness: None,
+            unit_mm: None,
         }
     }
 }

@@ -3,11 +3,12 @@
 #[cfg(feature = "gpu")]
 use nelu3d_field::device::Device;
 use nelu3d_field::occupancy::OccupancyGrid;
-use nelu3d_field::surface::{NeuralSurface, SurfaceLoss};
+use nelu3d_field::surface::{NeuralSurface, SurfaceConfig, SurfaceLoss};
 
 use super::ambient::AmbientField;
 use super::batch::{RayBatch, TrainingPixels};
 use super::config;
+use super::lookup_start::DecodedBody;
 #[cfg(feature = "gpu")]
 use super::on_gpu;
 use super::options::Background;
@@ -19,10 +20,6 @@ use crate::reconstruct::error::Failure;
 use crate::reconstruct::observer::Stage;
 use crate::reconstruct::options::ReconstructionOptions;
 use crate::reconstruct::scene::Scene;
-
-/// Every how many samples the eikonal loss is evaluated. It is a mean over samples, which every fourth of a step
-/// estimates as well, for two thirds of the time.
-const EIKONAL_EVERY: usize = 4;
 
 /// A training and its state.
 pub(super) struct Training<'a> {
@@ -40,28 +37,35 @@ pub(super) struct Training<'a> {
 }
 
 impl<'a> Training<'a> {
-    /// Initializes the fields.
+    /// Initializes the fields. `decoded` is the depth map from which training starts, camera z in mm, if it does.
     pub(super) fn new(
         scene: &'a Scene<'a>,
         pixels: &'a TrainingPixels,
         opts: &'a ReconstructionOptions,
         n_steps: usize,
+        decoded: Option<&[f32]>,
     ) -> Self {
         let settings = &opts.paper;
         let loss = SurfaceLoss {
             lookup_loss_weight: settings.lookup_loss_weight,
             clamped_mask: settings.background != Background::Carve,
-            eikonal_every: EIKONAL_EVERY,
             ..SurfaceLoss::default()
         };
         let occupancy =
-            OccupancyGrid::new(config::occupancy_config(), |q| pixels.reaches(scene.camera, &scene.rays, q));
+            OccupancyGrid::new(config::occupancy_config(n_steps), |q| pixels.reaches(scene.camera, &scene.rays, q));
+        let sharpness = settings.sharpness.unwrap_or(settings.start.sharpness());
+        let config = SurfaceConfig { sharpness, ..config::surface_config(loss, n_steps) };
+        let body = decoded.and_then(|z| DecodedBody::new(scene.camera, pixels.bounds, &scene.rays.plane, z));
+        let surface = match body {
+            Some(body) => body.surface(config, opts.seed),
+            None => settings.start.shape().unwrap_or_default().surface(config, opts.seed),
+        };
         Self {
             scene,
             pixels,
             opts,
             n_steps,
-            surface: settings.start.surface(config::surface_config(loss, n_steps), opts.seed),
+            surface,
             ambient: AmbientField::new(settings.ambient, scene.white.channels, n_steps, opts.seed),
             occupancy,
             n_rays: config::FIRST_RAYS,
@@ -83,6 +87,10 @@ impl<'a> Training<'a> {
     #[cfg(feature = "gpu")]
     fn run_on_gpu(&mut self, cx: &mut Context<'_>) -> Result<usize, Failure> {
         let Device::Gpu(gpu) = cx.device.clone() else { return Ok(0) };
+        cx.progress.warn(
+            "on a GPU, recipe `paper` marches every ray and takes alphas between neighboring samples, not at midpoints; \
+             on the CPU it trains as documented",
+        );
         let (scene, pixels, opts) = (self.scene, self.pixels, self.opts);
         let on_device = on_gpu::DeviceScene::new(pixels, scene, &opts.paper, opts.seed);
         let (records, unit_mm) = (&mut self.records, pixels.bounds.unit_mm);
@@ -113,12 +121,17 @@ impl<'a> Training<'a> {
         let (scene, seed) = (self.scene, self.opts.seed);
         let spline = scene.spline();
         let mut batch = RayBatch::default();
+        let settings = &self.opts.paper;
+        let scarce = settings.samples < config::PUBLISHED_SAMPLES && settings.ray_samples > 0;
+        let per_ray = scarce.then_some(settings.ray_samples);
         for step in done..self.n_steps {
             cx.stop_if_cancelled()?;
             config::update_occupancy(&mut self.occupancy, &self.surface, step as u64, seed);
             let (m, rays) = (&scene.measurements, &scene.rays);
-            batch.draw(self.pixels, m, rays, &spline, &self.occupancy, self.n_rays, seed, step as u64);
-            let losses = batch.step(&mut self.surface, &mut self.ambient);
+            let (grid, surface) = (&self.occupancy, &self.surface);
+            batch.draw(self.pixels, m, rays, &spline, grid, surface, self.n_rays, per_ray, seed, step as u64);
+            let anneal = config::anneal(step, self.n_steps);
+            let losses = batch.step(&mut self.surface, &mut self.ambient, anneal);
             let n_samples = batch.n_samples();
             if step % 100 == 0 || step + 1 == self.n_steps {
                 let counts = IterationCounts {
