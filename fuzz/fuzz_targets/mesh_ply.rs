@@ -1,14 +1,9 @@
-//! Meshes in PLY files.
-
 #![no_main]
 
-use std::path::Path;
+#[path = "../targets.rs"]
+#[allow(dead_code, reason = "one target is one program")]
+mod targets;
 
-use libfuzzer_sys::fuzz_target;
-use nelu3d_scan::Mesh;
-
-fuzz_target!(|bytes: &[u8]| {
-    if let Ok(mut mesh) = Mesh::from_bytes(Path::new("a.ply"), bytes) {
-        mesh.compute_normals();
-    }
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    targets::mesh_ply(bytes);
 });

@@ -1,13 +1,9 @@
-//! rig.toml.
-
 #![no_main]
 
-use std::path::Path;
+#[path = "../targets.rs"]
+#[allow(dead_code, reason = "one target is one program")]
+mod targets;
 
-use libfuzzer_sys::fuzz_target;
-use nelu3d_scan::{Camera, Rig};
-
-fuzz_target!(|bytes: &[u8]| {
-    let camera = Camera::pinhole(64, 48, 50.0, 50.0, 32.0, 24.0);
-    let _ = Rig::from_bytes(Path::new("rig"), bytes.to_vec(), camera, None);
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    targets::rig_toml(bytes);
 });

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use nelu3d_scan::Camera as Intrinsics;
 use nelu3d_scan::camera::{read_camera, write_camera};
 use nelu3d_scan::image::{Channels, Raw, RawData, write_raw_png};
+use nelu3d_scan::input::{MAX_TEXT, read_file, read_text};
 use nelu3d_scan::output::{OutputDir, create_dir, link_or_copy, write_atomic};
 use nelu3d_scan::rig::{RIG_FILE, Rig};
 
@@ -71,7 +72,7 @@ impl RigWriter {
     /// There is no rig, or it is not sound.
     pub fn open(root: &Path) -> Result<Self, CaptureError> {
         let file = root.join(RIG_FILE);
-        let bytes = std::fs::read(&file).map_err(|e| unfit(&file, e, "give the folder of a rig"))?;
+        let bytes = read_file(&file, MAX_TEXT).map_err(|e| unfit(&file, e, "give the folder of a rig"))?;
         let table: toml::Table = String::from_utf8_lossy(&bytes).parse().unwrap_or_default();
         let name = table.get("camera").and_then(|c| c.get("intrinsics")).and_then(toml::Value::as_str);
         let camera_file = root.join(name.unwrap_or(CAMERA_FILE));
@@ -106,7 +107,7 @@ impl RigWriter {
         table.insert("pattern_sets".into(), vec![toml::Value::Table(set)].into());
         if let Some(path) = &new.board {
             let remedy = "give a file with the lines that `nelu3d board` prints, beginning with [board]";
-            let text = std::fs::read_to_string(path).map_err(|e| unfit(path, e, remedy))?;
+            let text = read_text(path).map_err(|e| unfit(path, e, remedy))?;
             let read: toml::Table = text.parse().map_err(|e: toml::de::Error| unfit(path, e.message(), remedy))?;
             let board = read.get("board").ok_or_else(|| unfit(path, "has no table [board]", remedy))?;
             table.insert("board".into(), board.clone());
@@ -268,8 +269,8 @@ impl RigWriter {
 fn pattern_set(folder: &Path) -> Result<toml::Table, CaptureError> {
     let file = folder.join("patterns.json");
     let remedy = "write the patterns with `nelu3d patterns recommended`";
-    let bytes = std::fs::read(&file).map_err(|e| unfit(&file, e, remedy))?;
-    let json: serde_json::Value = serde_json::from_slice(&bytes).map_err(|e| unfit(&file, e, remedy))?;
+    let text = read_text(&file).map_err(|e| unfit(&file, e, remedy))?;
+    let json: serde_json::Value = serde_json::from_str(&text).map_err(|e| unfit(&file, e, remedy))?;
     let set: Option<toml::Table> = json.get("pattern_set").cloned().and_then(|set| serde_json::from_value(set).ok());
     set.ok_or_else(|| unfit(&file, "has no pattern_set", remedy))
 }

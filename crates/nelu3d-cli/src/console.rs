@@ -35,14 +35,18 @@ impl Console {
     /// Sends the log here: warnings, more with each `verbose`, or what NELU3D_LOG asks for.
     pub(crate) fn log(self: Arc<Self>, verbose: u8) {
         let level = [LevelFilter::WARN, LevelFilter::INFO, LevelFilter::DEBUG][usize::from(verbose.min(2))];
+        // What libraries think of their input is for whoever asks: the program says itself what is wrong with it.
+        let others = if verbose == 0 { LevelFilter::ERROR } else { level };
+        let filter = Targets::new().with_default(others).with_target("nelu3d", level);
         // Levels by module. `EnvFilter` could filter by more, but brings a regular expression engine along.
         let asked = std::env::var("NELU3D_LOG").unwrap_or_default();
         let (filter, wrong) = match asked.parse::<Targets>() {
-            _ if asked.trim().is_empty() => (Targets::new(), None),
-            Ok(filter) => (filter, None),
-            Err(e) => (Targets::new(), Some(e)),
+            _ if asked.trim().is_empty() => (filter, None),
+            // A level for everything counts for everything; levels of modules add to the usual ones.
+            Ok(asked) if asked.default_level().is_some() => (asked, None),
+            Ok(asked) => (filter.with_targets(asked), None),
+            Err(e) => (filter, Some(e)),
         };
-        let filter = if filter.default_level().is_none() { filter.with_default(level) } else { filter };
         let ansi = self.terminal;
         let layer = tracing_subscriber::fmt::layer().with_ansi(ansi).with_target(verbose > 0).without_time();
         let layer = layer.with_writer(move || Lines(self.clone())).with_filter(filter);
@@ -57,6 +61,11 @@ impl Console {
         if !self.quiet {
             self.line(text);
         }
+    }
+
+    /// The last word, after all stages.
+    pub(crate) fn say(&self, text: &str) {
+        self.line(text);
     }
 
     /// Ends the last stage.
@@ -74,8 +83,8 @@ impl Console {
     /// Prints a line between the bars.
     fn line(&self, text: &str) {
         match &*self.lock() {
-            Some(stage) if self.terminal && !self.quiet => stage.bar.suspend(|| eprintln!("{text}")),
-            _ => eprintln!("{text}"),
+            Some(stage) if self.terminal && !self.quiet => stage.bar.suspend(|| print(text)),
+            _ => print(text),
         }
     }
 
@@ -83,7 +92,7 @@ impl Console {
         let Some(stage) = stage else { return };
         stage.bar.finish_and_clear();
         if done && !self.quiet {
-            eprintln!("{:<46} {:>7.1} s", stage.name, stage.start.elapsed().as_secs_f64());
+            print(&format!("{:<46} {:>7.1} s", stage.name, stage.start.elapsed().as_secs_f64()));
         }
     }
 
@@ -124,13 +133,18 @@ impl Sink for Console {
             stage.bar.set_position(done as u64);
         } else if !self.quiet && stage.last_line.elapsed() > PLAIN_INTERVAL {
             stage.last_line = Instant::now();
-            eprintln!("{}: {done} of {total}", stage.name);
+            print(&format!("{}: {done} of {total}", stage.name));
         }
     }
 
     fn warn(&self, message: &str) {
         self.line(&format!("warning: {message}"));
     }
+}
+
+/// Prints a line on standard error, which may have gone with its terminal: that is no reason to stop.
+fn print(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// Writes log lines through the console, so that they do not tear the bar.

@@ -78,7 +78,14 @@ impl CommandContext {
         match writeln!(std::io::stdout().lock(), "{}", answer.trim_end()) {
             // `nelu3d … | head` has seen enough.
             Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
-            written => Ok(written?),
+            Err(e) => {
+                let remedy = match e.kind() {
+                    ErrorKind::StorageFull => "free space on that disk, or send it elsewhere",
+                    _ => "send it elsewhere",
+                };
+                Err(anyhow::anyhow!("standard output: the answer cannot be written: {e}; {remedy}"))
+            }
+            Ok(()) => Ok(()),
         }
     }
 }

@@ -5,7 +5,7 @@
 //! machine reads is one JSON value on standard output (`--json`); everything else goes to standard error, except the
 //! answer a person asked for.
 //!
-//! Exit codes: 0 done, 1 failed or stopped by Ctrl-C, 2 wrong usage.
+//! Exit codes: 0 done, 1 failed or stopped by Ctrl-C, 2 wrong usage, 129 and 143 stopped by SIGHUP and SIGTERM.
 
 mod args;
 mod commands;
@@ -15,6 +15,7 @@ mod errors;
 mod experiment;
 mod paths;
 mod report;
+mod signals;
 
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -26,33 +27,40 @@ use clap::Parser;
 use args::{Args, Command};
 use console::Console;
 use context::CommandContext;
+use signals::StopRequest;
 
 fn main() -> ExitCode {
     // Wrong usage ends here, with clap's explanation and exit code 2.
     let args = Args::parse();
     let console = Arc::new(Console::new(args.global.quiet));
     console.clone().log(args.global.verbose);
-    let cancel = Arc::new(AtomicBool::new(false));
-    match run(args, &console, &cancel) {
+    let stop = match StopRequest::listen() {
+        Ok(stop) => stop,
+        Err(e) => {
+            console.say(&format!("nelu3d: cannot listen for Ctrl-C: {e}; try again"));
+            return ExitCode::FAILURE;
+        }
+    };
+    match run(args, &console, &stop.requested) {
         Ok(code) => {
             console.finish();
             code
         }
         Err(e) => {
             console.abandon();
-            if cancel.load(Ordering::Relaxed) {
-                eprintln!("nelu3d: stopped; nothing half written was left behind");
+            if stop.requested.load(Ordering::Relaxed) {
+                console.say("nelu3d: stopped; nothing half written was left behind");
+                ExitCode::from(stop.exit_code())
             } else {
-                eprintln!("nelu3d: {}", errors::sentence(&e));
+                console.say(&format!("nelu3d: {}", errors::sentence(&e)));
+                ExitCode::FAILURE
             }
-            ExitCode::FAILURE
         }
     }
 }
 
 /// Runs the command that was typed.
 fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::Result<ExitCode> {
-    stop_on_ctrl_c(cancel.clone()).context("cannot listen for Ctrl-C")?;
     if let Some(n) = args.global.threads {
         rayon::ThreadPoolBuilder::new().num_threads(n.get()).build_global().context("cannot start the threads")?;
     }
@@ -77,15 +85,4 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
         Command::Bench(a) => commands::bench::run(a, &context),
         Command::Devices => commands::devices::run(&context),
     }
-}
-
-/// Listens for Ctrl-C: the first asks the work to stop at its next chance, the second ends the program on the spot.
-fn stop_on_ctrl_c(cancel: Arc<AtomicBool>) -> Result<(), ctrlc::Error> {
-    ctrlc::set_handler(move || {
-        if cancel.swap(true, Ordering::Relaxed) {
-            nelu3d_scan::output::remove_partial();
-            std::process::exit(1);
-        }
-        eprintln!("\nstopping (Ctrl-C again to stop at once)");
-    })
 }

@@ -68,6 +68,34 @@ fn folders_of_the_method_use_only_lower_layers() {
     assert!(wrong.is_empty(), "against the layers of ARCHITECTURE.md:\n{}", wrong.join("\n"));
 }
 
+/// Files that open others in ways of their own: to lock folders, to read tables of the system, and to copy what this
+/// program wrote.
+const READERS: &[&str] = &[
+    "crates/nelu3d-scan/src/output/folder.rs",
+    "crates/nelu3d/src/result/summary.rs",
+    "crates/nelu3d-baselines/src/lookup3d/shape.rs",
+    "crates/nelu3d-cli/src/signals.rs",
+    "crates/nelu3d-cli/src/commands/sequence/outputs.rs",
+];
+
+/// Regular files up to a size are read through `nelu3d_scan::input`, never pipes, devices, or whatever a name leads to.
+#[test]
+fn files_are_read_in_one_place() {
+    let all = workspace();
+    let reads = |path: &&Vec<String>| {
+        let names: Vec<&str> = path.iter().map(String::as_str).collect();
+        matches!(names[..], [.., "fs", "read" | "read_to_string"] | [.., "File", "open"])
+    };
+    let modules = all.modules.iter().filter(|m| !READERS.contains(&m.file.as_str()));
+    let wrong: Vec<String> = modules
+        .flat_map(|m| m.paths.iter().filter(reads).map(|path| format!("{} names {}", m.file, path.join("::"))))
+        .collect();
+    assert!(wrong.is_empty(), "not through nelu3d_scan::input:\n{}", wrong.join("\n"));
+    let found = |file: &&&str| all.modules.iter().any(|m| m.file == **file && m.paths.iter().any(|p| reads(&p)));
+    let stale: Vec<_> = READERS.iter().filter(|file| !found(file)).collect();
+    assert!(stale.is_empty(), "these read nothing any more: {stale:?}");
+}
+
 fn may_use(user: &str, used: &str) -> bool {
     CRATES.iter().any(|(name, below)| *name == user && below.contains(&used))
 }

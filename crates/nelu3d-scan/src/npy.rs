@@ -7,17 +7,18 @@ pub use header::{Header, Number, NumberKind};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::input::{MAX_DATA, read_file};
 use crate::output::write_atomic;
 
 /// Why a `.npy` file could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum NpyError {
-    /// The file is missing, or the operating system would not let it be read.
+    /// The file is missing, no regular file, too large, or the operating system would not let it be read.
     #[error("{}: cannot be read: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// What is wrong, and what to do about it.
         source: io::Error,
     },
     /// Not an npy file, or a truncated one.
@@ -53,7 +54,7 @@ pub struct Array {
 ///
 /// The file cannot be read, is truncated, or holds another type.
 pub fn read(path: &Path) -> Result<Array, NpyError> {
-    let bytes = std::fs::read(path).map_err(|source| NpyError::Io { path: path.to_path_buf(), source })?;
+    let bytes = read_file(path, MAX_DATA).map_err(|source| NpyError::Io { path: path.to_path_buf(), source })?;
     from_bytes(path, &bytes)
 }
 

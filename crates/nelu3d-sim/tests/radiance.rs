@@ -54,7 +54,7 @@ fn unit(spec: &Spec) -> f64 {
 
 fn object(shape: ShapeSpec, position_mm: [f64; 3], rotation: [f64; 3], albedo: f64) -> ObjectSpec {
     let albedo = AlbedoSpec::Constant { rgb: [albedo; 3] };
-    ObjectSpec { position_mm, rotation, shape, deformation: None, albedo, material: MaterialSpec::Lambert }
+    ObjectSpec { position_mm, rotation, shape, deformation: None, albedo, material: MaterialSpec::Lambert {} }
 }
 
 /// White, black and pattern images of the scene, as light.
@@ -192,7 +192,7 @@ fn a_furnace_is_as_bright_as_its_series() {
         let a: f64 = 0.5;
         let expected = 0.2 * (1..=bounces as i32 + 1).map(|k| a.powi(k)).sum::<f64>();
         let translucent = MaterialSpec::Translucent { mean_free_path_mm: 5.0, share: 0.6 };
-        for material in [MaterialSpec::Lambert, translucent] {
+        for material in [MaterialSpec::Lambert {}, translucent] {
             let seen = furnace(bounces, a, material);
             assert!(seen.iter().all(|v| (v - expected).abs() < 2e-4), "{bounces} {material:?}: not {expected}");
         }

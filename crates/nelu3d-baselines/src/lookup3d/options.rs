@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 pub struct LookupOptions {
     /// Lookup table to decode with, .npy or .npz (default: built from the rig's sweep)
     #[cfg_attr(feature = "clap", arg(long, value_name = "FILE"))]
+    #[serde(serialize_with = "nelu3d_scan::path_text::serialize_option")]
     pub table: Option<PathBuf>,
     /// Build the table for every Nth pixel and row only; pixels between them are interpolated [default: 1]
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", conflicts_with = "table"))]
@@ -21,6 +22,7 @@ pub struct LookupOptions {
     pub rank: Option<usize>,
     /// Result folder of the frame before: look around its depth first
     #[cfg_attr(feature = "clap", arg(long, value_name = "RESULT"))]
+    #[serde(serialize_with = "nelu3d_scan::path_text::serialize_option")]
     pub previous: Option<PathBuf>,
     /// How the table is searched.
     #[cfg_attr(feature = "clap", command(flatten))]

@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use nelu3d_scan::Projector;
+use nelu3d_scan::camera::projector_json;
+use nelu3d_scan::input::read_text;
 
 use super::report::ProjectorReport;
 use crate::error::DecodeError;
@@ -15,11 +17,7 @@ use crate::response::Response;
 ///
 /// The file cannot be written.
 pub fn write(path: &Path, projector: &Projector, report: &ProjectorReport) -> std::io::Result<()> {
-    let dir = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let scratch = tempfile::tempdir_in(dir)?;
-    let plain = scratch.path().join("projector.json");
-    nelu3d_scan::camera::write_projector(&plain, projector)?;
-    let mut json: serde_json::Map<String, serde_json::Value> = serde_json::from_slice(&std::fs::read(&plain)?)?;
+    let mut json: serde_json::Map<String, serde_json::Value> = serde_json::from_str(&projector_json(projector))?;
     let calibration = serde_json::json!({
         "set": report.set,
         "positions": report.positions,
@@ -41,7 +39,7 @@ pub fn write(path: &Path, projector: &Projector, report: &ProjectorReport) -> st
 /// Reads the response of a projector file that [`write`] wrote; `None` if it has none.
 pub(crate) fn read_response(path: &Path) -> Result<Option<Response>, DecodeError> {
     // Other formats than ours have no response.
-    let Some(json) = std::fs::read(path).ok().and_then(|b| serde_json::from_slice::<serde_json::Value>(&b).ok()) else {
+    let Some(json) = read_text(path).ok().and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok()) else {
         return Ok(None);
     };
     let Some(value) = json.get("response") else { return Ok(None) };

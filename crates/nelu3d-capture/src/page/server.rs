@@ -9,6 +9,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use nelu3d_scan::image::{Image, Raw, RawData, encode_rgb8};
+use nelu3d_scan::input::{MAX_DATA, read_file};
 use serde::Deserialize;
 use tiny_http::{Header, Method, Request, Response, Server};
 
@@ -292,7 +293,7 @@ impl Answers {
             "black" => &self.slides.black,
             number => self.slides.patterns.get(number.parse::<usize>().ok()?)?,
         };
-        std::fs::read(file).ok()
+        read_file(file, MAX_DATA).ok()
     }
 
     /// Takes a frame: `height × width × 4` bytes of red, green, blue and opacity, as a canvas has them.

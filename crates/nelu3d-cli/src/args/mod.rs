@@ -40,8 +40,9 @@ use patterns::size as parse_size;
 use rig::{channels as parse_channels, code as parse_code};
 
 /// Exit codes, which scripts can rely on.
-const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed or stopped by Ctrl-C, 2 wrong usage. What fails says so in one \
-                          sentence on standard error, and leaves no half-written output behind.";
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed or stopped by Ctrl-C, 2 wrong usage, 129 or 143 stopped by SIGHUP \
+                          or SIGTERM. What fails says so in one sentence on standard error, and leaves no \
+                          half-written output behind.";
 
 /// 3D scanning with a camera and any light source that throws a pattern.
 ///
@@ -72,8 +73,17 @@ pub(crate) struct GlobalArgs {
     #[arg(long, short, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
     /// Threads to use (default: all).
-    #[arg(long, global = true, value_name = "N")]
+    #[arg(long, global = true, value_name = "N", value_parser = threads)]
     pub threads: Option<NonZeroUsize>,
+}
+
+/// Parses a number of threads. Each takes memory of its own, and more than there are cores make nothing faster.
+fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    const MOST: usize = 1024;
+    match text.parse::<NonZeroUsize>() {
+        Ok(n) if n.get() <= MOST => Ok(n),
+        _ => Err(format!("give a number from 1 to {MOST}; without --threads, every core gets one")),
+    }
 }
 
 /// The commands of the program.

@@ -34,7 +34,8 @@ pub(crate) fn run(args: BoardArgs, context: &CommandContext) -> Result<ExitCode>
     // Who has measured a print does not need another.
     let wanted = output.output.is_some() || output.measured.is_none();
     let files = if wanted { write(&board, &output)? } else { Vec::new() };
-    context.answer(&serde_json::json!({ "files": files, "board": lines }), || {
+    let names: Vec<String> = files.iter().map(|file| shown(file)).collect();
+    context.answer(&serde_json::json!({ "files": names, "board": lines }), || {
         let written = match files.as_slice() {
             [] => String::new(),
             [one] => format!("# written   {}\n", shown(one)),

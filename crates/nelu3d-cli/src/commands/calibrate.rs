@@ -27,7 +27,7 @@ pub(crate) fn run(args: CalibrateArgs, context: &CommandContext) -> Result<ExitC
     let bytes = std::fs::metadata(&output).map(|m| m.len()).ok();
     let cpu_secs: f64 = report.stages.iter().map(|s| s.cpu_secs).sum();
     let answer = serde_json::json!({
-        "field": output,
+        "field": shown(&output),
         "field_bytes": bytes,
         "cpu_secs": cpu_secs,
         "peak_memory_bytes": nelu3d::result::peak_memory_bytes(),

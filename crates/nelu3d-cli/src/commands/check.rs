@@ -14,7 +14,7 @@ pub(crate) fn run(args: CheckArgs, context: &CommandContext) -> Result<ExitCode>
     context.progress.stage("check");
     let findings = check(&args.rig);
     let errors = findings.iter().filter(|f| f.severity == Severity::Error).count();
-    let json = serde_json::json!({ "rig": args.rig, "ok": errors == 0, "findings": findings });
+    let json = serde_json::json!({ "rig": shown(&args.rig), "ok": errors == 0, "findings": findings });
     context.answer(&json, || text(&shown(&args.rig), &findings, errors))?;
     Ok(if errors == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

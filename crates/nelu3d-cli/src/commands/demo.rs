@@ -52,10 +52,10 @@ pub(crate) fn run(args: DemoArgs, context: &CommandContext) -> Result<ExitCode> 
     let json: Vec<_> = answers
         .iter()
         .map(|(result, WrittenResult { summary, .. })| {
-            serde_json::json!({ "result": result, "report": result.join("report.html"), "summary": summary })
+            serde_json::json!({ "result": shown(result), "report": shown(&result.join("report.html")), "summary": summary })
         })
         .collect();
-    context.answer(&serde_json::json!({ "rig": rig_dir, "results": json }), || {
+    context.answer(&serde_json::json!({ "rig": shown(&rig_dir), "results": json }), || {
         let mut text = String::new();
         for (result, WrittenResult { summary, metrics }) in &answers {
             let metrics = metrics.as_ref().map(ToString::to_string).unwrap_or_default();

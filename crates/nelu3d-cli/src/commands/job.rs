@@ -192,7 +192,7 @@ pub(super) fn mesh_files(formats: &[MeshFormat]) -> MeshFiles {
 /// Runs a job and prints its answer.
 pub(super) fn answer(job: &ResultJob<'_>, context: &CommandContext) -> Result<()> {
     let WrittenResult { summary, metrics } = job.run(context)?;
-    context.answer(&serde_json::json!({ "result": job.output, "summary": summary }), || {
+    context.answer(&serde_json::json!({ "result": shown(&job.output), "summary": summary }), || {
         let metrics = metrics.as_ref().map(|m| format!("\n{m}")).unwrap_or_default();
         format!(
             "{} of {} pixels have a depth\n{metrics}result  {}\nreport  {}",

@@ -25,7 +25,7 @@ pub(crate) fn run(args: ProjectorArgs, context: &CommandContext) -> Result<ExitC
     let (projector, report) = calibrate_projector(&rig, args.set.as_deref(), &args.options, &context.progress)?;
     context.stop_if_asked()?;
     projector::write(&output, &projector, &report)?;
-    context.answer(&serde_json::json!({ "projector": output, "report": report }), || {
+    context.answer(&serde_json::json!({ "projector": shown(&output), "report": report }), || {
         format!("{}projector {}", text(&report), shown(&output))
     })?;
     Ok(ExitCode::SUCCESS)

@@ -16,7 +16,7 @@ use crate::paths::shown;
 pub(crate) fn run(args: SimulateArgs, context: &CommandContext) -> Result<ExitCode> {
     let spec = spec(&args.spec)?;
     write(&spec, &args.output, context)?;
-    context.answer(&serde_json::json!({ "rig": args.output }), || format!("rig  {}", shown(&args.output)))?;
+    context.answer(&serde_json::json!({ "rig": shown(&args.output) }), || format!("rig  {}", shown(&args.output)))?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -57,7 +57,7 @@ fn export(args: TableExportArgs, context: &CommandContext) -> Result<()> {
     let s = built.table.shape;
     let bytes = std::fs::metadata(&args.output).map_or(0, |m| m.len());
     let answer = json!({
-        "table": args.output, "bytes": bytes, "width": s.width, "height": s.height, "stride": s.step,
+        "table": shown(&args.output), "bytes": bytes, "width": s.width, "height": s.height, "stride": s.step,
         "positions": s.n_positions, "channels": s.k, "noise": built.table.variance.sqrt(),
         "rank": lost.as_ref().map(|c| c.table.rank), "depth_rank": lost.as_ref().map(|c| c.table.depth_rank),
         "lost": lost.as_ref().map(|c| &c.rms), "lost_depth_mm": lost.as_ref().map(|c| c.depth_rms_mm),

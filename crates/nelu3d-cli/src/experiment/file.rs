@@ -3,9 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, anyhow, bail};
+use nelu3d_scan::input::{read_text, shortened, toml_reason};
+use nelu3d_sim::Spec;
+use nelu3d_sim::spec::PRESETS;
 use serde::Deserialize;
 use toml::{Table, Value};
+
+use super::columns;
 
 /// The experiments that come with the program: name and file.
 pub(super) const BUILT_IN: [(&str, &str); 17] = [
@@ -182,6 +187,7 @@ fn three() -> usize {
 impl Experiment {
     /// Reads a built-in experiment by its name, or a file. `quick` merges what the file says for quick runs.
     pub(super) fn read(name: &str, quick: bool) -> Result<(String, Self)> {
+        let whose = name;
         let (name, text, dir) = match BUILT_IN.iter().find(|(n, _)| *n == name) {
             Some((n, text)) => ((*n).to_owned(), (*text).to_owned(), PathBuf::new()),
             None => {
@@ -190,12 +196,12 @@ impl Experiment {
                 if !path.exists() {
                     bail!("`{name}` is neither an experiment ({known}) nor a file; name one of them");
                 }
-                let text = std::fs::read_to_string(path).with_context(|| format!("{name}: cannot be read"))?;
+                let text = read_text(path).with_context(|| format!("{name}: cannot be read"))?;
                 let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
                 (stem, text, path.parent().map(Path::to_path_buf).unwrap_or_default())
             }
         };
-        let mut experiment = Self::parse(&text, quick).with_context(|| format!("experiment {name}"))?;
+        let mut experiment = Self::parse(&text, quick).with_context(|| format!("experiment {whose}"))?;
         for rig in experiment.rigs.values_mut() {
             for file in [&mut rig.spec, &mut rig.folder].into_iter().flatten() {
                 *file = dir.join(&*file);
@@ -206,11 +212,13 @@ impl Experiment {
 
     /// Parses a file, with the changes of quick runs if asked for.
     fn parse(text: &str, quick: bool) -> Result<Self> {
-        let mut table: Table = toml::from_str(text)?;
+        let mut table: Table =
+            toml::from_str(text).map_err(|e| anyhow!("{}; correct the file", toml_reason(&e, text)))?;
         if quick && let Some(Value::Table(changes)) = table.get("quick").cloned() {
             merge(&mut table, &changes);
         }
-        let experiment: Self = table.try_into()?;
+        let experiment: Self =
+            table.try_into().map_err(|e: toml::de::Error| anyhow!("{}; correct the file", shortened(e.message())))?;
         experiment.check()?;
         Ok(experiment)
     }
@@ -225,12 +233,25 @@ impl Experiment {
             if rig.folder.is_some() && (rig.scale != 1.0 || !rig.set.is_empty()) {
                 bail!("rig `{name}` is a folder; `scale` and `set` are for virtual rigs");
             }
+            if let Some(preset) = rig.preset.as_deref().filter(|p| Spec::preset(p).is_none()) {
+                let known = PRESETS.map(|(name, _)| name).join(", ");
+                bail!("rig `{name}`: there is no preset `{preset}`; name one of: {known}");
+            }
             if !(rig.scale > 0.0 && rig.scale <= 8.0) {
                 bail!("rig `{name}`: `scale` is {}; give a number above 0, up to 8", rig.scale);
             }
         }
         if self.seeds.is_empty() || self.cases.is_empty() || self.methods.is_empty() || self.columns.is_empty() {
             bail!("give it at least one of each: `seeds`, `cases`, `methods`, `columns`");
+        }
+        if self.vary.as_ref().is_some_and(|v| v.values.is_empty()) {
+            bail!("`vary.values` is empty; give at least one value, or leave `vary` out");
+        }
+        for column in &self.columns {
+            columns::check(&column.value).with_context(|| format!("column `{}`", column.label))?;
+            if column.value.starts_with("against.") && self.against.is_none() {
+                bail!("column `{}`: `{}` needs `against`, the label of a method", column.label, column.value);
+            }
         }
         for case in &self.cases {
             if !self.rigs.contains_key(&case.rig) {
@@ -240,6 +261,9 @@ impl Experiment {
         for method in &self.methods {
             if !matches!(method.run.split_whitespace().next(), Some("reconstruct" | "decode" | "sequence")) {
                 bail!("method `{}`: `run` must begin with `reconstruct`, `decode` or `sequence`", method.label);
+            }
+            if method.seeds == Some(0) {
+                bail!("method `{}`: `seeds` is 0, so it would never run; give 1 or more", method.label);
             }
             if method.projector.is_some() && !method.run.starts_with("decode") {
                 bail!("method `{}`: `projector` is for `decode`", method.label);
@@ -333,6 +357,11 @@ mod tests {
             ("preset = 'demo'", "scale = 2", "one of `preset`"),
             ("run = 'reconstruct'", "run = 'rm -r'", "must begin with"),
             ("label = 'c'", "label = 'c'\nlabbel = 3", "labbel"),
+            ("preset = 'demo'", "preset = 'dmo'", "there is no preset `dmo`; name one of: demo"),
+            ("run = 'reconstruct'", "run = 'reconstruct'\nseeds = 0", "would never run; give 1 or more"),
+            ("step.wall_secs", "step.wall_sec", "column `l`: `step.wall_sec` is no value: `step` has no `wall_sec`"),
+            ("step.wall_secs", "against.depth_mm.mae", "needs `against`"),
+            ("title = 't'", "title = 't'\nvary = { name = 'x', label = 'x', values = [] }", "`vary.values` is empty"),
         ] {
             let error = Experiment::parse(&good.replace(from, to), false).unwrap_err();
             assert!(format!("{error:#}").contains(say), "{error:#}");

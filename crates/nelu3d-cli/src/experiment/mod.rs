@@ -6,6 +6,7 @@
 //! [`file::BUILT_IN`].
 
 mod cell;
+mod columns;
 mod file;
 mod names;
 mod page;
@@ -23,6 +24,7 @@ use nelu3d_scan::output::{create_dir, write_atomic};
 
 use crate::args::ExperimentArgs;
 use crate::context::CommandContext;
+use crate::paths::shown;
 use file::{BUILT_IN, Experiment};
 use step::StepRunner;
 use table::{ExperimentNumbers, TableCell};
@@ -33,6 +35,10 @@ pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<Exi
     let (name, mut experiment) = Experiment::read(name, args.quick)?;
     if let Some(seeds) = &args.seeds {
         experiment.seeds.clone_from(seeds);
+    }
+    if args.output.to_str().is_none() {
+        // Commands and their records are text.
+        anyhow::bail!("{}: is no UTF-8, which a study needs; give another folder with -o", shown(&args.output));
     }
     context.open_device(args.device)?;
     let dir = args.output.join(if args.quick { format!("{name}-quick") } else { name.clone() });
@@ -65,7 +71,7 @@ pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<Exi
     }
     let (ran, reused) = (runner.ran, runner.reused);
     let answer =
-        serde_json::json!({ "experiment": name, "folder": dir, "ran": ran, "reused": reused, "numbers": json });
+        serde_json::json!({ "experiment": name, "folder": shown(&dir), "ran": ran, "reused": reused, "numbers": json });
     context.answer(&answer, || {
         let mut text = format!("{}\n\n", experiment.title);
         for (i, column) in experiment.columns.iter().enumerate().filter(|(_, c)| c.main) {

@@ -2,12 +2,14 @@
 //! when it is done, so that it need not run again.
 
 use std::collections::HashMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::time::Instant;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
 use nelu3d_field::device::Choice;
+use nelu3d_scan::input::{MAX_DATA, read_file, read_text};
 use nelu3d_scan::output::{create_dir, write_atomic};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -63,7 +65,8 @@ impl<'a> StepRunner<'a> {
         let notes = root.join("steps");
         create_dir(&notes)?;
         let program = std::env::current_exe().context("this program cannot find itself")?;
-        let content = std::fs::read(&program).with_context(|| format!("{}: cannot be read", program.display()))?;
+        let content =
+            read_file(&program, MAX_DATA).with_context(|| format!("{}: cannot be read", program.display()))?;
         let program_hash = hex(&content);
         Ok(Self { context, notes, program, program_hash, device, reuse, failed: HashMap::new(), ran: 0, reused: 0 })
     }
@@ -93,7 +96,7 @@ impl<'a> StepRunner<'a> {
         let mut command = Command::new(&self.program);
         command.args(&step.arguments).args(["--json", "--quiet"]).stdin(Stdio::null());
         command.args(["--threads", &rayon::current_num_threads().to_string()]);
-        let done = command.output().with_context(|| format!("{}: cannot be started", self.program.display()))?;
+        let done = self.output(&mut command)?;
         self.context.stop_if_asked()?;
         self.ran += 1;
         if !done.status.success() {
@@ -118,9 +121,34 @@ impl<'a> StepRunner<'a> {
         Ok(Ok(outcome))
     }
 
+    /// Runs a command to its end, or until this program is asked to stop: then the command is, too.
+    fn output(&self, command: &mut Command) -> Result<Output> {
+        const POLL: Duration = Duration::from_millis(10);
+        let started = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+        let mut child = started.with_context(|| format!("{}: cannot be started", self.program.display()))?;
+        let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
+        std::thread::scope(|scope| {
+            let stdout = scope.spawn(|| read_to_end(stdout));
+            let stderr = scope.spawn(|| read_to_end(stderr));
+            let mut told = false;
+            let status = loop {
+                if let Some(status) = child.try_wait()? {
+                    break status;
+                }
+                if self.context.progress.cancelled() && !told {
+                    told = true;
+                    ask_to_end(&mut child);
+                }
+                std::thread::sleep(POLL);
+            };
+            let read = |thread: std::thread::ScopedJoinHandle<'_, Vec<u8>>| thread.join().unwrap_or_default();
+            Ok(Output { status, stdout: read(stdout), stderr: read(stderr) })
+        })
+    }
+
     /// Reads the recorded outcome of a command, if it is still good.
     fn recorded(&self, note: &Path, step: &CommandStep) -> Option<StepOutcome> {
-        let outcome: StepOutcome = serde_json::from_slice(&std::fs::read(note).ok()?).ok()?;
+        let outcome: StepOutcome = serde_json::from_str(&read_text(note).ok()?).ok()?;
         let there = step.output.as_ref().is_none_or(|o| o.exists());
         (there && (self.reuse || outcome.program == self.program_hash)).then_some(outcome)
     }
@@ -136,6 +164,21 @@ impl CommandStep {
         }
         hex(all.as_bytes())[..24].to_owned()
     }
+}
+
+fn read_to_end(pipe: Option<impl Read>) -> Vec<u8> {
+    let mut all = Vec::new();
+    // What cannot be read any more is what a command said until then.
+    let _ = pipe.map(|mut pipe| pipe.read_to_end(&mut all));
+    all
+}
+
+/// Asks a command to end as it ends itself: without leaving anything half written.
+fn ask_to_end(child: &mut Child) {
+    #[cfg(unix)]
+    let _ = rustix::process::kill_process(rustix::process::Pid::from_child(child), rustix::process::Signal::TERM);
+    #[cfg(not(unix))]
+    let _ = child.kill();
 }
 
 /// Returns the SHA-256, hexadecimal.

@@ -55,7 +55,7 @@ pub struct CadErrors {
 
 impl CadErrors {
     /// Computes the errors of finite signed distances, mm.
-    pub(super) fn of(distances: Vec<f64>) -> Self {
+    pub fn of(distances: Vec<f64>) -> Self {
         let n = distances.len();
         let fraction = |limit: f64| ratio(distances.iter().filter(|d| d.abs() < limit).count(), n);
         let (under_half_mm, under_1mm) = (fraction(0.5), fraction(1.0));

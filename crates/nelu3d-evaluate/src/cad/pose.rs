@@ -4,6 +4,8 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix4, Rotation3, Translation3, UnitQuaternion};
 
+use nelu3d_scan::input::read_text;
+
 use super::CadError;
 
 /// Reads `cam_from_cad`: the key of that name in a JSON file (such as an earlier `alignment.json`), or sixteen numbers,
@@ -14,7 +16,7 @@ use super::CadError;
 /// The file cannot be read, or holds no rigid motion.
 pub fn read_pose(path: &Path) -> Result<Isometry3<f64>, CadError> {
     let bad = |problem: String| CadError::Pose { path: path.to_owned(), problem };
-    let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
+    let text = read_text(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
     let rows: Vec<f64> = if text.trim_start().starts_with('{') {
         #[derive(serde::Deserialize)]
         struct File {

@@ -96,7 +96,7 @@ impl<'a> PoseSearch<'a> {
         // The scale settles after two rounds; the third is for the pose.
         for _ in 0..3 {
             let last = self.noise(&points, &pose).map_or(0.2 * self.tolerance, |s| 3.0 * s);
-            let last = last.clamp(1e-5 * diagonal, self.tolerance);
+            let last = last.clamp(1e-5 * diagonal, self.tolerance.max(1e-5 * diagonal));
             let schedule = IcpSchedule { first: scale.max(last), last, shrink: 0.7, iterations: 40 };
             pose = icp::refine(self.surface, &points, &pose, &schedule);
             scale = last;

@@ -5,8 +5,8 @@ mod file;
 
 pub use distortion::Distortion;
 pub use file::{
-    CameraFileError, camera_from_bytes, projector_from_bytes, read_camera, read_projector, write_camera,
-    write_projector,
+    CameraFileError, camera_from_bytes, projector_from_bytes, projector_json, read_camera, read_projector,
+    write_camera, write_projector,
 };
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};

@@ -16,6 +16,7 @@ pub use apng::Apng;
 pub use bayer::demosaic;
 pub use bilinear::bilinear;
 pub use box_mean::box_mean;
+pub(crate) use decode::read_image_file;
 pub use decode::{Depth, ImageFileError, Raw, RawData, decode, decode_bytes, read_any};
 pub use gaussian_blur::gaussian_blur;
 pub(crate) use write::{Codes, write_png};

@@ -168,7 +168,17 @@ fn unusable_files_are_explained() {
     fs::write(path("photo.jpg"), [0xff, 0xd8, 0xff, 0xe0, 0, 0]).unwrap();
     assert!(complaint(&path("photo.jpg"), Channels::Mono, 255.0).contains("neither PNG, TIFF nor OpenEXR"));
     fs::create_dir(path("folder.png")).unwrap();
-    assert!(complaint(&path("folder.png"), Channels::Mono, 255.0).contains("cannot be read"));
+    assert!(
+        complaint(&path("folder.png"), Channels::Mono, 255.0).contains("cannot be read: it is a folder; give a file")
+    );
+    #[cfg(unix)]
+    {
+        rustix::fs::mknodat(rustix::fs::CWD, path("pipe.png"), rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
+        let e = complaint(&path("pipe.png"), Channels::Mono, 255.0);
+        assert!(e.contains("it is a pipe, a socket or a device; give a regular file"), "{e}");
+    }
+    fs::File::create(path("huge.png")).unwrap().set_len(1 << 33).unwrap();
+    assert!(complaint(&path("huge.png"), Channels::Mono, 255.0).contains("larger than the 268.4 MB that such a file"));
     let e = decode(&good, Some((640, 480))).unwrap_err().to_string();
     assert!(e.contains("good.png: is 7x5 pixels, but its intrinsics say 640x480"), "{e}");
     assert!(complaint(&good, Channels::Mono, 4095.0).contains("is 8-bit, so it never reaches the saturation of 4095"));

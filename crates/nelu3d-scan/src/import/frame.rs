@@ -1,11 +1,10 @@
 //! One frame: its codes, and what its file says about the sensor.
 
-use std::io;
 use std::path::{Path, PathBuf};
 
 use super::facts::Facts;
 use super::{ImportError, dng};
-use crate::image::{ImageFileError, Raw, RawData, decode_bytes};
+use crate::image::{ImageFileError, Raw, RawData, decode_bytes, read_image_file};
 
 /// The format of a frame's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,10 +31,7 @@ pub(super) struct Frame {
 
 /// Reads a frame of this (width, height).
 pub(super) fn read(path: &Path, size: (usize, usize)) -> Result<Frame, ImageFileError> {
-    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
-        io::ErrorKind::NotFound => ImageFileError::Missing { path: path.to_path_buf() },
-        _ => ImageFileError::Io { path: path.to_path_buf(), source },
-    })?;
+    let bytes = read_image_file(path, Some(size))?;
     let (format, raw, facts) = if bytes.starts_with(b"\x89PNG") {
         (Format::Png, decode_bytes(path, &bytes, Some(size))?, Facts::default())
     } else if dng::is_raw(path, &bytes) {

@@ -34,7 +34,7 @@ use self::levels::{Codes, Levels};
 use self::order::Slots;
 use crate::image::{ImageFileError, Raw};
 use crate::output::{OutputDir, write_atomic};
-use crate::rig::{RIG_FILE, Rig};
+use crate::rig::{RIG_FILE, Rig, is_name};
 
 /// Name of the report in every folder that an import made. It tells such folders from somebody's own.
 pub const IMPORT_FILE: &str = "import.json";
@@ -278,7 +278,7 @@ fn output_of(rig: &Rig, target: &ImportTarget) -> Result<PathBuf, ImportError> {
         ImportTarget::Sequence(name) => ("sequences", name),
         ImportTarget::Scene(name) => ("scenes", name),
     };
-    if !order::is_name(name) {
+    if !is_name(name) {
         let path = rig.root.join(folder);
         return Err(ImportError::unfit(
             path,

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use super::ImportError;
-use crate::rig::{PatternSet, RIG_FILE, Rig};
+use crate::rig::{NAME_RULE, PatternSet, RIG_FILE, Rig, is_name};
 
 /// The word for a frame to skip.
 const SKIP: &str = "skip";
@@ -60,6 +60,10 @@ pub(super) fn of_new(
             "give --order, as --order pattern,white",
         ));
     };
+    let set = set.unwrap_or("recorded");
+    if !is_name(set) {
+        return Err(ImportError::unfit(path, format!("would get the pattern set `{set}`"), NAME_RULE));
+    }
     let mut slots = Slots::new();
     for word in words.iter().map(|w| w.trim()) {
         if word == SKIP {
@@ -83,7 +87,7 @@ pub(super) fn of_new(
             "import a recording of patterns first, or write rig.toml",
         ));
     }
-    Ok((slots, PatternSet { name: set.unwrap_or("recorded").into(), images, inverse: Vec::new() }))
+    Ok((slots, PatternSet { name: set.into(), images, inverse: Vec::new() }))
 }
 
 /// Fails for an order that names nothing, or an image twice.
@@ -120,11 +124,6 @@ pub(super) fn missing(names: &[&String], rig: &Rig, is_position: bool) -> Vec<St
         notes.push(format!("no pattern set is complete: {}", each.join("; ")));
     }
     notes
-}
-
-/// Returns whether a word can be the name of a file or folder in the rig.
-pub(super) fn is_name(word: &str) -> bool {
-    !word.is_empty() && !word.starts_with('.') && !word.contains(['/', '\\', ':', '\0']) && word.trim() == word
 }
 
 fn stem(name: &str) -> &str {

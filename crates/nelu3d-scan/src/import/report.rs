@@ -6,8 +6,10 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct ImportReport {
     /// The folder that was written.
+    #[serde(serialize_with = "crate::path_text::serialize")]
     pub output: PathBuf,
     /// The folder of frames.
+    #[serde(serialize_with = "crate::path_text::serialize")]
     pub source: PathBuf,
     /// What consecutive frames are; `null` for one that is skipped.
     pub order: Vec<Option<String>>,

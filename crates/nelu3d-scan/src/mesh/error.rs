@@ -6,12 +6,12 @@ use std::path::PathBuf;
 /// Why a mesh file could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshFileError {
-    /// The file is missing, or the operating system would not let it be read.
+    /// The file is missing, no regular file, too large, or the operating system would not let it be read.
     #[error("{}: cannot be read: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// What is wrong, and what to do about it.
         source: io::Error,
     },
     /// Truncated or damaged, or of a kind that is no triangle mesh.

@@ -24,6 +24,7 @@ pub use glb::AnimatedGlb;
 pub use model::Mesh;
 
 use self::model::normalized;
+use crate::input::{MAX_DATA, read_file, shortened};
 use crate::output::write_atomic;
 
 /// Reads one format; fails with what is wrong.
@@ -48,7 +49,8 @@ impl Mesh {
     /// The file cannot be read, is damaged, has a face without its vertices, or is of another format.
     pub fn read(path: &Path) -> Result<Self, MeshFileError> {
         let parse = parser(path)?;
-        let bytes = std::fs::read(path).map_err(|source| MeshFileError::Io { path: path.to_path_buf(), source })?;
+        let bytes =
+            read_file(path, MAX_DATA).map_err(|source| MeshFileError::Io { path: path.to_path_buf(), source })?;
         Self::parse(path, &bytes, parse)
     }
 
@@ -63,7 +65,7 @@ impl Mesh {
     }
 
     fn parse(path: &Path, bytes: &[u8], parse: Parser) -> Result<Self, MeshFileError> {
-        let damaged = |reason| MeshFileError::Damaged { path: path.to_path_buf(), reason };
+        let damaged = |reason: String| MeshFileError::Damaged { path: path.to_path_buf(), reason: shortened(&reason) };
         let mut mesh = parse(bytes).map_err(damaged)?;
         if let Some(face) = mesh.faces.iter().find(|f| f.iter().any(|&i| i as usize >= mesh.vertices.len())) {
             return Err(damaged(format!("the face {face:?} needs a vertex that {} do not have", mesh.vertices.len())));

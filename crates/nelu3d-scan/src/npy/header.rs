@@ -52,17 +52,17 @@ impl Header {
     pub fn read(mut r: impl Read) -> io::Result<Self> {
         let damaged = |reason: &str| io::Error::new(io::ErrorKind::InvalidData, reason.to_owned());
         let mut magic = [0; 8];
-        r.read_exact(&mut magic)?;
+        exactly(&mut r, &mut magic)?;
         if &magic[..6] != b"\x93NUMPY" {
             return Err(damaged("it does not start with NUMPY"));
         }
         let length = if magic[6] == 1 {
             let mut bytes = [0; 2];
-            r.read_exact(&mut bytes)?;
+            exactly(&mut r, &mut bytes)?;
             u64::from(u16::from_le_bytes(bytes))
         } else {
             let mut bytes = [0; 4];
-            r.read_exact(&mut bytes)?;
+            exactly(&mut r, &mut bytes)?;
             u64::from(u32::from_le_bytes(bytes))
         };
         if length > MAX_HEADER {
@@ -165,11 +165,19 @@ fn split_value(text: &str) -> (&str, &str) {
     (text.trim(), "")
 }
 
+/// Fills `bytes`. Of a file that ends before, Rust says that it "failed to fill whole buffer".
+fn exactly(r: &mut impl Read, bytes: &mut [u8]) -> io::Result<()> {
+    r.read_exact(bytes).map_err(|e| match e.kind() {
+        io::ErrorKind::UnexpectedEof => io::Error::new(e.kind(), "it ends too early"),
+        _ => e,
+    })
+}
+
 impl Number {
     /// The bytes of the next number, least first.
     fn next(self, mut r: impl Read) -> io::Result<[u8; 8]> {
         let mut bytes = [0; 8];
-        r.read_exact(&mut bytes[..self.size])?;
+        exactly(&mut r, &mut bytes[..self.size])?;
         if self.big_endian {
             bytes[..self.size].reverse();
         }

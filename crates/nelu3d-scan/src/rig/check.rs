@@ -29,6 +29,7 @@ pub struct Finding {
     /// How bad it is.
     pub severity: Severity,
     /// The file or folder concerned.
+    #[serde(serialize_with = "crate::path_text::serialize")]
     pub file: PathBuf,
     /// What is wrong.
     pub problem: String,
@@ -148,7 +149,7 @@ fn list_shots(rig: &Rig, has_target: bool, findings: &mut Vec<Finding>) -> Vec<(
     match rig.sequences() {
         Ok(all) => {
             for sequence in all {
-                keep(Role::Frame, rig.sequence(&sequence.dir.to_string_lossy()), findings);
+                keep(Role::Frame, sequence.frames(), findings);
             }
         }
         Err(e) => findings.push(rig_finding(&rig.root, &e)),

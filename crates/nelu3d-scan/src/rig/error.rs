@@ -16,11 +16,11 @@ pub enum RigError {
         path: PathBuf,
     },
     /// A file or folder could not be read.
-    #[error("{}: cannot be read: {source}; check its permissions and the disk", path.display())]
+    #[error("{}: cannot be read: {source}", path.display())]
     Io {
         /// The path.
         path: PathBuf,
-        /// What the system said.
+        /// What is wrong, and what to do about it.
         source: io::Error,
     },
     /// A file or folder could not be written; the message names it.

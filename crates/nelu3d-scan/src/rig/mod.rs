@@ -6,6 +6,7 @@ mod error;
 mod file;
 mod mono;
 mod mosaic;
+mod names;
 mod shots;
 
 use std::path::PathBuf;
@@ -15,6 +16,7 @@ pub use check::{Finding, Severity, check};
 pub use error::RigError;
 pub use file::{board_lines, read_board};
 pub use mono::LUMA;
+pub(crate) use names::{NAME_RULE, is_name};
 pub(crate) use shots::natural_order;
 
 use crate::board::Board;

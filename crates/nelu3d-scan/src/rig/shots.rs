@@ -4,6 +4,7 @@ use std::cmp::Ordering;
 use std::path::Path;
 
 use super::{Rig, RigError, Shot};
+use crate::input::explain;
 
 impl Rig {
     /// Returns the board positions of the sweep, in order: sorted by name, numbers in names by value (`9` before `10`).
@@ -58,11 +59,21 @@ impl Rig {
     ///
     /// There is no such folder, or it has no frames; the message lists the sequences there are.
     pub fn sequence(&self, name: &str) -> Result<Vec<Shot>, RigError> {
-        let found = find(&self.root, self.sequences()?, "sequence", name)?;
-        let frames = folders(&found.dir)?;
+        find(&self.root, self.sequences()?, "sequence", name)?.frames()
+    }
+}
+
+impl Shot {
+    /// Returns the frames of a sequence's folder, in order.
+    ///
+    /// # Errors
+    ///
+    /// The folder cannot be read or has no frames.
+    pub(super) fn frames(self) -> Result<Vec<Shot>, RigError> {
+        let frames = folders(&self.dir)?;
         if frames.is_empty() {
             return Err(RigError::Empty {
-                path: found.dir,
+                path: self.dir,
                 problem: "the sequence has no frames",
                 remedy: "put one folder per frame there",
             });
@@ -78,7 +89,7 @@ fn find(root: &Path, known: Vec<Shot>, what: &'static str, name: &str) -> Result
     let dir = Path::new(name);
     if !name.is_empty() && dir.is_dir() {
         // `.` and `..` have no name of their own.
-        let full = dir.canonicalize().map_err(|source| RigError::Io { path: dir.to_path_buf(), source })?;
+        let full = dir.canonicalize().map_err(|e| RigError::Io { path: dir.to_path_buf(), source: explain(&e) })?;
         let name = full.file_name().map_or_else(|| what.to_owned(), |n| n.to_string_lossy().into_owned());
         return Ok(Shot { name, dir: dir.to_path_buf() });
     }
@@ -89,7 +100,7 @@ fn find(root: &Path, known: Vec<Shot>, what: &'static str, name: &str) -> Result
 /// Returns the folders in `dir`, sorted; hidden ones (a result under construction, say) are skipped. There are none if
 /// `dir` is missing.
 fn folders(dir: &Path) -> Result<Vec<Shot>, RigError> {
-    let io = |source| RigError::Io { path: dir.to_path_buf(), source };
+    let io = |e: std::io::Error| RigError::Io { path: dir.to_path_buf(), source: explain(&e) };
     if !dir.exists() {
         return Ok(Vec::new());
     }

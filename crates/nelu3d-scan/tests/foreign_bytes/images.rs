@@ -12,7 +12,7 @@ use proptest::sample::select;
 
 use super::dng::{Dng, chronos};
 use super::mutation::{arbitrary, changes, damaged};
-use super::{cases, watched};
+use super::{cases, measured, watched};
 
 const W: usize = 7;
 const H: usize = 5;
@@ -125,6 +125,44 @@ proptest! {
         read(&bytes, None);
         let _ = watched(|| decode_dng(Path::new("a.dng"), bytes.clone(), (W, H)));
     }
+}
+
+/// A color profile and texts that unpack to megabytes stand beside the pixels of an image that is read as usual.
+#[test]
+fn what_stands_beside_the_pixels_is_not_unpacked() {
+    const UNPACKED: usize = 32 << 20;
+    let text = "x".repeat(UNPACKED);
+    let mut info = png::Info::with_size(W as u32, H as u32);
+    info.icc_profile = Some(vec![0; UNPACKED].into());
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::with_info(&mut file, info).unwrap();
+    encoder.add_ztxt_chunk("note".into(), text.clone()).unwrap();
+    encoder.add_itxt_chunk("note".into(), text).unwrap();
+    let codes: Vec<u8> = (0..W * H).map(|i| i as u8).collect();
+    encoder.write_header().unwrap().write_image_data(&codes).unwrap();
+    for size in [None, Some((W, H))] {
+        let (raw, largest) = measured(|| decode_bytes(Path::new("a.png"), &file, size));
+        assert_eq!(raw.unwrap().data, RawData::U8(codes.clone()));
+        assert!(largest < UNPACKED / 4, "{largest} bytes were asked for at once");
+    }
+}
+
+/// A small file that claims more pixels than any picture has is refused before they are unpacked.
+#[test]
+fn pixel_bombs_are_refused() {
+    const SIDE: u32 = 16_000;
+    let chunk = |name: &[u8], data: &[u8]| {
+        let whole = [name, data].concat();
+        let crc = (0..=255u32).map(|i| (0..8).fold(i, |c, _| (c >> 1) ^ (0xedb8_8320 * (c & 1)))).collect::<Vec<_>>();
+        let sum = whole.iter().fold(!0u32, |c, b| crc[(c as u8 ^ b) as usize] ^ (c >> 8));
+        [&(data.len() as u32).to_be_bytes()[..], &whole, &(!sum).to_be_bytes()].concat()
+    };
+    let header = [&SIDE.to_be_bytes()[..], &SIDE.to_be_bytes(), &[16, 2, 0, 0, 0]].concat();
+    let pixels = [&[0x78, 0x9c][..], &vec![0; 60_000]].concat();
+    let file = [&b"\x89PNG\r\n\x1a\n"[..], &chunk(b"IHDR", &header), &chunk(b"IDAT", &pixels)].concat();
+    let (e, largest) = measured(|| decode_bytes(Path::new("a.png"), &file, None).unwrap_err().to_string());
+    assert!(e.contains("would unpack to 1.5 GB; save it with fewer pixels"), "{e}");
+    assert!(largest < 1 << 20, "{largest} bytes were asked for at once");
 }
 
 /// Sizes, and as many codes of one channel.

@@ -7,7 +7,7 @@ use nelu3d_scan::camera::{Distortion, camera_from_bytes, projector_from_bytes, w
 use nelu3d_scan::image::Channels;
 use nelu3d_scan::rig::PatternSet;
 use nelu3d_scan::{Camera, Projector, Rig};
-use proptest::collection::vec;
+use proptest::collection::{hash_set, vec};
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -121,17 +121,19 @@ proptest! {
 
 fn camera() -> impl Strategy<Value = Camera> {
     let coeffs = select(vec![0usize, 4, 5, 8, 12, 14]).prop_flat_map(|n| vec(-0.5f64..0.5, n));
-    (1usize..9000, 1usize..9000, [1e-3f64..1e5, 1e-3..1e5, -1e5..1e5, -1e5..1e5], coeffs).prop_map(
-        |(width, height, [fx, fy, cx, cy], coeffs)| {
+    // In units of the longer side, as far as a lens can go.
+    (1usize..9000, 1usize..9000, [0.051f64..999.0, 0.051..999.0, -99.0..99.0, -99.0..99.0], coeffs).prop_map(
+        |(width, height, optics, coeffs)| {
+            let [fx, fy, cx, cy] = optics.map(|v| v * width.max(height) as f64);
             let distortion = Distortion::new(&coeffs).unwrap();
             Camera { distortion, ..Camera::pinhole(width, height, fx, fy, cx, cy) }
         },
     )
 }
 
-/// Text that a person could type.
+/// A name that a person could type.
 fn name() -> impl Strategy<Value = String> {
-    "[a-zA-Z0-9_äß\"'\\\\ .#=-]{0,12}x"
+    "[a-zA-Z0-9_äß\"'#=-][a-zA-Z0-9_äß\"' .#=-]{0,12}x"
 }
 
 proptest! {
@@ -159,13 +161,17 @@ proptest! {
 
     #[test]
     fn rigs_round_trip(
-        (title, file, set) in (name(), name(), name()),
+        (title, set) in ("[a-zA-Z0-9_äß\"'\\\\ .#=-]{0,12}", name()),
         channels in select(Channels::ALL.to_vec()),
         (black_level, range) in (0.0f64..1e4, 1e-3f64..1e5),
-        images in vec(name(), 1..4),
+        names in hash_set(name(), 8),
         (columns, rows, square_mm) in (3usize..30, 3usize..30, 1e-2f64..1e3),
     ) {
         let dir = tempfile::tempdir().unwrap();
+        let mut names = names.into_iter();
+        let mut next = || names.next().expect("eight names");
+        let (white, black) = (next(), next());
+        let (images, inverse) = (vec![next(), next(), next()], vec![next(), next(), next()]);
         let kind = BoardKind::Chessboard { columns, rows, square_mm };
         let extent_mm = [0.0, 0.0, columns as f64 * square_mm, rows as f64 * square_mm];
         let rig = Rig {
@@ -176,9 +182,9 @@ proptest! {
             channels,
             black_level,
             saturation: black_level + range,
-            white: file.clone(),
-            black: file,
-            pattern_sets: vec![PatternSet { name: set, inverse: images.clone(), images }],
+            white,
+            black,
+            pattern_sets: vec![PatternSet { name: set, inverse, images }],
             board: Some(Board { kind, extent_mm, scale: [1.0, 1.0] }),
             poses: Vec::new(),
             projector: None,

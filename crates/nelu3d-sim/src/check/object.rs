@@ -84,7 +84,7 @@ fn check_albedo(key: KeyOf, object: &ObjectSpec) -> Result<(), SpecError> {
 
 fn check_material(key: KeyOf, material: &MaterialSpec) -> Result<(), SpecError> {
     match *material {
-        MaterialSpec::Lambert => Ok(()),
+        MaterialSpec::Lambert {} => Ok(()),
         MaterialSpec::Glossy { roughness, reflectance } => {
             within(&key("material.roughness"), roughness, 0.05, 1.0)?;
             within(&key("material.reflectance"), reflectance, 0.0, 1.0)

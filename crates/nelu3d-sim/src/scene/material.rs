@@ -24,7 +24,7 @@ impl Material {
     /// Returns the material of a checked spec.
     pub(crate) fn new(spec: &MaterialSpec) -> Self {
         match *spec {
-            MaterialSpec::Lambert => Self::Lambert,
+            MaterialSpec::Lambert {} => Self::Lambert,
             MaterialSpec::Glossy { roughness, reflectance } => {
                 Self::Glossy(Arc::new(GlossyCoating::new(roughness, reflectance)))
             }

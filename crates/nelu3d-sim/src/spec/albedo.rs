@@ -52,6 +52,7 @@ pub enum AlbedoSpec {
     /// A picture, projected along an axis. Its middle lies on the axis and it ends there, where its last pixels go on.
     Image {
         /// A PNG or TIFF; in a spec's file, relative to that file.
+        #[serde(serialize_with = "nelu3d_scan::path_text::serialize")]
         file: PathBuf,
         /// Its width and height, mm.
         size_mm: [f64; 2],

@@ -15,7 +15,7 @@ pub enum SpecError {
     Io {
         /// The file.
         path: PathBuf,
-        /// The system's error.
+        /// What is wrong, and what to do about it.
         source: io::Error,
     },
     /// An error in a spec file.
@@ -27,7 +27,7 @@ pub enum SpecError {
         source: Box<SpecError>,
     },
     /// Not TOML, an unknown key, or a value of another type.
-    #[error("{reason}")]
+    #[error("{reason}; correct the file")]
     Syntax {
         /// The parser's message, with the line.
         reason: String,

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use nelu3d_scan::input::{read_text, toml_reason};
+
 use super::error::SpecError;
 use super::film::FilmSpec;
 use super::light::LightSpec;
@@ -10,9 +12,9 @@ use super::simulation::Spec;
 impl Spec {
     /// Reads a TOML file without checking its values. Files that it names are looked for from its folder.
     pub(crate) fn parse(path: &Path) -> Result<Self, SpecError> {
-        let text = std::fs::read_to_string(path).map_err(|source| SpecError::Io { path: path.into(), source })?;
-        let mut spec: Self = toml::from_str(&text)
-            .map_err(|e| SpecError::Syntax { reason: e.to_string().trim_end().into() }.in_file(path))?;
+        let text = read_text(path).map_err(|source| SpecError::Io { path: path.into(), source })?;
+        let mut spec: Self =
+            toml::from_str(&text).map_err(|e| SpecError::Syntax { reason: toml_reason(&e, &text) }.in_file(path))?;
         // Files lie beside the spec that names them.
         let dir = path.parent().unwrap_or(Path::new(""));
         if let LightSpec::Film(FilmSpec { image: Some(image), .. }) = &mut spec.light {

@@ -41,6 +41,7 @@ pub struct FilmSpec {
     /// A picture of the film instead of the waves: PNG, TIFF or EXR, its values are the transmission (linear, no
     /// gamma), it fills the film. A path in a spec file starts from that file's folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(serialize_with = "nelu3d_scan::path_text::serialize_option")]
     pub image: Option<PathBuf>,
     /// Plane waves per color, 1 to 64. Few keep the contrast, many avoid repetition.
     #[serde(default = "waves")]

@@ -5,12 +5,12 @@ use serde::{Deserialize, Serialize};
 use super::defaults::one;
 
 /// The reflection of a surface by direction.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum MaterialSpec {
-    /// Diffuse: alike in all directions.
-    #[default]
-    Lambert,
+    /// Diffuse: alike in all directions. It has braces so that keys it does not have are errors: of variants without,
+    /// serde ignores them.
+    Lambert {},
     /// A coating over a diffuse base: a microfacet reflection (GGX) of uncolored light, and below it what it lets
     /// through.
     Glossy {
@@ -29,6 +29,12 @@ pub enum MaterialSpec {
         #[serde(default = "one")]
         share: f64,
     },
+}
+
+impl Default for MaterialSpec {
+    fn default() -> Self {
+        Self::Lambert {}
+    }
 }
 
 fn plastic() -> f64 {

@@ -34,7 +34,7 @@ pub struct ObjectSpec {
 impl ObjectSpec {
     /// Returns an object of a shape at a position in the camera's frame, mm: not rotated, gray and matte.
     pub fn new(shape: ShapeSpec, position_mm: [f64; 3]) -> Self {
-        let (albedo, material) = (AlbedoSpec::default(), MaterialSpec::Lambert);
+        let (albedo, material) = (AlbedoSpec::default(), MaterialSpec::default());
         Self { position_mm, rotation: [0.0; 3], shape, deformation: None, albedo, material }
     }
 

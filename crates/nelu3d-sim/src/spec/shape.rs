@@ -59,6 +59,7 @@ pub enum ShapeSpec {
     Mesh {
         /// A `.ply`, `.obj`, `.stl` or `.glb` file; in a spec's file, relative to that file. A `.glb`'s meters and y up
         /// become millimeters and y down.
+        #[serde(serialize_with = "nelu3d_scan::path_text::serialize")]
         file: PathBuf,
         /// Millimeters per unit of the file (of a `.glb`: per millimeter).
         #[serde(default = "one")]

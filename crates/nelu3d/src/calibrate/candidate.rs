@@ -276,14 +276,21 @@ fn as_grid(form: &Form) -> Cow<'_, Grid> {
 }
 
 fn no_samples(placed: &PlacedSweep<'_>, opts: &CalibrationOptions) -> CalibrationError {
-    CalibrationError::NoSamples {
-        path: placed.sweep.folder(),
-        reason: format!(
+    let path = placed.sweep.folder();
+    let reason = if placed.is_in_view() {
+        format!(
             "no pixel of the board is usable in any position: white − black is below {:.0} % of full scale or an image is \
              clipped everywhere; check exposure, `saturation` and `black_level`, and that white.png is the flash",
             opts.min_contrast * 100.0
-        ),
-    }
+        )
+    } else {
+        let extent = placed.boards.first().map(|b| b.extent_mm()).unwrap_or_default();
+        format!(
+            "the usable part of the board lies outside of the image at every position: rig.toml says `board.extent_mm` = \
+             {extent:?}; give its outline in the board's own frame, or leave the key out"
+        )
+    };
+    CalibrationError::NoSamples { path, reason }
 }
 
 fn smoothness(center: Center) -> Smoothness {

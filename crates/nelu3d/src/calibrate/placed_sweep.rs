@@ -52,6 +52,11 @@ impl BoardPlane {
         Self { normal, offset: normal.dot(&origin), origin, axes, extent_mm, bend }
     }
 
+    /// Returns the board's outline (x0, y0, x1, y1) in its own frame, mm.
+    pub fn extent_mm(&self) -> [f64; 4] {
+        self.extent_mm
+    }
+
     /// Returns the distance along a ray from the camera's center to the board, mm; `None` outside the board.
     #[inline]
     pub fn hit(&self, dir: &Vector3<f64>) -> Option<f64> {
@@ -93,6 +98,11 @@ impl<'a> PlacedSweep<'a> {
         let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, extent_mm, bend)).collect();
         let excluded = vec![None; boards.len()];
         Self { sweep, boards, camera, noise: NoiseModel { read: 0.0, gain: 0.0 }, dirs, excluded }
+    }
+
+    /// Returns whether the outline of any board is in the image, lit or not.
+    pub(super) fn is_in_view(&self) -> bool {
+        self.boards.iter().any(|board| self.dirs.iter().any(|dir| board.hit(dir).is_some()))
     }
 
     /// Returns the number of positions.

@@ -34,9 +34,9 @@ pub fn camera_key(camera: &Camera) -> Vec<f64> {
 /// The camera or the patterns differ.
 pub fn check_field(rig: &Rig, set: &PatternSet, field: &ColorField) -> Result<(), FieldMismatch> {
     const REMEDY: &str = "calibrate this rig and set again, or choose the field that belongs to them";
-    if camera_key(&rig.camera) != field.metadata.camera {
-        let show = |k: &[f64]| format!("{} × {} px, f = {:.1} px", k[0], k[1], k[2]);
-        let (theirs, ours) = (show(&field.metadata.camera), show(&camera_key(&rig.camera)));
+    let (theirs, ours) = (&field.metadata.camera, &camera_key(&rig.camera));
+    if ours != theirs {
+        let (theirs, ours) = (differing(theirs, ours), differing(ours, theirs));
         return Err(FieldMismatch { what: "the camera", field: theirs, rig: ours, remedy: REMEDY });
     }
     if field.metadata.images != set.images || field.k() != set.images.len() * rig.channels.count() {
@@ -45,6 +45,23 @@ pub fn check_field(rig: &Rig, set: &PatternSet, field: &ColorField) -> Result<()
         return Err(FieldMismatch { what: "the pattern set", field: theirs, rig: ours, remedy: REMEDY });
     }
     Ok(())
+}
+
+/// Returns what of a camera's key is another than in `other`, with as many digits as it takes to see it.
+fn differing(key: &[f64], other: &[f64]) -> String {
+    const NAMES: [&str; 4] = ["fx", "fy", "cx", "cy"];
+    let size = format!("{} × {} px", key[0], key[1]);
+    if key[..2] != other[..2] {
+        return size;
+    }
+    let of = |from: usize| key.iter().zip(other).skip(from).map(|(a, b)| (a != b).then_some(*a));
+    let optics = NAMES.iter().zip(of(2)).filter_map(|(name, v)| Some(format!("{name} = {:?}", v?)));
+    let mut words = vec![size];
+    words.extend(optics);
+    if key[6..] != other[6..] {
+        words.push(if key.len() > 6 { format!("distortion {:?}", &key[6..]) } else { "no distortion".into() });
+    }
+    words.join(", ")
 }
 
 /// Checks that the mono images among a scene's patterns are those that were mono in the sweep: their codewords differ.

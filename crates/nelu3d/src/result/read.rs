@@ -1,7 +1,9 @@
 //! Reading a result folder back, as far as an evaluation or the next frame of a sequence needs.
 
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
+use nelu3d_scan::input::read_text;
 use nelu3d_scan::{Camera, npy};
 
 use super::summary::CameraJson;
@@ -19,6 +21,14 @@ pub enum ReadError {
     NotAResult {
         /// The path given.
         path: PathBuf,
+    },
+    /// result.json cannot be read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and what to do about it.
+        source: io::Error,
     },
     /// result.json cannot be used.
     #[error("{}: {problem}; write the result again", path.display())]
@@ -122,7 +132,10 @@ pub fn read_frame_state(dir: &Path) -> Result<FrameState, ReadError> {
 /// Reads a part of a result folder's result.json.
 fn read_json<T: serde::de::DeserializeOwned>(dir: &Path) -> Result<T, ReadError> {
     let path = dir.join("result.json");
-    let text = std::fs::read_to_string(&path).map_err(|_| ReadError::NotAResult { path: dir.to_owned() })?;
+    let text = read_text(&path).map_err(|e| match e.kind() {
+        ErrorKind::NotFound | ErrorKind::NotADirectory => ReadError::NotAResult { path: dir.to_owned() },
+        _ => ReadError::File { path: path.clone(), source: e },
+    })?;
     serde_json::from_str(&text).map_err(|e| ReadError::Summary { path, problem: e.to_string() })
 }
 

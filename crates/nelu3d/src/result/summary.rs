@@ -1,9 +1,11 @@
 //! `result.json`: the machine-readable description of a result folder.
 
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use nelu3d_scan::Camera;
 use nelu3d_scan::camera::Distortion;
+use nelu3d_scan::input::open_file;
 use nelu3d_scan::statistics::percentile;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -51,6 +53,7 @@ impl ResultMetadata {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Input {
     /// Path of the file as it was given.
+    #[serde(serialize_with = "nelu3d_scan::path_text::serialize")]
     pub path: PathBuf,
     /// Size of the file, bytes.
     pub bytes: u64,
@@ -61,9 +64,22 @@ pub struct Input {
 impl Input {
     /// Hashes a file.
     pub fn of(path: &Path) -> std::io::Result<Self> {
-        let content = std::fs::read(path)?;
-        let sha256 = Sha256::digest(&content).iter().map(|b| format!("{b:02x}")).collect();
-        Ok(Self { path: path.to_owned(), bytes: content.len() as u64, sha256 })
+        let (mut file, _) = open_file(path)?;
+        let (mut hash, mut bytes) = (Sha256::new(), 0);
+        // Piece by piece: lookup tables are larger than memory.
+        let mut piece = vec![0; 1 << 20];
+        loop {
+            let n = match file.read(&mut piece) {
+                Ok(0) => break,
+                Ok(n) => n,
+                Err(e) if e.kind() == ErrorKind::Interrupted => continue,
+                Err(e) => return Err(e),
+            };
+            hash.update(&piece[..n]);
+            bytes += n as u64;
+        }
+        let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+        Ok(Self { path: path.to_owned(), bytes, sha256 })
     }
 }
 
@@ -76,6 +92,7 @@ pub struct Summary {
     /// Version of this library.
     pub version: String,
     /// Folder of the rig, as it was given.
+    #[serde(serialize_with = "nelu3d_scan::path_text::serialize")]
     pub rig: PathBuf,
     /// Name of the rig.
     pub rig_name: String,

@@ -16,6 +16,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
 use std::path::Path;
 
+use nelu3d_scan::input::{open_file, shortened};
 use nelu3d_scan::npy::{Header, Number, NumberKind};
 use nelu3d_scan::output::write_atomic;
 use serde::Serialize;
@@ -197,11 +198,10 @@ pub fn info(path: &Path) -> Result<Info, FileError> {
 /// The file cannot be read, is no table, does not fit what is expected, or does not fit in memory.
 pub fn read(path: &Path, expected: Option<Expected>) -> Result<Table, FileError> {
     let reader = Reader { path, expected };
-    let file = File::open(path).map_err(|source| FileError::Io { path: path.into(), source })?;
-    let size = file.metadata().map_err(|source| FileError::Io { path: path.into(), source })?.len();
+    let (file, size) = open_file(path).map_err(|source| FileError::Io { path: path.into(), source })?;
     let mut file = BufReader::with_capacity(1 << 20, file);
     let mut magic = [0; 2];
-    file.read_exact(&mut magic).map_err(|e| reader.malformed(e.to_string()))?;
+    file.read_exact(&mut magic).map_err(|e| reader.malformed(shortened(&e.to_string())))?;
     io::Seek::rewind(&mut file).map_err(|source| FileError::Io { path: path.into(), source })?;
     if &magic == b"PK" { reader.npz(file) } else { reader.npy(file, size) }
 }

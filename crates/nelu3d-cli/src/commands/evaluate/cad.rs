@@ -37,8 +37,8 @@ pub(super) fn run(args: &EvaluateArgs, path: &Path, result: &SavedResult, contex
     let distances: Vec<f64> = found.distances.iter().filter(of_part).map(|&d| f64::from(d)).collect();
     let range = folder::range(&distances);
     let json = serde_json::json!({
-        "result": args.result,
-        "cad": path,
+        "result": shown(&args.result),
+        "cad": shown(path),
         "cam_from_cad": m.cam_from_cad,
         "metrics": m,
         "color_scale_mm": range,

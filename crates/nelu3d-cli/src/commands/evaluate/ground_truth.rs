@@ -19,7 +19,7 @@ pub(super) fn run(args: &EvaluateArgs, dir: &Path, result: &SavedResult, context
     let maps =
         EvaluatedMaps { depth: &result.depth, normals: result.normals.as_deref(), sigma: result.sigma.as_deref() };
     let metrics = evaluate(&maps, &truth, &truth.regions(&result.camera), &result.camera, projector.as_ref());
-    let json = serde_json::json!({ "result": args.result, "truth": dir, "metrics": metrics });
+    let json = serde_json::json!({ "result": shown(&args.result), "truth": shown(dir), "metrics": metrics });
     context.answer(&json, || metrics.to_string())
 }
 

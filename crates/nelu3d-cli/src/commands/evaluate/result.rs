@@ -32,7 +32,7 @@ pub(super) fn run(
         );
     }
     let comparison = compare(&result.depth, &other.depth);
-    let json = serde_json::json!({ "result": path, "against": other_path, "comparison": comparison });
+    let json = serde_json::json!({ "result": shown(path), "against": shown(other_path), "comparison": comparison });
     if let Some(output) = output {
         let differences: Vec<f32> = result.depth.iter().zip(&other.depth).map(|(a, b)| a - b).collect();
         let finite: Vec<f64> = differences.iter().filter(|d| d.is_finite()).map(|&d| f64::from(d)).collect();

@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use nelu3d_scan::Image;
 use nelu3d_scan::image::{write_png8, write_png16};
-use nelu3d_scan::output::OutputDir;
+use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::pattern::{
     Axis, Pattern, PatternError, PatternImage, PatternImages, Ramp, Rgb, Sinusoid, Triangle, recommended_patterns,
 };
@@ -100,7 +100,7 @@ fn write(name: &str, set: &SetAlong<'_>, sheet: &PatternImageArgs, context: &Com
     let toml = metadata.pattern_set.toml();
     let [width, height] = sheet.size;
     let mut json = serde_json::to_value(&metadata)?;
-    json["output"] = serde_json::json!(sheet.output);
+    json["output"] = serde_json::json!(shown(&sheet.output));
     json["toml"] = serde_json::json!(toml);
     context.answer(&json, || format!("# {n} images of {width} x {height} px in {}\n{toml}", shown(&sheet.output)))?;
     Ok(ExitCode::SUCCESS)
@@ -154,7 +154,8 @@ fn make(
         white: "white.png",
         black: "black.png",
     };
-    std::fs::write(folder.path().join(METADATA_FILE), serde_json::to_vec_pretty(&metadata)?)?;
+    let text = serde_json::to_vec_pretty(&metadata)?;
+    write_atomic(&folder.path().join(METADATA_FILE), |w| w.write_all(&text))?;
     context.stop_if_asked()?;
     folder.commit()?;
     Ok((metadata, n))

@@ -28,7 +28,7 @@ struct AxisScore {
     images: Vec<String>,
     #[serde(flatten)]
     score: Score,
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "nelu3d_scan::path_text::serialize_option")]
     picture: Option<PathBuf>,
 }
 
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &PatternScoreArgs, context: &CommandContext) -> Result<E
         scores.push(AxisScore { axis, images, score, picture });
     }
     let json = serde_json::json!({
-        "patterns": args.dir,
+        "patterns": shown(&args.dir),
         "size": read.size,
         "left_aside": read.skipped,
         "codes": scores,

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result, bail};
 use nelu3d::result::read_frame_state;
 use nelu3d::sequence::FrameState;
+use nelu3d_scan::input::read_text;
 use nelu3d_scan::output::{OutputDir, create_dir, write_atomic};
 use nelu3d_scan::rig::Shot;
 use serde_json::Value;
@@ -24,7 +25,7 @@ impl SequenceFolder {
     pub(super) fn open(root: &Path, settings: &Value) -> Result<Self> {
         let path = root.join(SETTINGS);
         if path.exists() {
-            let text = std::fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", shown(&path)))?;
+            let text = read_text(&path).with_context(|| format!("{}: cannot be read", shown(&path)))?;
             let there: Value = serde_json::from_str(&text)
                 .with_context(|| format!("{}: is broken; give another folder with -o", shown(&path)))?;
             if there != *settings {
@@ -81,7 +82,7 @@ impl SequenceFolder {
     /// Reads the result.json of a frame that is done.
     pub(super) fn summary(&self, frame: &Shot) -> Result<Value> {
         let path = self.frame(frame).join("result.json");
-        let text = std::fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", shown(&path)))?;
+        let text = read_text(&path).with_context(|| format!("{}: cannot be read", shown(&path)))?;
         serde_json::from_str(&text).with_context(|| format!("{}: is broken; delete the frame's folder", shown(&path)))
     }
 
@@ -106,7 +107,7 @@ impl SequenceFolder {
 
     /// Returns why a frame has no result, if it was tried.
     pub(super) fn failure(&self, frame: &Shot) -> Option<String> {
-        std::fs::read_to_string(self.failure_file(frame)).ok().map(|text| text.trim().to_owned())
+        read_text(&self.failure_file(frame)).ok().map(|text| text.trim().to_owned())
     }
 }
 

@@ -77,7 +77,7 @@ fn report(run: &SequenceRun<'_>, output: &Path, failed: &[(String, String)], con
     let done = run.frames.iter().filter(|f| run.folder.is_done(f)).count();
     let complete = run.frames.iter().all(|f| run.folder.is_done(f) || run.folder.failure(f).is_some());
     let mut answer = serde_json::json!({
-        "sequence": output, "frames": run.frames.len(), "done": done, "failed": failed, "complete": complete,
+        "sequence": shown(output), "frames": run.frames.len(), "done": done, "failed": failed, "complete": complete,
     });
     let mut text = format!("{done} of {} frames are done\n", run.frames.len());
     if complete && done > 0 {

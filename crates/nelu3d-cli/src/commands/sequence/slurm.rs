@@ -1,6 +1,7 @@
 //! The job array that computes a sequence on a cluster. Slurm schedules; every task is the command itself with a part
 //! of the frames.
 
+use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -25,7 +26,7 @@ pub(super) fn write(
     let command = command(args, output)?;
     let text = text(&command, tasks, frames, plan);
     write_atomic(script, |w| w.write_all(text.as_bytes()))?;
-    context.answer(&serde_json::json!({ "script": script, "tasks": tasks, "frames": frames }), || {
+    context.answer(&serde_json::json!({ "script": shown(script), "tasks": tasks, "frames": frames }), || {
         format!(
             "script  {}\n{tasks} tasks for {frames} frames; submit them with: sbatch {}",
             shown(script),
@@ -40,9 +41,10 @@ pub(super) fn write(
 fn command(args: &SequenceArgs, output: &Path) -> Result<String> {
     let program = std::env::current_exe().context("cannot tell where this program is")?;
     let here = std::env::current_dir().context("cannot tell the current folder")?;
-    let full = |path: &Path| -> String { quoted(&here.join(path).display().to_string()) };
-    let mut words = vec![quoted(&program.display().to_string())];
-    let mut typed = std::env::args().skip(1).peekable();
+    let full = |path: &Path| Ok::<_, anyhow::Error>(quoted(&in_script(here.join(path).into_os_string())?));
+    let mut words = vec![quoted(&in_script(program.into_os_string())?)];
+    let typed = std::env::args_os().skip(1).map(in_script).collect::<Result<Vec<String>>>()?;
+    let mut typed = typed.into_iter();
     // Only what says where something is or what this script is changes; all settings go on as they were typed.
     while let Some(word) = typed.next() {
         let (name, value) = match word.split_once('=') {
@@ -53,20 +55,28 @@ fn command(args: &SequenceArgs, output: &Path) -> Result<String> {
             "--slurm" | "--tasks" | "--threads" | "-o" | "--output" | "--field" => {
                 let value = value.or_else(|| typed.next());
                 if let ("--field", Some(value)) = (name.as_str(), value) {
-                    words.extend(["--field".into(), full(Path::new(&value))]);
+                    words.extend(["--field".into(), full(Path::new(&value))?]);
                 }
             }
             "--json" | "--quiet" | "-q" => {}
             short if short.starts_with("-o") => {}
-            _ if Path::new(&word) == args.rig => words.push(full(&args.rig)),
+            _ if Path::new(&word) == args.rig => words.push(full(&args.rig)?),
             _ if word == args.sequence && Path::new(&word).components().count() > 1 => {
-                words.push(full(Path::new(&word)))
+                words.push(full(Path::new(&word))?)
             }
             _ => words.push(quoted(&word)),
         }
     }
-    words.extend(["--output".into(), full(output)]);
+    words.extend(["--output".into(), full(output)?]);
     Ok(words.join(" "))
+}
+
+/// Returns a word of a command line as the text that a script can hold.
+fn in_script(word: OsString) -> Result<String> {
+    word.into_string().map_err(|word| {
+        let word = word.to_string_lossy().into_owned();
+        anyhow::anyhow!("{word}: is no UTF-8, which a script must be; rename the file or folder, or link to it")
+    })
 }
 
 /// Returns the script.

@@ -6,12 +6,19 @@ use std::path::{Path, PathBuf};
 /// Why a camera file could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum CameraFileError {
-    /// The file is missing, or the operating system would not let it be read.
-    #[error("{}: cannot be read: {source}; put the calibration there, or correct its name in rig.toml", path.display())]
+    /// The file is missing, no regular file, too large, or the operating system would not let it be read.
+    #[error(
+        "{}: {}", path.display(),
+        if source.kind() == io::ErrorKind::NotFound {
+            "there is no such file; put the calibration there, or correct its name in rig.toml".into()
+        } else {
+            format!("cannot be read: {source}")
+        }
+    )]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// What is wrong, and what to do about it.
         source: io::Error,
     },
     /// Neither JSON nor YAML.

@@ -25,6 +25,12 @@ use self::source::Source;
 use super::{Camera, Distortion, Projector};
 use crate::output::write_atomic;
 
+/// Focal lengths that a lens can have, in units of the longer side of its images: from 168 degrees of view, beyond
+/// what the lens model describes, to a twentieth of a degree.
+const FOCAL_LENGTHS: [f64; 2] = [0.05, 1000.0];
+/// Largest distance of the principal point from the image's corner, in units of the longer side: a far crop.
+const FARTHEST_CENTER: f64 = 100.0;
+
 /// Reads camera intrinsics. `R` and `T`, if there are any, are checked and not used: the camera's frame is the world.
 ///
 /// # Errors
@@ -96,8 +102,13 @@ pub fn write_camera(path: &Path, camera: &Camera) -> io::Result<()> {
 ///
 /// The file cannot be written.
 pub fn write_projector(path: &Path, projector: &Projector) -> io::Result<()> {
-    let text = lookup3d::to_json(&projector.optics, Some(&projector.proj_from_cam));
+    let text = projector_json(projector);
     write_atomic(path, |w| w.write_all(text.as_bytes()))
+}
+
+/// Returns the content of the file that [`write_projector`] writes: one JSON object.
+pub fn projector_json(projector: &Projector) -> String {
+    lookup3d::to_json(&projector.optics, Some(&projector.proj_from_cam))
 }
 
 fn read_any(source: &Source) -> Result<Calibration, CameraFileError> {
@@ -132,12 +143,27 @@ fn camera(source: &Source, c: &Calibration) -> Result<Camera, CameraFileError> {
     for (name, f) in [("fx", fx), ("fy", fy)] {
         if f <= 0.0 {
             let remedy = "a focal length is positive, in pixels: calibrate again, or undo the flip of the image";
-            return Err(source.invalid(key, format!("has the focal length {name} = {f}"), remedy));
+            return Err(source.invalid(key, format!("has the focal length {name} = {f:?}"), remedy));
+        }
+        let side = c.width.1.max(c.height.1);
+        let [shortest, longest] = FOCAL_LENGTHS.map(|sides| sides * side as f64);
+        if !(shortest..=longest).contains(&f) {
+            let problem = format!("has the focal length {name} = {f:?} px, for images of up to {side} px");
+            let remedy = format!(
+                "give it in pixels: lenses of such images have {shortest:.0} to {longest:.0} px, for example 1.2 times \
+                 the width for 45 degrees"
+            );
+            return Err(source.invalid(key, problem, &remedy));
         }
     }
     if [skew, k10, k20, k21] != [0.0; 4] || k22 != 1.0 {
         let remedy = "it must have the form [[fx,0,cx],[0,fy,cy],[0,0,1]]: no skew, rows first";
         return Err(source.invalid(key, format!("is {k:?}"), remedy));
+    }
+    let farthest = FARTHEST_CENTER * c.width.1.max(c.height.1) as f64;
+    if cx.abs() > farthest || cy.abs() > farthest {
+        let problem = format!("has its principal point at ({cx:?}, {cy:?}) px, far outside of the image");
+        return Err(source.invalid(key, problem, "give it in pixels from the middle of the top-left pixel"));
     }
     let (key, d) = &c.distortion;
     finite(source, key, d)?;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_yaml_ng::Value;
 
 use super::error::CameraFileError;
+use crate::input::{MAX_TEXT, read_file};
 
 /// A parsed JSON or YAML file. Both are held as YAML values, which can also hold NaN and infinity.
 pub(super) struct Source {
@@ -15,7 +16,8 @@ pub(super) struct Source {
 impl Source {
     /// Reads and parses a file.
     pub(super) fn read(path: &Path) -> Result<Self, CameraFileError> {
-        let bytes = std::fs::read(path).map_err(|source| CameraFileError::Io { path: path.to_path_buf(), source })?;
+        let bytes =
+            read_file(path, MAX_TEXT).map_err(|source| CameraFileError::Io { path: path.to_path_buf(), source })?;
         Self::parse(path, &bytes)
     }
 

@@ -12,12 +12,12 @@ pub enum ImageFileError {
         /// The file.
         path: PathBuf,
     },
-    /// The operating system would not let it be read.
-    #[error("{}: cannot be read: {source}; check its permissions and the disk", path.display())]
+    /// It is no regular file, is too large, or the operating system would not let it be read.
+    #[error("{}: cannot be read: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// What is wrong, and what to do about it.
         source: io::Error,
     },
     /// Not PNG, TIFF or EXR.

@@ -8,11 +8,21 @@ use super::error::ImageFileError;
 use super::file::File;
 use super::raw::{Raw, RawData};
 
+/// Most channels of a file, in all of its layers: renderers write some dozens.
+const MAX_CHANNELS: usize = 64;
+
 pub(super) fn decode(file: &File<'_>) -> std::result::Result<Raw, ImageFileError> {
     let meta = MetaData::read_from_buffered(Cursor::new(file.bytes), false).map_err(|e| file.damaged(e))?;
     let header = meta.headers.first().ok_or_else(|| file.damaged("it has no layer"))?;
     let Vec2(width, height) = header.layer_size;
     file.check_size(width, height)?;
+
+    // Every channel is unpacked, wanted or not.
+    let all: usize = meta.headers.iter().map(|h| h.channels.list.len()).sum();
+    if all > MAX_CHANNELS {
+        return Err(file.kind(format!("has {all} channels"), "save it with R, G, B or with Y alone"));
+    }
+    file.check_decoded((width * height).saturating_mul(all * size_of::<f32>()))?;
 
     let image = read()
         .no_deep_data()

@@ -4,10 +4,14 @@ use std::path::Path;
 
 use super::error::ImageFileError;
 use super::raw::{Raw, RawData};
+use crate::input::shortened;
 
 /// Pixels that a byte can stand for at most: Deflate makes 1 of 1032 bytes, and a byte of a bilevel image holds 8
 /// pixels.
 const MAX_PIXELS_PER_BYTE: usize = 8 * 1032;
+
+/// Largest picture of unknown size, bytes once decoded: 89 megapixels of three 16-bit numbers.
+const MAX_DECODED: usize = 512 << 20;
 
 /// A file being decoded: its bytes and how to complain about it.
 pub(super) struct File<'a> {
@@ -18,7 +22,7 @@ pub(super) struct File<'a> {
 
 impl File<'_> {
     pub(super) fn damaged(&self, reason: impl std::fmt::Display) -> ImageFileError {
-        ImageFileError::Damaged { path: self.path.to_path_buf(), reason: reason.to_string() }
+        ImageFileError::Damaged { path: self.path.to_path_buf(), reason: shortened(&reason.to_string()) }
     }
 
     pub(super) fn kind(&self, problem: impl Into<String>, remedy: impl Into<String>) -> ImageFileError {
@@ -41,6 +45,16 @@ impl File<'_> {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Refuses what would unpack to more bytes than any picture has whose size is not known beforehand. Where it is
+    /// known, [`File::check_size`] has compared it.
+    pub(super) fn check_decoded(&self, bytes: usize) -> Result<(), ImageFileError> {
+        if self.size.is_none() && bytes > MAX_DECODED {
+            let problem = format!("would unpack to {:.1} GB", bytes as f64 / 1e9);
+            return Err(self.kind(problem, format!("save it with fewer pixels: {} MB at most", MAX_DECODED >> 20)));
+        }
+        Ok(())
     }
 
     /// Returns how many pixels a file of this length can hold.

@@ -15,6 +15,7 @@ pub use raw::{Depth, Raw, RawData};
 
 use self::file::File;
 use crate::image::{Channels, Image};
+use crate::input::{MAX_DATA, read_file};
 
 /// Decodes a PNG, TIFF or OpenEXR file. With `size` = (width, height) a file of another size is refused before its
 /// pixels are read.
@@ -24,11 +25,24 @@ use crate::image::{Channels, Image};
 /// The file is missing, unreadable, of another format or size, damaged, or of a kind no capture has (alpha, palette of
 /// more than 16 bits, …). Every message names the file.
 pub fn decode(path: &Path, size: Option<(usize, usize)>) -> Result<Raw, ImageFileError> {
-    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
+    decode_bytes(path, &read_image_file(path, size)?, size)
+}
+
+/// Reads the bytes of an image file. With `size` = (width, height), no more than such an image can have.
+///
+/// # Errors
+///
+/// The file is missing, unreadable, no regular file, or too large.
+pub(crate) fn read_image_file(path: &Path, size: Option<(usize, usize)>) -> Result<Vec<u8>, ImageFileError> {
+    /// Bytes of a pixel of three 64-bit numbers: more than any capture has.
+    const MAX_BYTES_PER_PIXEL: usize = 24;
+    /// What a camera may write beside the pixels: previews, notes.
+    const MAX_BESIDE: usize = 256 << 20;
+    let max = size.map_or(MAX_DATA, |(w, h)| (w.saturating_mul(h) * MAX_BYTES_PER_PIXEL + MAX_BESIDE) as u64);
+    read_file(path, max.min(MAX_DATA)).map_err(|source| match source.kind() {
         io::ErrorKind::NotFound => ImageFileError::Missing { path: path.to_path_buf() },
         _ => ImageFileError::Io { path: path.to_path_buf(), source },
-    })?;
-    decode_bytes(path, &bytes, size)
+    })
 }
 
 /// Decodes the content of a file, as [`decode()`] does; `path` is only for messages.

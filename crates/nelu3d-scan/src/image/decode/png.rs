@@ -11,6 +11,10 @@ use super::raw::{Raw, RawData};
 pub(super) fn decode(file: &File<'_>) -> Result<Raw, ImageFileError> {
     // The size is checked before any pixel is allocated, which makes the decoder's own limit needless.
     let mut decoder = Decoder::new_with_limits(Cursor::new(file.bytes), Limits { bytes: usize::MAX });
+    // What stands beside the pixels is of no use here, and a color profile or a text of a kilobyte can unpack to a
+    // gigabyte.
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_ignore_iccp_chunk(true);
     // Palettes become colors, and codes of fewer than eight bits are stretched to eight.
     decoder.set_transformations(Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(|e| file.damaged(e))?;
@@ -24,6 +28,7 @@ pub(super) fn decode(file: &File<'_>) -> Result<Raw, ImageFileError> {
         ColorType::GrayscaleAlpha | ColorType::Rgba | ColorType::Indexed => return Err(file.alpha()),
     };
     let size = reader.output_buffer_size().ok_or_else(|| file.damaged("it is too large for this machine"))?;
+    file.check_decoded(size)?;
     let mut bytes = vec![0; size];
     reader.next_frame(&mut bytes).map_err(|e| file.damaged(e))?;
     let data = match depth {

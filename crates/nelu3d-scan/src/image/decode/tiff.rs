@@ -23,7 +23,10 @@ pub(super) fn decode(file: &File<'_>) -> Result<Raw, ImageFileError> {
     limits.decoding_buffer_size = limits.decoding_buffer_size.max(MAX_BYTES_PER_PIXEL * width * height);
     limits.intermediate_buffer_size = limits.intermediate_buffer_size.max(file.bytes.len());
     let mut decoder = decoder.with_limits(limits);
-    let channels = match decoder.colortype().map_err(|e| file.damaged(e))? {
+    let color = decoder.colortype().map_err(|e| file.damaged(e))?;
+    let bytes_per_pixel = (usize::from(color.bit_depth()) * usize::from(color.num_samples())).div_ceil(8);
+    file.check_decoded((width * height).saturating_mul(bytes_per_pixel))?;
+    let channels = match color {
         ColorType::Gray(_) => 1,
         ColorType::RGB(_) => 3,
         ColorType::GrayA(_) | ColorType::RGBA(_) => return Err(file.alpha()),

@@ -53,7 +53,11 @@ fn frames_of_different_kinds() {
 fn folders_without_the_right_frames() {
     let dir = dngs(7);
     let good = request(dir.path(), sequence("s"));
-    complaint(&ImportRequest { frames: dir.path().join("nowhere"), ..good.clone() }, "nowhere", "cannot be read");
+    complaint(
+        &ImportRequest { frames: dir.path().join("nowhere"), ..good.clone() },
+        "nowhere",
+        "there is no such file",
+    );
     fs::create_dir(dir.path().join("empty")).unwrap();
     complaint(&ImportRequest { frames: dir.path().join("empty"), ..good.clone() }, "empty", "has no frames");
     complaint(&ImportRequest { last: Some(9), ..good.clone() }, "frames", "has frames 1 to 7, not 1 to 9");
@@ -103,7 +107,7 @@ fn new_rigs_that_lack_something() {
     complaint(&good, "frame_000001.tiff", "give --channels mono");
     complaint(&ImportRequest { camera: None, ..good.clone() }, "rig", "give them with --camera");
     let none = ImportRequest { camera: Some(dir.path().join("no.json")), ..good.clone() };
-    complaint(&none, "no.json", "cannot be read");
+    complaint(&none, "no.json", "there is no such file");
     let mono = ImportRequest { channels: Some(Channels::Mono), ..good };
     let levels = ImportRequest { black_level: Some(50.0), saturation: Some(50.0), ..mono.clone() };
     complaint(&levels, "frames", "a saturation of 50 with a black level of 50");

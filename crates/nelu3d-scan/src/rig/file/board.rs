@@ -32,6 +32,12 @@ pub(super) fn board(b: BoardToml, problems: &mut Problems) -> Option<Board> {
     if !problems.expect(good, "board.extent_mm", problem, "it must be [x_min, y_min, x_max, y_max]") {
         return None;
     }
+    let print = bounding_box_mm(&kind, scale);
+    let problem = format!("is {extent_mm:?}, far beside the print, which is within {print:?}");
+    let remedy = "give the board's outline in its own frame, in millimeters, or leave the key out";
+    if !problems.expect(is_near(extent_mm, print), "board.extent_mm", problem, remedy) {
+        return None;
+    }
     let board = Board { kind, extent_mm, scale };
     match Artwork::new(&board) {
         Ok(_) => Some(board),
@@ -45,6 +51,13 @@ pub(super) fn board(b: BoardToml, problems: &mut Problems) -> Option<Board> {
                 .then_some(board)
         }
     }
+}
+
+/// Returns whether an outline is that of a board with this print: not further beside it than the print is large. A
+/// plate may well have its markers along one edge.
+fn is_near([x0, y0, x1, y1]: [f64; 4], print: [f64; 4]) -> bool {
+    let (w, h) = (print[2] - print[0], print[3] - print[1]);
+    x0 < print[2] + w && x1 > print[0] - w && y0 < print[3] + h && y1 > print[1] - h
 }
 
 /// Returns the keys that a kind of board has, beside `kind`, `scale` and `extent_mm`; `None` for an unknown kind.
@@ -97,12 +110,17 @@ fn board_kind(b: BoardToml, allowed: &[&str], problems: &mut Problems) -> BoardK
             problems.expect((3..=1000).contains(&n), key, format!("is {n}"), "count the squares: there are 3 or more");
         }
         let good = square_mm.is_finite() && square_mm > 0.0;
-        problems.expect(good, "board.square_mm", format!("is {square_mm}"), "give the side of a square in millimeters");
+        problems.expect(
+            good,
+            "board.square_mm",
+            format!("is {square_mm:?}"),
+            "give the side of a square in millimeters",
+        );
     }
     match b.kind.as_str() {
         "charuco" => {
             let good = marker_mm > 0.0 && marker_mm < square_mm;
-            let problem = format!("is {marker_mm}, with board.square_mm = {square_mm}");
+            let problem = format!("is {marker_mm:?}, with board.square_mm = {square_mm:?}");
             let remedy = "a marker is smaller than its square and larger than nothing";
             problems.expect(good, "board.marker_mm", problem, remedy);
             let legacy = b.legacy.unwrap_or(false);

@@ -15,6 +15,7 @@ pub(super) use validate::from_toml;
 use self::schema::{FORMAT, to_toml};
 use super::{PROJECTOR_FILE, RIG_FILE, Rig, RigError};
 use crate::camera::{Camera, Projector, read_camera, read_projector, write_camera, write_projector};
+use crate::input::{MAX_TEXT, read_file, toml_reason};
 use crate::output::{create_dir, write_atomic};
 
 impl Rig {
@@ -94,7 +95,7 @@ pub(in crate::rig) fn read_toml(path: &Path) -> Result<(PathBuf, RigToml), RigEr
     if !file.is_file() {
         return Err(RigError::NotARig { path: path.to_path_buf() });
     }
-    let bytes = std::fs::read(&file).map_err(|source| RigError::Io { path: file.clone(), source })?;
+    let bytes = read_file(&file, MAX_TEXT).map_err(|source| RigError::Io { path: file.clone(), source })?;
     let toml = parse(&file, bytes)?;
     Ok((root, toml))
 }
@@ -109,13 +110,4 @@ pub(in crate::rig) fn parse(file: &Path, bytes: Vec<u8>) -> Result<RigToml, RigE
         return Err(RigError::NewerFormat { path: file.to_path_buf(), found, known: FORMAT });
     }
     toml::from_str(&text).map_err(|e| syntax(toml_reason(&e, &text)))
-}
-
-/// Returns the TOML parser's message in one line: its own draws the place over several.
-fn toml_reason(e: &toml::de::Error, text: &str) -> String {
-    let message = e.message().trim().replace('\n', ", ");
-    match e.span().and_then(|span| text.get(..span.start)) {
-        Some(before) => format!("line {}: {message}", before.matches('\n').count() + 1),
-        None => message,
-    }
 }

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::board::board;
 use super::problems::Problems;
-use super::schema::{CameraToml, FORMAT, PatternSetToml, PoseToml, RigToml};
+use super::schema::{CameraToml, FORMAT, ImagesToml, PatternSetToml, PoseToml, RigToml};
 use crate::camera::{Camera, Projector};
 use crate::image::Channels;
 use crate::rig::{KnownPose, PatternSet, RIG_FILE, Rig, RigError};
@@ -23,10 +23,10 @@ pub(in crate::rig) fn from_toml(
     let mut problems = Problems { path: root.join(RIG_FILE), found: Vec::new() };
     problems.expect(toml.format == FORMAT, "format", format!("is {}", toml.format), "it must be 1");
     let channels = check_sensor(&toml.camera, &mut problems);
-    problems.expect_name("camera.intrinsics", &toml.camera.intrinsics);
-    problems.expect_name("images.white", &toml.images.white);
-    problems.expect_name("images.black", &toml.images.black);
-    check_pattern_sets(&toml.pattern_sets, &mut problems);
+    let intrinsics = !toml.camera.intrinsics.trim().is_empty();
+    problems.expect(intrinsics, "camera.intrinsics", "is empty", "give the name of a file");
+    check_flash(&toml.images, &mut problems);
+    check_pattern_sets(&toml.pattern_sets, &toml.images, &mut problems);
     let board = toml.board.and_then(|b| board(b, &mut problems));
     check_poses(&toml.poses, &mut problems);
     let known_pose = |p: PoseToml| KnownPose {
@@ -65,13 +65,22 @@ fn check_sensor(camera: &CameraToml, problems: &mut Problems) -> Option<Channels
     problems.expect(
         black.is_finite() && saturation.is_finite() && saturation > black,
         "camera.saturation",
-        format!("is {saturation}, with camera.black_level = {black}"),
+        format!("is {saturation:?}, with camera.black_level = {black:?}"),
         "saturation must lie above black_level",
     );
     channels
 }
 
-fn check_pattern_sets(sets: &[PatternSetToml], problems: &mut Problems) {
+/// Checks the names of the flash and of the ambient image.
+fn check_flash(images: &ImagesToml, problems: &mut Problems) {
+    let good = problems.expect_image("images.white", &images.white);
+    if problems.expect_image("images.black", &images.black) && good {
+        let problem = "is the same image as images.white";
+        problems.expect(images.white != images.black, "images.black", problem, "name the image with the light off");
+    }
+}
+
+fn check_pattern_sets(sets: &[PatternSetToml], flash: &ImagesToml, problems: &mut Problems) {
     let mut names = HashSet::new();
     for set in sets {
         let key = |field: &str| format!("pattern_sets `{}`: {field}", set.name);
@@ -79,8 +88,22 @@ fn check_pattern_sets(sets: &[PatternSetToml], problems: &mut Problems) {
         let unique = names.insert(set.name.clone());
         problems.expect(unique, &key("name"), "is used twice", "give every pattern set its own name");
         problems.expect(!set.images.is_empty(), &key("images"), "is empty", "list at least one pattern image");
-        for name in set.images.iter().chain(&set.inverse) {
-            problems.expect_name(&key("images"), name);
+        for (field, names) in [("images", &set.images), ("inverse", &set.inverse)] {
+            let mut seen = HashSet::new();
+            for name in names {
+                if !problems.expect_image(&key(field), name) {
+                    continue;
+                }
+                let problem = format!("lists \"{name}\", which is the light at its maximum or off, not a pattern");
+                let remedy = "list images of patterns only, and name white and black in [images]";
+                problems.expect(*name != flash.white && *name != flash.black, &key(field), problem, remedy);
+                let remedy = "list each image once: the same one again tells nothing more";
+                problems.expect(seen.insert(name), &key(field), format!("lists \"{name}\" twice"), remedy);
+            }
+        }
+        if let Some((name, _)) = set.images.iter().zip(&set.inverse).find(|(image, inverse)| image == inverse) {
+            let problem = format!("lists \"{name}\" as its own inverse");
+            problems.expect(false, &key("inverse"), problem, "name the image of the inverted pattern");
         }
         problems.expect(
             set.inverse.is_empty() || set.inverse.len() == set.images.len(),
@@ -95,6 +118,7 @@ fn check_poses(poses: &[PoseToml], problems: &mut Problems) {
     let mut positions = HashSet::new();
     for pose in poses {
         let key = format!("poses `{}`", pose.position);
+        problems.expect_name("poses.position", &pose.position);
         problems.expect(positions.insert(&pose.position), &key, "is given twice", "give one pose per position");
         let finite = pose.rotation.iter().chain(&pose.translation).all(|v| v.is_finite());
         problems.expect(finite, &key, "holds a value that is not finite", "give finite numbers, or leave the pose out");

@@ -107,7 +107,7 @@ fn broken_descriptions_do_not_stop_the_check() {
     find(&found, Severity::Error, "rig.toml", "`camera.channels` is \"gray\"");
     find(&found, Severity::Error, "rig.toml", "`camera.saturation` is 1");
     find(&found, Severity::Error, "rig.toml", "`board.marker_mm` is 99");
-    find(&found, Severity::Error, "camera.json", "cannot be read");
+    find(&found, Severity::Error, "camera.json", "there is no such file");
     find(&found, Severity::Error, "scenes/cup/a.png", "it is empty");
     find(&found, Severity::Error, "scenes/cup/b.png", "is 3x3 pixels, but white.png is 12x8");
     assert_eq!(found.len(), 6);

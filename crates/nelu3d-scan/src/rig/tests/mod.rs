@@ -216,6 +216,36 @@ fn mistakes_in_rig_toml_are_named() {
         ("saturation = 4095.0", "saturation = nan", "`camera.saturation` is NaN"),
         ("white = \"white.png\"", "white = \"\"", "`images.white` is empty"),
         ("name = \"gray\"", "name = \"two\"", "is used twice"),
+        (
+            "name = \"gray\"",
+            "name = \"../../gray\"",
+            "`pattern_sets.name` is \"../../gray\"; it becomes the name of a file",
+        ),
+        ("name = \"gray\"", "name = \"/tmp/gray\"", "`pattern_sets.name` is \"/tmp/gray\""),
+        (
+            "white = \"white.png\"",
+            "white = \"/dev/zero\"",
+            "`images.white` is \"/dev/zero\"; give the name of a file that",
+        ),
+        ("white = \"white.png\"", "white = \"../white.png\"", "`images.white` is \"../white.png\""),
+        ("black = \"black.png\"", "black = \"white.png\"", "`images.black` is the same image as images.white"),
+        ("white = \"white.png\"", "white = \"a.png\"", "`two`: images` lists \"a.png\", which is the light at its"),
+        (
+            "images = [\"a.png\", \"b.png\"]",
+            "images = [\"white.png\"]",
+            "lists \"white.png\", which is the light at its",
+        ),
+        (
+            "images = [\"a.png\", \"b.png\"]",
+            "images = [\"a.png\", \"a.png\"]",
+            "lists \"a.png\" twice; list each image once",
+        ),
+        ("inverse = [\"a_inv.png\"]", "inverse = [\"a.png\"]", "lists \"a.png\" as its own inverse"),
+        (
+            "[board]",
+            "[board]\nextent_mm = [900, 900, 950, 950]",
+            "far beside the print, which is within [0.0, 0.0, 240.0",
+        ),
         ("images = [\"a.png\", \"b.png\"]", "images = []", "pattern_sets `two`: images` is empty"),
         ("inverse = [\"a_inv.png\"]", "inverse = [\"x.png\", \"y.png\"]", "lists 2 files for 1 images"),
         ("kind = \"charuco\"", "kind = \"circles\"", "`board.kind` is \"circles\""),
@@ -234,7 +264,7 @@ fn mistakes_in_rig_toml_are_named() {
         ("dictionary = \"DICT_4X4_250\"", "dictionary = \"DICT_9X9_50\"", "`board.dictionary` is \"DICT_9X9_50\""),
         ("dictionary = \"DICT_4X4_250\"", "dictionary = \"DICT_4X4_50\"", "54 white squares"),
         ("[board]", "[board]\nextent_mm = [5, 0, 5, 10]", "`board.extent_mm` is [5.0, 0.0, 5.0, 10.0]"),
-        ("camera.json", "lens.json", "lens.json: cannot be read"),
+        ("camera.json", "lens.json", "lens.json: there is no such file"),
     ] {
         assert!(good.contains(from), "the test is stale: {from} is not in\n{good}");
         fs::write(&file, good.replacen(from, to, 1)).unwrap();

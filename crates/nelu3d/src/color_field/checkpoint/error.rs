@@ -8,11 +8,11 @@ use super::header::FORMAT;
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file could not be read.
-    #[error("{path}: cannot be read: {source}; give the file that a calibration wrote")]
+    #[error("{path}: cannot be read: {source}")]
     Read {
         /// The file.
         path: PathBuf,
-        /// The reason.
+        /// What is wrong, and what to do about it.
         source: std::io::Error,
     },
     /// The file could not be written; the message names it.

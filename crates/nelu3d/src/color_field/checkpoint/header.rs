@@ -1,5 +1,6 @@
 //! The description that a checkpoint holds of itself.
 
+use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use crate::color_field::frame::FieldFrame;
@@ -40,6 +41,9 @@ const MAX_K: usize = 4096;
 /// Largest number of nodes of the grid that a field is turned into, times k.
 const MAX_NODES: usize = 1 << 28;
 
+/// Largest deviation of a frame's axes from unit length and right angles: they are written with all their digits.
+const MAX_SKEW: f64 = 1e-6;
+
 impl Header {
     /// Checks for values that a damaged or foreign file may have and no field has; the error names what is wrong.
     pub(super) fn check(&self) -> Result<(), String> {
@@ -64,6 +68,9 @@ impl Header {
         let mut numbers = f.origin.iter().chain(f.axes.as_flattened()).chain(&f.lo).chain(&f.hi).chain([&f.kappa]);
         expect(numbers.all(|v| v.is_finite()), "its frame is not finite")?;
         expect((0..3).all(|i| f.lo[i] < f.hi[i]), "its volume is empty")?;
+        let axes = Matrix3::from_fn(|r, c| f.axes[r][c]);
+        let is_rotation = (axes * axes.transpose() - Matrix3::identity()).amax() < MAX_SKEW && axes.determinant() > 0.0;
+        expect(is_rotation, "its axes are no rotation")?;
 
         expect(
             metadata.camera.len() >= 6 && metadata.camera.iter().all(|v| v.is_finite()),

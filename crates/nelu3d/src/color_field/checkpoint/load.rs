@@ -3,9 +3,11 @@
 use std::path::Path;
 
 use half::f16;
+use nelu3d_scan::input::{MAX_DATA, read_file};
 use safetensors::tensor::{Dtype, SafeTensors};
 use serde::Deserialize;
 
+use super::checksum::{checksum, without_checksum};
 use super::error::CheckpointError;
 use super::header::{FIRST_WITH_BRICKS, FORMAT, FormHeader, Header};
 use crate::color_field::field::{ColorField, Form};
@@ -96,6 +98,8 @@ fn malformed(path: &Path, reason: impl Into<String>) -> CheckpointError {
 #[derive(Deserialize)]
 struct Version {
     format: u32,
+    /// What earlier versions did not write.
+    sha256: Option<serde::de::IgnoredAny>,
 }
 
 impl ColorField {
@@ -105,12 +109,16 @@ impl ColorField {
     ///
     /// The file cannot be read, is damaged, contradicts itself, or was written by a newer version.
     pub fn load(path: &Path) -> Result<Self, CheckpointError> {
-        let data = std::fs::read(path).map_err(|source| CheckpointError::Read { path: path.into(), source })?;
+        let data = read_file(path, MAX_DATA).map_err(|source| CheckpointError::Read { path: path.into(), source })?;
         Self::from_bytes(path, &data)
     }
 
-    /// Reads a field from a checkpoint's content; `path` is for messages alone.
-    pub(super) fn from_bytes(path: &Path, data: &[u8]) -> Result<Self, CheckpointError> {
+    /// Reads a field from a checkpoint's content, as [`ColorField::load`] does; `path` is for messages alone.
+    ///
+    /// # Errors
+    ///
+    /// As [`ColorField::load`], but for what concerns the file itself.
+    pub fn from_bytes(path: &Path, data: &[u8]) -> Result<Self, CheckpointError> {
         let bad = |reason: String| malformed(path, reason);
         let (_, metadata) = SafeTensors::read_metadata(data).map_err(|e| bad(e.to_string()))?;
         let tensors = SafeTensors::deserialize(data).map_err(|e| bad(e.to_string()))?;
@@ -119,6 +127,14 @@ impl ColorField {
         let version: Version = serde_json::from_str(json).map_err(|e| bad(e.to_string()))?;
         if version.format > FORMAT {
             return Err(CheckpointError::Newer { path: path.into(), found: version.format });
+        }
+        if version.sha256.is_some() {
+            let names = tensors.names();
+            let content = names.iter().filter_map(|name| Some((*name, tensors.tensor(name).ok()?.data())));
+            let is_whole = without_checksum(json).is_some_and(|(json, sum)| checksum(&json, content) == sum);
+            if !is_whole {
+                return Err(bad("it is not as it was written: its SHA-256 differs".into()));
+            }
         }
         let header: Header = serde_json::from_str(json).map_err(|e| bad(e.to_string()))?;
         header.check().map_err(bad)?;

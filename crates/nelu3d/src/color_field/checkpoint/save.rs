@@ -7,6 +7,7 @@ use half::f16;
 use nelu3d_scan::output::write_atomic;
 use safetensors::tensor::{Dtype, TensorView};
 
+use super::checksum::{checksum, with_checksum};
 use super::error::CheckpointError;
 use super::header::{FORMAT, FormHeader, Header};
 use crate::color_field::field::{ColorField, Form};
@@ -63,10 +64,12 @@ impl ColorField {
         let [ca, cb, cw] = self.validity.shape.cells;
         let malformed =
             |e: safetensors::SafeTensorError| CheckpointError::Malformed { path: path.into(), reason: e.to_string() };
+        let lit = &self.validity.lit;
+        let json = with_checksum(&json, &checksum(&json, [(name, &bytes[..]), ("t_range", t_range), ("lit", lit)]));
         let tensors = [
             (name, TensorView::new(dtype, shape, &bytes).map_err(malformed)?),
             ("t_range", TensorView::new(Dtype::F32, vec![self.validity.t_range.len(), 2], t_range).map_err(malformed)?),
-            ("lit", TensorView::new(Dtype::U8, vec![cb, ca, cw], &self.validity.lit).map_err(malformed)?),
+            ("lit", TensorView::new(Dtype::U8, vec![cb, ca, cw], lit).map_err(malformed)?),
         ];
         let metadata = HashMap::from([("nelu3d".to_string(), json)]);
         let data = safetensors::serialize(tensors, Some(metadata)).map_err(malformed)?;

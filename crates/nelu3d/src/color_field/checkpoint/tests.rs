@@ -88,11 +88,13 @@ fn load(bytes: &[u8]) -> Result<ColorField, CheckpointError> {
     ColorField::from_bytes(Path::new("some/field.safetensors"), bytes)
 }
 
-/// Returns the file with its description and the length of that changed.
+/// Returns the file with its description and the length of that changed, and without its checksum: what an earlier
+/// version would have written.
 fn described(bytes: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     let n = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
     let mut outer: serde_json::Value = serde_json::from_slice(&bytes[8..8 + n]).unwrap();
     let mut inner = serde_json::from_str(outer["__metadata__"]["nelu3d"].as_str().unwrap()).unwrap();
+    inner.as_object_mut().unwrap().remove("sha256");
     change(&mut inner);
     outer["__metadata__"]["nelu3d"] = inner.to_string().into();
     let mut header = outer.to_string().into_bytes();
@@ -131,6 +133,29 @@ fn a_field_of_format_1_is_read_unless_its_hash_table_was_laid_out_otherwise() {
     assert!(refused.contains("some/field.safetensors") && refused.contains("calibrate again"), "{refused}");
 }
 
+/// One flipped bit, in the tensors or in the numbers of the description, is noticed; a file without checksum is read.
+#[test]
+fn a_flipped_bit_is_noticed() {
+    for field in [grid(), hash(), frequency()] {
+        let good = bytes(&field);
+        let header = 8 + u64::from_le_bytes(good[..8].try_into().unwrap()) as usize;
+        let text = String::from_utf8(good[8..header].to_vec()).unwrap();
+        let origin = 8 + text.find("origin").unwrap() + r#"origin\":["#.len();
+        let flip = |i: usize, bit: u8| {
+            let mut bad = good.clone();
+            bad[i] ^= bit;
+            bad
+        };
+        let in_tensors = (header..good.len()).step_by(((good.len() - header) / 40).max(1));
+        for bad in in_tensors.map(|i| flip(i, 1 << (i % 8))).chain([flip(origin, 1)]) {
+            let e = load(&bad).unwrap_err().to_string();
+            assert!(e.contains("SHA-256 differs") && e.contains("calibrate again"), "{e}");
+        }
+        let old = load(&described(&good, |_| {})).unwrap();
+        assert_eq!(old.validity, field.validity);
+    }
+}
+
 #[test]
 fn absurd_descriptions_are_refused() {
     let huge = u64::MAX / 2;
@@ -161,6 +186,8 @@ fn absurd_descriptions_are_refused() {
     cases.push((grid(), set("/frame/hi/1", serde_json::json!(-1e9))));
     cases.push((grid(), set("/frame/lo/0", serde_json::Value::Null)));
     cases.push((grid(), set("/frame/kappa", serde_json::json!("x"))));
+    cases.push((grid(), set("/frame/axes/0/0", serde_json::json!(0.5))));
+    cases.push((grid(), set("/frame/axes", serde_json::json!([[1, 0, 0], [0, 1, 0], [0, 0, -1]]))));
     cases.push((grid(), set("/about/camera", serde_json::json!([20, 12]))));
     cases.push((grid(), set("/about/images", serde_json::json!(["a.png"]))));
     cases.push((grid(), set("/about/noise/read", serde_json::json!(-1.0))));
@@ -195,7 +222,8 @@ fn damaged_files_never_panic() {
         (state >> 33) as usize % n
     };
     let mut refused = 0;
-    for good in [bytes(&grid()), bytes(&hash()), bytes(&frequency())] {
+    // The checksum would refuse nearly all of them before anything else could.
+    for good in [grid(), hash(), frequency()].map(|f| described(&bytes(&f), |_| {})) {
         let header = 8 + u64::from_le_bytes(good[..8].try_into().unwrap()) as usize;
         for round in 0..400 {
             let mut bad = good.clone();

@@ -1,0 +1,353 @@
+//! Folders of results that are whole or absent.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::parents::Parents;
+use super::partial::{Partial, explain};
+use super::swap::exchange;
+
+/// What the name of a folder under construction says.
+const PARTIAL: &str = "partial";
+/// What the name of the folder says into which an earlier result is moved where folders cannot be exchanged.
+const OLD: &str = "old";
+/// Name of the earlier result in that folder.
+const PREVIOUS: &str = "previous";
+
+/// A folder of results under construction. It is built under a temporary name beside its place (`.NAME.partial-PID`),
+/// put into place by [`OutputDir::commit`], and removed when dropped before that.
+#[derive(Debug)]
+pub struct OutputDir {
+    target: PathBuf,
+    marker: String,
+    temp: PathBuf,
+    committed: bool,
+    /// Says that somebody is at work on the temporary folder; not every system and disk has such locks.
+    _lock: Option<File>,
+    // Dropped after the temporary folder has been removed, in this order.
+    _partial: Partial,
+    _parents: Parents,
+}
+
+impl OutputDir {
+    /// Starts the folder `target`, creating its parents. An existing `target` is replaced at [`OutputDir::commit`], but
+    /// only if it is empty or holds a file named `marker` (as `result.json`): proof that it is an earlier result and
+    /// not a folder of somebody's own files.
+    ///
+    /// What killed runs have left of the same folder is removed, and an earlier result that one of them had moved aside
+    /// is put back.
+    ///
+    /// # Errors
+    ///
+    /// `target` exists and is not an earlier result, or its parent cannot be written to.
+    pub fn create(target: &Path, marker: &str) -> io::Result<Self> {
+        Self::start(target, marker).map_err(|e| explain(target, &e))
+    }
+
+    fn start(target: &Path, marker: &str) -> io::Result<Self> {
+        // A link is followed, so that what it points to is replaced and not the link.
+        let target = if target.exists() { target.canonicalize()? } else { target.to_path_buf() };
+        let Some(name) = target.file_name() else {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "not the name of a folder; choose another"));
+        };
+        let name = name.to_string_lossy();
+        let parent = match target.parent() {
+            Some(p) if !p.as_os_str().is_empty() => p.to_path_buf(),
+            _ => PathBuf::from("."),
+        };
+        clean_up(&parent, &name, &target);
+        check_replaceable(&target, marker)?;
+        let parents = Parents::create(&parent)?;
+        let (temp, lock) = create_sibling(&parent, &name, PARTIAL)?;
+        let partial = Partial::new(&temp, &target);
+        let marker = marker.to_owned();
+        Ok(Self { target, marker, temp, committed: false, _lock: lock, _partial: partial, _parents: parents })
+    }
+
+    /// Returns where to write the files of the folder until it is committed.
+    pub fn path(&self) -> &Path {
+        &self.temp
+    }
+
+    /// Returns where the folder will be.
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
+    /// Puts the folder into place, replacing an earlier result. The two are exchanged in one step, so that at every
+    /// moment one of them is there, whole. Where the system or the disk cannot do that, the earlier one is moved aside
+    /// first; a run that is killed between the two steps leaves it there, and [`OutputDir::create`] puts it back.
+    ///
+    /// # Errors
+    ///
+    /// The file system refuses, or somebody has put something else there meanwhile; the folder under construction is
+    /// then removed.
+    pub fn commit(mut self) -> io::Result<()> {
+        self.put_in_place().map_err(|e| explain(&self.target, &e))
+    }
+
+    fn put_in_place(&mut self) -> io::Result<()> {
+        // Another run may put its result there, or take it away, between two steps: then they are tried again.
+        const ATTEMPTS: usize = 100;
+        for _ in 0..ATTEMPTS {
+            check_replaceable(&self.target, &self.marker)?;
+            match fs::rename(&self.temp, &self.target) {
+                Ok(()) => {
+                    self.committed = true;
+                    return Ok(());
+                }
+                // A folder that holds something is in the way.
+                Err(_) if self.target.exists() => {}
+                Err(e) => return Err(e),
+            }
+            match exchange(&self.temp, &self.target) {
+                Ok(true) => {
+                    self.committed = true;
+                    // The earlier result has the temporary name now. What cannot be removed goes with the next run.
+                    let _ = fs::remove_dir_all(&self.temp);
+                    return Ok(());
+                }
+                Ok(false) => return self.replace_in_two_steps(),
+                Err(e) if e.kind() == io::ErrorKind::NotFound => {}
+                Err(e) => return Err(e),
+            }
+        }
+        Err(io::Error::new(io::ErrorKind::ResourceBusy, "other runs write it over and over; choose another name"))
+    }
+
+    /// Moves the earlier result aside, and this one into its place.
+    fn replace_in_two_steps(&mut self) -> io::Result<()> {
+        let parent = self.temp.parent().expect("made inside a folder").to_path_buf();
+        let name = self.target.file_name().expect("checked at the start").to_string_lossy().into_owned();
+        let (aside, _lock) = create_sibling(&parent, &name, OLD)?;
+        let old = aside.join(PREVIOUS);
+        let swapped = fs::rename(&self.target, &old).and_then(|()| {
+            fs::rename(&self.temp, &self.target).inspect_err(|_| {
+                // Nothing better is left to do if even this fails: the next run tries again.
+                let _ = fs::rename(&old, &self.target);
+            })
+        });
+        if swapped.is_ok() {
+            self.committed = true;
+            let _ = fs::remove_dir_all(&aside);
+        } else {
+            // Removes `aside` only if it is empty, that is, if the earlier result is back in its place.
+            let _ = fs::remove_dir(&aside);
+        }
+        swapped
+    }
+}
+
+impl Drop for OutputDir {
+    fn drop(&mut self) {
+        if !self.committed {
+            let _ = fs::remove_dir_all(&self.temp);
+        }
+    }
+}
+
+/// Fails if `target` is anything but missing, an empty folder, or an earlier result, which has a file named `marker`.
+fn check_replaceable(target: &Path, marker: &str) -> io::Result<()> {
+    let exists = |problem: String| Err(io::Error::new(io::ErrorKind::AlreadyExists, problem));
+    if !target.exists() {
+        return Ok(());
+    }
+    if !target.is_dir() {
+        return exists("a file of this name exists; remove it, or choose another name".into());
+    }
+    if !target.join(marker).is_file() && fs::read_dir(target)?.next().is_some() {
+        return exists(format!(
+            "the folder exists and is not an earlier result (it has no {marker}); choose another folder, or delete it \
+             yourself"
+        ));
+    }
+    Ok(())
+}
+
+/// Creates the hidden folder `.NAME.KIND-PID` in `parent`, with a counter where that name is taken, and locks it if it
+/// can be locked.
+fn create_sibling(parent: &Path, name: &str, kind: &str) -> io::Result<(PathBuf, Option<File>)> {
+    let pid = std::process::id();
+    for i in 0..1000 {
+        let suffix = if i == 0 { String::new() } else { format!("-{i}") };
+        let dir = parent.join(format!(".{name}.{kind}-{pid}{suffix}"));
+        match fs::create_dir(&dir) {
+            Ok(()) => {}
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => continue,
+            Err(e) => return Err(e),
+        }
+        let lock = File::open(&dir).and_then(|f| f.lock().map(|()| f)).ok();
+        // Between its creation and the lock another run may have taken it for abandoned.
+        if dir.exists() {
+            return Ok((dir, lock));
+        }
+    }
+    Err(io::Error::new(io::ErrorKind::AlreadyExists, format!("remove the old folders .{name}.{kind}-* beside it")))
+}
+
+/// Removes what killed runs have left of the folder `name` in `parent`: what has its temporary names and nobody has
+/// locked. An earlier result that one of them had moved aside is put back if nothing has taken its place.
+fn clean_up(parent: &Path, name: &str, target: &Path) {
+    // The folder may be missing or unreadable; whoever writes there will say so.
+    for entry in fs::read_dir(parent).into_iter().flatten().flatten() {
+        let file_name = entry.file_name();
+        let Some(kind) = file_name.to_str().and_then(|f| temporary_kind(f, name)) else { continue };
+        if !entry.file_type().is_ok_and(|t| t.is_dir()) {
+            continue;
+        }
+        let path = entry.path();
+        if let Ok(lock) = File::open(&path)
+            && lock.try_lock().is_ok()
+        {
+            if kind == OLD && !target.exists() {
+                let _ = fs::rename(path.join(PREVIOUS), target);
+            }
+            if kind == PARTIAL || !path.join(PREVIOUS).exists() || target.exists() {
+                let _ = fs::remove_dir_all(&path);
+            }
+        }
+    }
+}
+
+/// Returns which kind of temporary folder of the folder `name` has this name: `.NAME.KIND-PID` or `.NAME.KIND-PID-N`.
+fn temporary_kind(file: &str, name: &str) -> Option<&'static str> {
+    let rest = file.strip_prefix('.')?.strip_prefix(name)?.strip_prefix('.')?;
+    [PARTIAL, OLD].into_iter().find(|kind| {
+        let numbers = rest.strip_prefix(kind).and_then(|r| r.strip_prefix('-'));
+        let number = |n: &str| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit());
+        numbers.is_some_and(|n| n.split('-').count() <= 2 && n.split('-').all(number))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(dir: &Path) -> Vec<String> {
+        let mut all: Vec<_> =
+            fs::read_dir(dir).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        all.sort();
+        all
+    }
+
+    #[test]
+    fn a_folder_appears_whole_or_not_at_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let target = dir.path().join("results/pawn");
+        let out = OutputDir::create(&target, "result.json").unwrap();
+        fs::write(out.path().join("result.json"), "1").unwrap();
+        assert!(!target.exists());
+        drop(out);
+        assert!(names(dir.path()).is_empty());
+
+        for content in ["2", "3"] {
+            let out = OutputDir::create(&target, "result.json").unwrap();
+            fs::write(out.path().join("result.json"), content).unwrap();
+            fs::write(out.path().join(content), "").unwrap();
+            out.commit().unwrap();
+            assert_eq!(fs::read_to_string(target.join("result.json")).unwrap(), content);
+            assert_eq!(names(&target), [content, "result.json"]);
+            assert_eq!(names(&dir.path().join("results")), ["pawn"]);
+        }
+    }
+
+    #[test]
+    fn somebody_elses_folder_is_not_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("thesis.tex"), "years").unwrap();
+        let e = OutputDir::create(dir.path(), "result.json").unwrap_err();
+        assert!(e.to_string().contains("choose another folder"), "{e}");
+        let e = OutputDir::create(&dir.path().join("thesis.tex"), "result.json").unwrap_err();
+        assert!(e.to_string().contains("a file of this name exists"), "{e}");
+        assert_eq!(names(dir.path()), ["thesis.tex"]);
+    }
+
+    /// What killed runs left of this folder goes; what a run has in hand stays, and so does what belongs to others.
+    #[cfg(unix)]
+    #[test]
+    fn what_killed_runs_left_is_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        let live = OutputDir::create(&at("pawn"), "result.json").unwrap();
+        let others =
+            [".pawn.partial-x", ".pawn.partial-1-2-3", ".pawn.b.partial-7", ".queen.partial-7", "pawn.partial-7"];
+        for name in [".pawn.partial-7", ".pawn.partial-7-1", ".pawn.old-8"].iter().chain(&others) {
+            fs::create_dir(at(name)).unwrap();
+            fs::write(at(name).join("depth.npy"), "half").unwrap();
+        }
+        fs::write(at(".pawn.partial-9"), "a file").unwrap();
+        drop(OutputDir::create(&at("pawn"), "result.json").unwrap());
+        let mut expected: Vec<String> = others.map(String::from).into();
+        expected.push(".pawn.partial-9".into());
+        expected.push(live.path().file_name().unwrap().to_string_lossy().into_owned());
+        expected.sort();
+        assert_eq!(names(dir.path()), expected);
+        fs::write(live.path().join("result.json"), "1").unwrap();
+        live.commit().unwrap();
+        assert_eq!(names(&at("pawn")), ["result.json"]);
+    }
+
+    /// A run that was killed between two renames left the earlier result aside: it comes back.
+    #[cfg(unix)]
+    #[test]
+    fn an_earlier_result_that_was_moved_aside_comes_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        fs::create_dir_all(at(".pawn.old-7").join(PREVIOUS)).unwrap();
+        fs::write(at(".pawn.old-7").join(PREVIOUS).join("result.json"), "1").unwrap();
+        fs::create_dir(at(".pawn.partial-7")).unwrap();
+        drop(OutputDir::create(&at("pawn"), "result.json").unwrap());
+        assert_eq!(names(dir.path()), ["pawn"]);
+        assert_eq!(fs::read_to_string(at("pawn/result.json")).unwrap(), "1");
+    }
+
+    /// Both ways of replacing an earlier result leave the new one and nothing else.
+    #[test]
+    fn an_earlier_result_is_replaced_either_way() {
+        let dir = tempfile::tempdir().unwrap();
+        let target = dir.path().join("pawn");
+        for content in ["1", "2", "3"] {
+            let mut out = OutputDir::create(&target, "result.json").unwrap();
+            fs::write(out.path().join("result.json"), content).unwrap();
+            match content {
+                "3" => out.replace_in_two_steps().unwrap(),
+                _ => out.put_in_place().unwrap(),
+            }
+            drop(out);
+            assert_eq!(fs::read_to_string(target.join("result.json")).unwrap(), content);
+            assert_eq!(names(dir.path()), ["pawn"]);
+        }
+    }
+
+    /// The disk of tests can exchange folders: a run that is killed at any moment leaves a result.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn folders_are_exchanged_in_one_step() {
+        let dir = tempfile::tempdir().unwrap();
+        let (a, b) = (dir.path().join("a"), dir.path().join("b"));
+        for path in [&a, &b] {
+            fs::create_dir(path).unwrap();
+            fs::write(path.join(path.file_name().unwrap()), "").unwrap();
+        }
+        if exchange(&a, &b).unwrap() {
+            assert_eq!((names(&a), names(&b)), (vec!["b".to_owned()], vec!["a".to_owned()]));
+        } else {
+            eprintln!("SKIPPED: folders_are_exchanged_in_one_step: this disk cannot");
+        }
+    }
+
+    /// What somebody put there while the result was computed is not replaced.
+    #[test]
+    fn what_appears_meanwhile_is_not_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let target = dir.path().join("pawn");
+        let out = OutputDir::create(&target, "result.json").unwrap();
+        fs::create_dir(&target).unwrap();
+        fs::write(target.join("thesis.tex"), "years").unwrap();
+        let e = out.commit().unwrap_err().to_string();
+        assert!(e.contains("pawn: cannot be written") && e.contains("not an earlier result"), "{e}");
+        assert_eq!(names(dir.path()), ["pawn"]);
+        assert_eq!(names(&target), ["thesis.tex"]);
+    }
+}
