@@ -41,8 +41,9 @@ fn rendered_pages_are_true_to_scale_and_found() {
         let pdf = dir.path().join(format!("{i}.pdf"));
         let board = print(arguments, &pdf);
         let page = dir.path().join(format!("{i}"));
-        let rendered = Command::new("pdftoppm").args(["-r", "600", "-gray", "-png", "-singlefile"]);
-        let status = { rendered }.arg(&pdf).arg(&page).output().unwrap().status;
+        let mut render = Command::new("pdftoppm");
+        let status = render.args(["-r", "600", "-gray", "-png", "-singlefile"]).arg(&pdf).arg(&page).status();
+        let status = status.unwrap();
         assert!(status.success());
         let png = page.with_extension("png");
         let mut image = decode(&png, None).unwrap().linearize(&png, Channels::Mono, 0.0, 255.0).unwrap();
