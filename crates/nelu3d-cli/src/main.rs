@@ -69,6 +69,7 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
         Command::Demo(a) => commands::demo::run(a, &context),
         Command::Simulate(a) => commands::simulate::run(a, &context),
         Command::Board(a) => commands::board::run(a, &context),
+        Command::Camera(a) => commands::camera::run(a, &context),
         Command::Patterns(a) => commands::patterns::run(a, &context),
         #[cfg(feature = "capture")]
         Command::Capture(a) => commands::capture::run(a, &context),

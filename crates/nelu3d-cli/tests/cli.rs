@@ -36,6 +36,7 @@ fn help_lists_the_commands() {
         "demo",
         "simulate",
         "board",
+        "camera",
         "patterns",
         "import",
         "check",

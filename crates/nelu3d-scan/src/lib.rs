@@ -13,6 +13,7 @@ pub mod camera;
 pub mod image;
 pub mod import;
 pub mod input;
+pub mod intrinsics;
 pub mod least_squares;
 pub mod mesh;
 pub mod npy;

@@ -5,6 +5,7 @@
 mod baselines;
 mod board;
 mod calibrate;
+mod camera;
 #[cfg(feature = "capture")]
 mod capture;
 mod demo;
@@ -23,6 +24,7 @@ use clap::{Parser, Subcommand};
 pub(crate) use baselines::{DecodeArgs, ProjectorArgs, TableArgs, TableCommand, TableExportArgs, TableInfoArgs};
 pub(crate) use board::{BoardArgs, BoardCommand, PrintArgs};
 pub(crate) use calibrate::CalibrateArgs;
+pub(crate) use camera::CameraArgs;
 #[cfg(feature = "capture")]
 pub(crate) use capture::{CaptureArgs, NewRigArgs};
 pub(crate) use demo::{DemoArgs, SimulateArgs};
@@ -95,6 +97,8 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     /// Print a board: PDF, SVG or PNG true to scale, and its lines for rig.toml.
     Board(BoardArgs),
+    /// Calibrate the camera from images of a board, or from the rig's own sweep.
+    Camera(CameraArgs),
     /// Make the images a light source shows, or score such images as a code.
     #[command(subcommand)]
     Patterns(PatternsCommand),

@@ -3,6 +3,7 @@
 pub(crate) mod bench;
 pub(crate) mod board;
 pub(crate) mod calibrate;
+pub(crate) mod camera;
 #[cfg(feature = "capture")]
 pub(crate) mod capture;
 pub(crate) mod check;

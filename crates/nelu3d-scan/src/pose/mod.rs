@@ -19,3 +19,5 @@ pub use trajectory::{Position, Rejected, Steps, Trajectory, TrajectoryModel};
 
 pub use homography::Homography;
 pub(crate) use homography::homography_4pt;
+pub(crate) use projection::project_with_jacobian;
+pub(crate) use robust::{huber, sigma_of_norms};

@@ -17,7 +17,7 @@ pub use error::RigError;
 pub use file::{board_lines, read_board};
 pub use mono::LUMA;
 pub(crate) use names::{NAME_RULE, is_name};
-pub(crate) use shots::natural_order;
+pub use shots::natural_order;
 
 use crate::board::Board;
 use crate::camera::{Camera, Projector};

@@ -117,7 +117,7 @@ fn folders(dir: &Path) -> Result<Vec<Shot>, RigError> {
 }
 
 /// Compares names with runs of digits compared as numbers, so that unpadded names keep the order of the sweep.
-pub(crate) fn natural_order(a: &str, b: &str) -> Ordering {
+pub fn natural_order(a: &str, b: &str) -> Ordering {
     let (mut x, mut y) = (a, b);
     while let (Some(p), Some(q)) = (x.chars().next(), y.chars().next()) {
         let order = if p.is_ascii_digit() && q.is_ascii_digit() {

@@ -15,6 +15,7 @@ pub(super) use validate::from_toml;
 use self::schema::{FORMAT, to_toml};
 use super::{PROJECTOR_FILE, RIG_FILE, Rig, RigError};
 use crate::camera::{Camera, Projector, read_camera, read_projector, write_camera, write_projector};
+use crate::image::decode;
 use crate::input::{MAX_TEXT, read_file, toml_reason};
 use crate::output::{create_dir, write_atomic};
 
@@ -33,6 +34,24 @@ impl Rig {
         let file = root.join(PROJECTOR_FILE);
         let projector = if file.exists() { Some(read_projector(&file)?) } else { None };
         Self::checked(&root, toml, camera, projector)
+    }
+
+    /// Opens a rig whose camera is still to be calibrated: the camera has the size of the sweep's first white image, and
+    /// intrinsics that are none. What is at the place of the camera's file is not read, nor is a projector.
+    ///
+    /// # Errors
+    ///
+    /// As [`Rig::open`], for rig.toml; or there is no sweep, or its first white image cannot be read.
+    pub fn open_uncalibrated(path: &Path) -> Result<Self, RigError> {
+        let (root, toml) = read_toml(path)?;
+        let mut rig = Self::checked(&root, toml, Camera::pinhole(1, 1, 1.0, 1.0, 0.0, 0.0), None)?;
+        let positions = rig.positions()?;
+        // No rig has a sweep without positions.
+        let first = positions.first().map(|shot| shot.dir.join(&rig.white)).unwrap_or_default();
+        let raw = decode(&first, None)?;
+        let (w, h) = (raw.width as f64, raw.height as f64);
+        rig.camera = Camera::pinhole(raw.width, raw.height, w, w, 0.5 * (w - 1.0), 0.5 * (h - 1.0));
+        Ok(rig)
     }
 
     /// Makes the rig of the folder `root` from the content of its rig.toml, its camera and its projector. No file is
