@@ -167,12 +167,15 @@ fn judged(
     let reports = report::views(data, fit);
     let open = |sigma_px: f64| {
         let tilt = reports.iter().fold(0.0, |a: f64, v| a.max(v.tilt_deg));
-        let (reason, remedy) = if tilt < 15.0 {
-            (
-                format!("as all boards face the camera within {tilt:.0} degrees"),
-                "tilt the board by 20 to 40 degrees, to the left, right, front, and back, or move it on a stage whose \
-                 step is known",
-            )
+        // Far from the truth, angles are as wrong as the focal length is.
+        let alike = sigma_px.is_nan() || sigma_px > 0.1 * camera.fx;
+        let (reason, remedy) = if tilt < 15.0 || alike {
+            let reason = if alike {
+                "as boards that face the camera, or are all tilted alike, leave it open".to_owned()
+            } else {
+                format!("as all boards face the camera within {tilt:.0} degrees")
+            };
+            (reason, "tilt the board by 20 to 40 degrees, to the left, right, front, and back")
         } else {
             (
                 format!("from {} images", reports.len()),
@@ -185,11 +188,11 @@ fn judged(
     let Some(covariance) = &fit.covariance else { return Err(open(f64::INFINITY)) };
     let pinhole = report::sigmas(fit, covariance, |s| matches!(s, Shared::Pinhole(_)));
     let focal_sigma = pinhole[0].max(pinhole[1]);
-    if !(focal_sigma <= MAX_FOCAL_SIGMA * camera.fx.min(camera.fy)) {
+    if focal_sigma.is_nan() || focal_sigma > MAX_FOCAL_SIGMA * camera.fx.min(camera.fy) {
         refuse(open(focal_sigma))?;
     }
     let center_sigma = pinhole[2].max(pinhole[3]);
-    if !(center_sigma <= MAX_CENTER_SIGMA * camera.width as f64) {
+    if center_sigma.is_nan() || center_sigma > MAX_CENTER_SIGMA * camera.width as f64 {
         let remedy = "add images with the board tilted to all four sides, and turned by 90 degrees".to_owned();
         refuse(IntrinsicsError::PrincipalPoint { sigma_px: center_sigma, remedy })?;
     }

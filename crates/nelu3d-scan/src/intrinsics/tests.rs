@@ -10,8 +10,8 @@ use crate::camera::Distortion;
 fn sweep(camera: &Camera, n: usize, tilt: f64, noise_px: f64, bend_mm: f64, seed: u64) -> Vec<View> {
     let mut rng = Gauss::new(seed);
     let mut views = Vec::new();
-    // The board is about as large as the picture at this depth.
-    let depth = 200.0 * camera.fx / camera.width as f64 * 1.15;
+    // The board is larger than the picture at this depth: its corners are covered, without which k3 stays open there.
+    let depth = 200.0 * camera.fx / camera.width as f64 * 0.95;
     for i in 0..n {
         let turn = Vector3::new(tilt * rng.next(), tilt * rng.next(), 0.2 * rng.next());
         let at = Vector3::new(25.0 * rng.next(), 20.0 * rng.next(), depth * (1.0 + 0.15 * rng.next()));
@@ -159,11 +159,16 @@ fn boards_that_face_the_camera_are_refused() {
     assert!(matches!(error, IntrinsicsError::FocalLength { .. }), "{error}");
     assert!(error.to_string().contains("face the camera") && !error.to_string().contains('\n'));
 
-    // A stage's step fixes the focal length, but not where the stage points: a shift of the picture looks the same.
+    // A stage's step nearly fixes the focal length, but not where the stage points: a shift of the picture looks the same.
     let stage = Some(StageStep { step_mm: 6.0, sigma_mm: 0.02 });
     let options = IntrinsicsOptions { stage, ..IntrinsicsOptions::default() };
     let error = calibrate_intrinsics(&views, size, &options).unwrap_err();
-    assert!(matches!(error, IntrinsicsError::PrincipalPoint { .. }), "{error}");
+    let open = matches!(error, IntrinsicsError::PrincipalPoint { .. } | IntrinsicsError::FocalLength { .. });
+    assert!(open, "{error}");
+    let options = IntrinsicsOptions { keep_uncertain: true, ..options };
+    let found = calibrate_intrinsics(&views, size, &options).unwrap();
+    assert!((found.camera.fx - camera.fx).abs() < 0.01 * camera.fx, "{}", found.camera.fx);
+    assert!(found.report.pinhole_sigma_px[2] > 6.0 && found.report.advice[0].contains("cannot be determined"));
 }
 
 #[test]

@@ -23,7 +23,7 @@ impl Sheet {
     pub fn to_png(&self, dots_per_inch: f64) -> io::Result<Vec<u8>> {
         let per_mm = dots_per_inch / 25.4;
         let size = self.size_mm.map(|s| (s * per_mm).round().max(1.0));
-        if !(size[0] * size[1] <= MAX_PIXELS) {
+        if size[0] * size[1] > MAX_PIXELS {
             let [w, h] = self.size_mm;
             return Err(io::Error::other(format!("{w} x {h} mm at {dots_per_inch} dots an inch are too many pixels")));
         }
