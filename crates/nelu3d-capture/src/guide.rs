@@ -80,7 +80,7 @@ impl SweepGuide {
         let Some(detector) = &self.detector else { return Ok(Err("rig.toml describes no board".into())) };
         self.size = [raw.width, raw.height];
         let (rig, file) = (&self.rig, self.rig.root.join("(live)"));
-        let image = raw.linearize(&file, rig.channels, rig.black_level, rig.saturation)?;
+        let image = rig.linear(raw, &file, rig.channels)?;
         let gray: Vec<f32> = match rig.channels {
             Channels::Mono => image.data,
             // Clipped in one channel is clipped.

@@ -24,6 +24,8 @@ pub struct NewRig {
     pub black_level: f64,
     /// Sensor code at and above which a value is clipped.
     pub saturation: f64,
+    /// How its codes follow light, as rig.toml names it: `linear` or `srgb`.
+    pub response: Option<String>,
     /// Intrinsics of the camera, if they are known already.
     pub intrinsics: Option<Intrinsics>,
     /// A TOML file with the table `[board]`, as in rig.toml.
@@ -100,6 +102,9 @@ impl RigWriter {
         camera.insert("channels".into(), new.channels.name().into());
         camera.insert("black_level".into(), new.black_level.into());
         camera.insert("saturation".into(), new.saturation.into());
+        if let Some(response) = &new.response {
+            camera.insert("response".into(), response.as_str().into());
+        }
         let mut table = toml::Table::new();
         table.insert("format".into(), 1.into());
         table.insert("name".into(), new.name.as_str().into());

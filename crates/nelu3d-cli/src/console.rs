@@ -63,7 +63,7 @@ impl Console {
         }
     }
 
-    /// The last word, after all stages.
+    /// Tells a person what they have to know, quiet or not.
     pub(crate) fn say(&self, text: &str) {
         self.line(text);
     }

@@ -60,10 +60,10 @@ impl CommandContext {
         self.cancel.clone()
     }
 
-    /// Tells a person something in passing, on standard error.
+    /// Tells a person on standard error what they have to know to go on, quiet or not.
     #[cfg(feature = "capture")]
-    pub(crate) fn note(&self, message: &str) {
-        self.console.note(message);
+    pub(crate) fn tell(&self, message: &str) {
+        self.console.say(message);
     }
 
     /// Fails if Ctrl-C was pressed: the last chance before an output is put into place.

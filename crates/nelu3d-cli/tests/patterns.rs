@@ -73,6 +73,38 @@ fn every_family_works_with_a_size_alone() {
     }
 }
 
+/// The set of three is what took three commands: the same images, for both axes.
+#[test]
+fn the_recommended_set_is_three_commands_in_one() {
+    let dir = tempfile::tempdir().unwrap();
+    for (axis, length) in [("x", "320"), ("y", "240")] {
+        let about = json(&["recommended", "--size", "320x240", "--axis", axis, "-o", "set"], dir.path());
+        assert_eq!(about["pattern_set"]["name"], "mixed3");
+        let length: f64 = length.parse().unwrap();
+        let px = |n: f64| format!("{}", length / n);
+        let parts: [(&str, Vec<String>); 3] = [
+            ("sinusoid", vec!["--period".into(), px(40.0), "--steps".into(), "1".into()]),
+            ("triangle", vec!["--period".into(), px(3.0)]),
+            (
+                "random",
+                vec!["--min-period".into(), px(16.0), "--max-period".into(), px(2.0), "--seed".into(), "9".into()],
+            ),
+        ];
+        for ((family, options), name) in parts.iter().zip(names(&about["pattern_set"]["images"])) {
+            let options: Vec<&str> = options.iter().map(String::as_str).collect();
+            json(&[&[family, "--size", "320x240", "--axis", axis, "-o", "one"], &options[..]].concat(), dir.path());
+            let [set, one] = ["set", "one"].map(|d| fs::read(dir.path().join(d).join(&name)).unwrap());
+            assert!(set == one, "{name} along {axis}");
+        }
+    }
+    for n in ["3", "5", "8"] {
+        let about = json(&["recommended", "--size", "640x8", "--images", n, "-o", "n"], dir.path());
+        assert_eq!(names(&about["pattern_set"]["images"]).len().to_string(), n);
+    }
+    assert_eq!(nelu3d(&["recommended", "--size", "640x8", "--images", "4"], dir.path()).status.code(), Some(2));
+    complaint(&["recommended", "--size", "60x80", "-o", "tiny"], dir.path(), "`period_px` is 1.5");
+}
+
 #[test]
 fn the_answer_is_a_part_of_a_rig_toml() {
     let dir = tempfile::tempdir().unwrap();

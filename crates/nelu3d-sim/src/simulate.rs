@@ -86,6 +86,7 @@ fn rig(
         camera: renderer.camera().clone(),
         camera_file: "camera.json".into(),
         channels: spec.camera.channels().expect("checked with the spec"),
+        response: None,
         black_level: spec.camera.black_level,
         saturation: spec.camera.saturation(),
         white: "white.png".into(),

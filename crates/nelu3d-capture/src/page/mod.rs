@@ -22,6 +22,8 @@ use crate::display::{Display, Slide};
 use crate::error::CaptureError;
 use crate::frame::Frame;
 
+/// Longest time until somebody opens the page, or presses its button for the webcam.
+const FIRST_PATIENCE: Duration = Duration::from_secs(120);
 /// Longest time that the page may take to show a slide: a window in the background is not drawn at all.
 const SHOW_PATIENCE: Duration = Duration::from_secs(15);
 /// Longest time between two frames of a webcam.
@@ -57,10 +59,11 @@ impl Display for PageDisplay {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(CaptureError::Stopped);
             }
-            if begun.elapsed() > SHOW_PATIENCE {
+            let patience = if state.shown > 0 { SHOW_PATIENCE } else { FIRST_PATIENCE };
+            if begun.elapsed() > patience {
                 return Err(CaptureError::Device {
                     device: "the page that shows the patterns".into(),
-                    problem: format!("did not answer for {} s", SHOW_PATIENCE.as_secs()),
+                    problem: format!("did not answer for {} s", patience.as_secs()),
                     remedy: "open its address on the projector's screen and leave it in front".into(),
                 });
             }
@@ -81,10 +84,11 @@ impl Camera for PageCamera {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(CaptureError::Stopped);
             }
-            if begun.elapsed() > FRAME_PATIENCE {
+            let patience = if state.received > 0 { FRAME_PATIENCE } else { FIRST_PATIENCE };
+            if begun.elapsed() > patience {
                 return Err(CaptureError::Device {
                     device: "the webcam".into(),
-                    problem: format!("the page sent no picture for {} s", FRAME_PATIENCE.as_secs()),
+                    problem: format!("the page sent no picture for {} s", patience.as_secs()),
                     remedy: "press its button \"Use this webcam\", and leave the page open".into(),
                 });
             }

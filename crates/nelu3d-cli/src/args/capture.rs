@@ -57,6 +57,9 @@ pub(crate) struct NewRigArgs {
     /// Color format of the camera's pictures (default: rgb for a webcam, mono otherwise).
     #[arg(long, value_name = "CHANNELS", value_parser = parse_channels)]
     pub channels: Option<Channels>,
+    /// How the camera's codes follow light: linear or srgb (default: srgb for a webcam, linear otherwise).
+    #[arg(long, value_name = "linear|srgb", value_parser = ["linear", "srgb"])]
+    pub response: Option<String>,
     /// The camera's code for no light.
     #[arg(long, value_name = "CODE", value_parser = parse_code, default_value_t = 0.0)]
     pub black_level: f64,

@@ -10,6 +10,7 @@ mod bilinear;
 mod box_mean;
 mod decode;
 mod gaussian_blur;
+mod response;
 mod write;
 
 pub use apng::Apng;
@@ -19,6 +20,7 @@ pub use box_mean::box_mean;
 pub(crate) use decode::read_image_file;
 pub use decode::{Depth, ImageFileError, Raw, RawData, decode, decode_bytes, read_any};
 pub use gaussian_blur::gaussian_blur;
+pub use response::Response;
 pub(crate) use write::{Codes, write_png};
 pub use write::{encode_rgb8, write_gray8, write_png8, write_png16, write_raw_png, write_rgb8};
 

@@ -83,6 +83,7 @@ impl Destination {
                     camera: (**camera).clone(),
                     camera_file: "camera.json".into(),
                     channels: channels_of(request, first)?,
+                    response: None,
                     black_level: 0.0,
                     saturation: 1.0,
                     white: named("white"),

@@ -1,9 +1,10 @@
 //! Reading the images of a shot.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::{PatternSet, Rig, RigError, Shot, mono, mosaic};
-use crate::image::{Channels, Depth, Image, Raw, decode, demosaic};
+use crate::image::{Channels, Depth, Image, ImageFileError, Raw, Response, decode, demosaic};
 
 /// Which of a shot's images must be there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,8 +103,32 @@ impl Rig {
         let stored = self.stored_as(&raw, what);
         let channels = if stored == self.channels { channels } else { stored };
         raw.check_kind(path, stored, self.saturation)?;
-        let image = raw.linearize(path, channels, self.black_level, self.saturation)?;
+        self.check_response(path)?;
+        let image = self.linear(&raw, path, channels)?;
         Ok((image, raw.depth()))
+    }
+
+    /// Makes the linear image of codes of this rig's camera, of `channels`. `path` is only for messages.
+    ///
+    /// # Errors
+    ///
+    /// As [`Raw::linearize`].
+    pub fn linear(&self, raw: &Raw, path: &Path, channels: Channels) -> Result<Image, ImageFileError> {
+        let response = self.response.as_ref().unwrap_or(&Response::Linear);
+        raw.linearize_by(path, channels, self.black_level, self.saturation, response)
+    }
+
+    /// Complains about a JPEG file unless rig.toml says how its codes follow light: they are hardly ever linear.
+    pub(super) fn check_response(&self, path: &Path) -> Result<(), ImageFileError> {
+        if self.response.is_some() || !is_jpeg(path) {
+            return Ok(());
+        }
+        Err(ImageFileError::Kind {
+            path: path.to_path_buf(),
+            problem: "is a JPEG file, whose codes hardly ever follow light evenly, and rig.toml does not say how"
+                .into(),
+            remedy: "set response = \"srgb\" in its table [camera], or the name of a measured curve".into(),
+        })
     }
 
     /// Reads a shot's white, black and the patterns of one set. Raw mosaics of what stands still are normalized before
@@ -182,6 +207,13 @@ impl Rig {
             }
         }
     }
+}
+
+/// Returns whether a file begins as JPEG files do.
+fn is_jpeg(path: &Path) -> bool {
+    let mut begin = [0; 3];
+    let read = std::fs::File::open(path).and_then(|mut f| f.read_exact(&mut begin));
+    read.is_ok() && begin == [0xff, 0xd8, 0xff]
 }
 
 /// Returns a pattern with as many channels as its flash, and whether it had fewer.

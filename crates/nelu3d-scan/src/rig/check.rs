@@ -293,7 +293,7 @@ impl Checker<'_> {
             return None;
         }
         let rig = self.rig;
-        match raw.linearize(file, stored, rig.black_level, rig.saturation) {
+        match rig.check_response(file).and_then(|()| rig.linear(&raw, file, stored)) {
             Ok(image) => Some(image),
             Err(e) => {
                 findings.push(image_finding(&e));

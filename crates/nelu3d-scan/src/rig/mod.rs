@@ -21,7 +21,7 @@ pub use shots::natural_order;
 
 use crate::board::Board;
 use crate::camera::{Camera, Projector};
-pub use crate::image::Channels;
+pub use crate::image::{Channels, Response};
 
 /// What one reconstruction uses: k images (mono) or fewer images of three channels. Among the images of an `rgb` camera
 /// some may be mono: see [`Capture::mono`].
@@ -57,6 +57,8 @@ pub struct Rig {
     pub camera_file: String,
     /// How the sensor delivers color.
     pub channels: Channels,
+    /// How codes follow light, where rig.toml says it; else they are proportional to it, and JPEG files are refused.
+    pub response: Option<Response>,
     /// Sensor code for no light.
     pub black_level: f64,
     /// Sensor code at and above which a value is clipped.

@@ -180,6 +180,7 @@ proptest! {
             camera: pinhole(),
             camera_file: "camera.json".into(),
             channels,
+            response: None,
             black_level,
             saturation: black_level + range,
             white,

@@ -188,6 +188,7 @@ mod tests {
             camera: nelu3d_scan::Camera::pinhole(4, 3, 5.0, 5.0, 2.0, 1.5),
             camera_file: "camera.json".into(),
             channels: nelu3d_scan::image::Channels::Mono,
+            response: None,
             black_level: 0.0,
             saturation: 2000.0,
             white: "white.png".into(),

@@ -5,7 +5,7 @@ use nelu3d_capture::page::{PageCommand, PageServer};
 use nelu3d_capture::{BoardView, Camera, CaptureError, CaptureSession, RigWriter, ShotPlace, SlideImages, SweepGuide};
 use nelu3d_scan::image::Raw;
 
-use super::CaptureReport;
+use super::report::CaptureReport;
 use crate::context::CommandContext;
 
 /// A capture under way.
@@ -27,13 +27,9 @@ pub(super) fn run(
 ) -> Result<CaptureReport> {
     let report = CaptureReport {
         rig: writer.rig().root.clone(),
-        written: Vec::new(),
         found: writer.positions(),
-        frames: Default::default(),
-        timing: None,
-        noise: None,
-        exposure: None,
         has_intrinsics: writer.has_intrinsics(),
+        ..CaptureReport::default()
     };
     let mut guide = SweepGuide::new(writer.rig(), writer.has_intrinsics())?;
     resume(&mut guide, writer)?;
@@ -142,7 +138,7 @@ impl Desk<'_> {
     /// Shows a picture and looks for the board in it.
     fn look(&mut self, raw: &Raw) -> Result<Option<BoardView>> {
         let rig = self.writer.rig();
-        let image = raw.linearize(&rig.root.join("(live)"), rig.channels, rig.black_level, rig.saturation)?;
+        let image = rig.linear(raw, &rig.root.join("(live)"), rig.channels)?;
         self.server.set_live(&image);
         if !self.guide.has_board() {
             return Ok(None);
@@ -154,7 +150,7 @@ impl Desk<'_> {
                 let tilt = view.tilt_deg.map(|a| format!(", tilted by {a:.0}°")).unwrap_or_default();
                 (view.corners_px.clone(), format!("the board: {} corners{depth}{tilt}", view.corners_px.len()))
             }
-            Err(reason) => (Vec::new(), format!("no board: {reason}")),
+            Err(reason) => (Vec::new(), reason.clone()),
         };
         self.server.set_status(|s| {
             s.corners_px = corners;

@@ -2,41 +2,23 @@
 
 mod guided;
 mod rehearse;
+mod report;
 
 use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail};
 use nelu3d_capture::page::{PageServer, SlideFiles};
-use nelu3d_capture::{
-    Camera, CaptureTiming, CommandCamera, ExposureAdvice, FrameCounts, FrameNoise, NewRig, RigWriter, WatchedFolder,
-};
+use nelu3d_capture::{Camera, CommandCamera, NewRig, RigWriter, WatchedFolder};
 use nelu3d_scan::camera::read_camera;
 use nelu3d_scan::image::{Channels, decode};
 use nelu3d_scan::rig::RIG_FILE;
-use serde::Serialize;
 
+use self::report::CaptureReport;
 use super::patterns::write_recommended;
 use crate::args::{CaptureArgs, NewRigArgs};
 use crate::context::CommandContext;
 use crate::paths::shown;
-
-/// What a capture did.
-#[derive(Debug, Serialize)]
-struct CaptureReport {
-    rig: std::path::PathBuf,
-    /// Folders written.
-    written: Vec<std::path::PathBuf>,
-    /// Folders that an earlier capture had written.
-    found: usize,
-    /// What became of the frames.
-    frames: FrameCounts,
-    timing: Option<CaptureTiming>,
-    noise: Option<FrameNoise>,
-    exposure: Option<ExposureAdvice>,
-    /// Whether the rig has intrinsics.
-    has_intrinsics: bool,
-}
 
 /// Runs the command.
 pub(crate) fn run(args: CaptureArgs, context: &CommandContext) -> Result<ExitCode> {
@@ -44,7 +26,7 @@ pub(crate) fn run(args: CaptureArgs, context: &CommandContext) -> Result<ExitCod
         Some(source) => rehearse::run(&args, source, context)?,
         None => with_page(&args, context)?,
     };
-    context.answer(&report, || text(&report))?;
+    context.answer(&report, || report.text())?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -54,7 +36,7 @@ fn with_page(args: &CaptureArgs, context: &CommandContext) -> Result<CaptureRepo
     let slides = slides(&writer)?;
     let stop = context.cancel();
     let server = PageServer::start(slides, args.port, stop.clone())?;
-    context.note(&format!("open {} in a browser", server.address()));
+    context.tell(&format!("open {} in a browser", server.address()));
     let folder = tempfile::tempdir().context("no place for temporary files")?;
     let mut camera: Box<dyn Camera> = match (&args.camera_command, &args.watch) {
         (Some(command), _) => Box::new(CommandCamera::new(command, folder.path(), server.clock(), stop)?),
@@ -102,6 +84,7 @@ fn new_rig(root: &Path, new: &NewRigArgs, patterns: &Path, webcam: bool) -> Resu
         channels: new.channels.unwrap_or(if webcam { Channels::Rgb } else { Channels::Mono }),
         black_level: new.black_level,
         saturation: new.saturation,
+        response: new.response.clone().or_else(|| webcam.then(|| "srgb".to_owned())),
         intrinsics: new.camera.as_deref().map(read_camera).transpose()?,
         board: new.board.clone(),
         patterns: patterns.to_path_buf(),
@@ -130,32 +113,4 @@ fn slides(writer: &RigWriter) -> Result<SlideFiles> {
         }
     }
     Ok(SlideFiles { size: size.unwrap_or([1, 1]), ..slides })
-}
-
-/// Returns the report for people.
-fn text(report: &CaptureReport) -> String {
-    let mut text = format!("rig       {}\n", shown(&report.rig));
-    let found = if report.found > 0 { format!(", {} were there", report.found) } else { String::new() };
-    text += &format!("written   {} folders{found}\n", report.written.len());
-    if let Some(timing) = report.timing {
-        let ms = |secs: f64| 1e3 * secs;
-        text += &format!(
-            "timing    a frame every {:.0} ms; changes are seen after {:.0} to {:.0} ms\n",
-            ms(timing.frame_secs),
-            ms(timing.latency_min_secs),
-            ms(timing.latency_max_secs)
-        );
-    }
-    let n = report.frames;
-    text += &format!(
-        "frames    {} delivered, {} accepted; {} too early, {} stale, {} twice, {} torn or shaken, {} lost\n",
-        n.delivered, n.accepted, n.early, n.stale, n.duplicated, n.lone, n.lost
-    );
-    if let Some(exposure) = report.exposure {
-        text += &format!("exposure  {exposure}\n");
-    }
-    if !report.has_intrinsics {
-        text += "next      the rig has no intrinsics yet: `nelu3d camera` makes camera.json\n";
-    }
-    text
 }

@@ -9,7 +9,7 @@ use nelu3d_capture::{CaptureSession, RigWriter, ShotPlace, Slide};
 use nelu3d_scan::image::{Raw, decode};
 use nelu3d_scan::rig::{RIG_FILE, Rig, Shot};
 
-use super::CaptureReport;
+use super::report::CaptureReport;
 use crate::args::CaptureArgs;
 use crate::context::CommandContext;
 
@@ -47,13 +47,9 @@ pub(super) fn run(args: &CaptureArgs, source: &Path, context: &CommandContext) -
     shots.retain(|(place, _)| !writer.folder(place).exists());
     let mut report = CaptureReport {
         rig: args.rig.clone(),
-        written: Vec::new(),
         found: all - shots.len(),
-        frames: Default::default(),
-        timing: None,
-        noise: None,
-        exposure: None,
         has_intrinsics: writer.has_intrinsics(),
+        ..CaptureReport::default()
     };
     let Some((_, first)) = shots.first() else { return Ok(report) };
     context.progress.stage("capture");

@@ -20,8 +20,8 @@ pub enum ImageFileError {
         /// What is wrong, and what to do about it.
         source: io::Error,
     },
-    /// Not PNG, TIFF or EXR.
-    #[error("{}: is neither PNG, TIFF nor OpenEXR; save it as one of them, without loss", path.display())]
+    /// Not PNG, TIFF, EXR or JPEG.
+    #[error("{}: is neither PNG, TIFF, OpenEXR nor JPEG; save it as one of the first three, without loss", path.display())]
     Format {
         /// The file.
         path: PathBuf,

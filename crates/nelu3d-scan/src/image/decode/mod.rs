@@ -3,6 +3,7 @@
 mod error;
 mod exr;
 mod file;
+mod jpeg;
 mod png;
 mod raw;
 mod tiff;
@@ -17,7 +18,7 @@ use self::file::File;
 use crate::image::{Channels, Image};
 use crate::input::{MAX_DATA, read_file};
 
-/// Decodes a PNG, TIFF or OpenEXR file. With `size` = (width, height) a file of another size is refused before its
+/// Decodes a PNG, TIFF, OpenEXR or JPEG file. With `size` = (width, height) a file of another size is refused before its
 /// pixels are read.
 ///
 /// # Errors
@@ -56,6 +57,7 @@ pub fn decode_bytes(path: &Path, bytes: &[u8], size: Option<(usize, usize)>) -> 
         [0x89, b'P', b'N', b'G', ..] => png::decode(&file),
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::decode(&file),
         [0x76, 0x2f, 0x31, 0x01, ..] => exr::decode(&file),
+        [0xff, 0xd8, 0xff, ..] => jpeg::decode(&file),
         [] => Err(file.damaged("it is empty")),
         _ => Err(ImageFileError::Format { path: path.to_path_buf() }),
     }

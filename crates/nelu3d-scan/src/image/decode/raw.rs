@@ -5,6 +5,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::error::ImageFileError;
+use crate::image::response::Response;
 use crate::image::{Channels, Image, demosaic};
 
 /// What a value is stored as.
@@ -87,9 +88,29 @@ impl Raw {
         black_level: f64,
         saturation: f64,
     ) -> Result<Image, ImageFileError> {
+        self.linearize_by(path, channels, black_level, saturation, &Response::Linear)
+    }
+
+    /// Makes the linear image as [`Raw::linearize`] does, of codes that follow light by `response`. Codes become light
+    /// before a mosaic is demosaiced.
+    ///
+    /// # Errors
+    ///
+    /// As [`Raw::linearize`].
+    pub fn linearize_by(
+        &self,
+        path: &Path,
+        channels: Channels,
+        black_level: f64,
+        saturation: f64,
+        response: &Response,
+    ) -> Result<Image, ImageFileError> {
         self.check_kind(path, channels, saturation)?;
         let (b, s) = (black_level, 1.0 / (saturation - black_level));
-        let linear = |code: f64| ((code - b) * s) as f32;
+        let linear = |code: f64| match response {
+            Response::Linear => ((code - b) * s) as f32,
+            curve => curve.light((code - b) * s) as f32,
+        };
         let data: Vec<f32> = match &self.data {
             RawData::U8(v) => {
                 let table: Vec<f32> = (0..=255u8).map(|c| linear(f64::from(c))).collect();

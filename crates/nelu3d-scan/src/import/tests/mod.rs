@@ -158,6 +158,7 @@ fn an_old_rig_says_what_the_frames_are() {
         camera: Camera::pinhole(W, H, 20.0, 20.0, 4.5, 2.5),
         camera_file: "camera.json".into(),
         channels: Channels::Mono,
+        response: None,
         black_level: 0.0,
         saturation: 4095.0,
         white: "flash.png".into(),

@@ -55,7 +55,7 @@ impl Rig {
     }
 
     /// Makes the rig of the folder `root` from the content of its rig.toml, its camera and its projector. No file is
-    /// read.
+    /// read, but for the camera's response where rig.toml names one.
     ///
     /// # Errors
     ///

@@ -35,6 +35,8 @@ pub(in crate::rig) struct CameraToml {
     pub(in crate::rig) channels: String,
     pub(in crate::rig) black_level: f64,
     pub(in crate::rig) saturation: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(in crate::rig) response: Option<String>,
 }
 
 fn default_intrinsics() -> String {
@@ -110,6 +112,7 @@ pub(super) fn to_toml(rig: &Rig) -> RigToml {
             channels: rig.channels.name(),
             black_level: rig.black_level,
             saturation: rig.saturation,
+            response: rig.response.as_ref().map(|r| r.name().to_owned()),
         },
         images: ImagesToml { white: rig.white.clone(), black: rig.black.clone() },
         pattern_sets: rig

@@ -9,7 +9,8 @@ use super::board::board;
 use super::problems::Problems;
 use super::schema::{CameraToml, FORMAT, ImagesToml, PatternSetToml, PoseToml, RigToml};
 use crate::camera::{Camera, Projector};
-use crate::image::Channels;
+use crate::image::{Channels, Response};
+use crate::input::{MAX_TEXT, read_file};
 use crate::rig::{KnownPose, PatternSet, RIG_FILE, Rig, RigError};
 
 /// Returns the rig that rig.toml describes, and everything that is wrong with its values. With problems the rig is only
@@ -27,6 +28,7 @@ pub(in crate::rig) fn from_toml(
     problems.expect(intrinsics, "camera.intrinsics", "is empty", "give the name of a file");
     check_flash(&toml.images, &mut problems);
     check_pattern_sets(&toml.pattern_sets, &toml.images, &mut problems);
+    let response = toml.camera.response.as_deref().and_then(|name| response(root, name, &mut problems));
     let board = toml.board.and_then(|b| board(b, &mut problems));
     check_poses(&toml.poses, &mut problems);
     let known_pose = |p: PoseToml| KnownPose {
@@ -40,6 +42,7 @@ pub(in crate::rig) fn from_toml(
         camera,
         camera_file: toml.camera.intrinsics,
         channels: channels.unwrap_or(Channels::Mono),
+        response,
         black_level: toml.camera.black_level,
         saturation: toml.camera.saturation,
         white: toml.images.white,
@@ -50,6 +53,25 @@ pub(in crate::rig) fn from_toml(
         projector,
     };
     (rig, problems.found)
+}
+
+/// Returns how codes follow light; `name` is a word or a file of the rig.
+fn response(root: &Path, name: &str, problems: &mut Problems) -> Option<Response> {
+    let found = match name {
+        "linear" => Ok(Response::Linear),
+        "srgb" => Ok(Response::Srgb),
+        file => read_file(&root.join(file), MAX_TEXT)
+            .map_err(|e| format!("cannot be read ({e})"))
+            .and_then(|bytes| Response::from_json(file, &bytes)),
+    };
+    let remedy = "give \"linear\", \"srgb\", or a file with {\"code\": […], \"light\": […]}, rising from 0 to 1";
+    match found {
+        Ok(response) => Some(response),
+        Err(e) => {
+            problems.expect(false, "camera.response", format!("is \"{name}\": {e}"), remedy);
+            None
+        }
+    }
 }
 
 /// Checks channels and levels; returns the channels, if they are known.

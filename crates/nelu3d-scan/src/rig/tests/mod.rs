@@ -1,6 +1,7 @@
 //! A rig folder written, opened and read; and every complaint about one.
 
 mod checks;
+mod response;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -49,6 +50,7 @@ fn rig_at(root: &Path) -> Rig {
         camera: Camera { distortion, ..Camera::pinhole(W, H, 30.25, 30.5, 5.5, 3.5) },
         camera_file: "camera.json".into(),
         channels: Channels::Mono,
+        response: None,
         black_level: 10.0,
         saturation: 4095.0,
         white: "white.png".into(),

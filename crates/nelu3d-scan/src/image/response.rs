@@ -1,0 +1,111 @@
+//! How a camera's codes follow light.
+
+/// How codes follow light: both as parts of full scale, 0 at the black level and 1 at the saturation.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Response {
+    /// Codes are proportional to light.
+    Linear,
+    /// Codes are those of sRGB (IEC 61966-2-1): what webcams and phones deliver, about.
+    Srgb,
+    /// A measured curve, with straight lines between its points.
+    Table {
+        /// Name of the file it comes from.
+        file: String,
+        /// Codes, rising from 0 to 1.
+        code: Vec<f64>,
+        /// The light of each, rising from 0 to 1.
+        light: Vec<f64>,
+    },
+}
+
+impl Response {
+    /// Makes the curve of a file's content, `{"code": […], "light": […]}`.
+    ///
+    /// # Errors
+    ///
+    /// It is no such JSON; or the lists differ in length, do not rise, or do not lead from 0 to 1.
+    pub fn from_json(file: &str, bytes: &[u8]) -> Result<Self, String> {
+        #[derive(serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Curve {
+            code: Vec<f64>,
+            light: Vec<f64>,
+        }
+        let Curve { code, light } = serde_json::from_slice(bytes).map_err(|e| e.to_string())?;
+        if code.len() != light.len() || code.len() < 2 {
+            return Err(format!("has {} codes and {} values of light", code.len(), light.len()));
+        }
+        for (name, list) in [("code", &code), ("light", &light)] {
+            // Written so that it fails for what is not a number.
+            if !list.windows(2).all(|w| w[0] < w[1]) {
+                return Err(format!("`{name}` does not rise from each value to the next"));
+            }
+            if list.first() != Some(&0.0) || list.last() != Some(&1.0) {
+                return Err(format!("`{name}` does not lead from 0 to 1"));
+            }
+        }
+        Ok(Self::Table { file: file.into(), code, light })
+    }
+
+    /// Returns its name in rig.toml.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Linear => "linear",
+            Self::Srgb => "srgb",
+            Self::Table { file, .. } => file,
+        }
+    }
+
+    /// Returns the light of a code. Below 0, where noise may lead, the curve is that above it, mirrored; from 1 on,
+    /// where values are clipped, it stays what it is.
+    pub fn light(&self, code: f64) -> f64 {
+        if code >= 1.0 {
+            return code;
+        }
+        if code < 0.0 {
+            return -self.light(-code);
+        }
+        match self {
+            Self::Linear => code,
+            Self::Srgb if code <= 0.040_45 => code / 12.92,
+            Self::Srgb => ((code + 0.055) / 1.055).powf(2.4),
+            Self::Table { code: codes, light, .. } => {
+                let i = codes.partition_point(|c| *c <= code).clamp(1, codes.len() - 1);
+                let part = (code - codes[i - 1]) / (codes[i] - codes[i - 1]);
+                light[i - 1] + part * (light[i] - light[i - 1])
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_of_srgb_become_light() {
+        // Middle gray and the ends, by the standard's table.
+        for (code, light) in [(0.0, 0.0), (0.04, 0.04 / 12.92), (128.0 / 255.0, 0.215_861), (0.5, 0.214_041)] {
+            assert!((Response::Srgb.light(code) - light).abs() < 1e-5, "{code}");
+        }
+        assert_eq!((Response::Srgb.light(1.0), Response::Srgb.light(1.2)), (1.0, 1.2));
+        assert_eq!(Response::Srgb.light(-0.02), -Response::Srgb.light(0.02));
+    }
+
+    #[test]
+    fn measured_curves_are_read_and_followed() {
+        let curve = Response::from_json("r.json", br#"{"code": [0, 0.5, 1], "light": [0, 0.2, 1]}"#).unwrap();
+        for (code, light) in [(0.25, 0.1), (0.5, 0.2), (0.75, 0.6), (1.0, 1.0), (-0.25, -0.1)] {
+            assert!((curve.light(code) - light).abs() < 1e-12, "{code}");
+        }
+        for (text, what) in [
+            (r#"{"code": [0, 1], "light": [0, 0.5, 1]}"#, "2 codes and 3"),
+            (r#"{"code": [0, 0.6, 0.5, 1], "light": [0, 0.1, 0.2, 1]}"#, "`code` does not rise"),
+            (r#"{"code": [0, 1], "light": [0, 0.9]}"#, "`light` does not lead"),
+            (r#"{"code": []}"#, "light"),
+        ] {
+            let e = Response::from_json("r.json", text.as_bytes()).unwrap_err();
+            assert!(e.contains(what), "{text}: {e}");
+        }
+    }
+}
