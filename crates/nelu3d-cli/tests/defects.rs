@@ -290,6 +290,47 @@ fn the_signals_of_schedulers_and_terminals() {
     }
 }
 
+/// A study that is asked to end asks the command that it is running, too.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_study_ends_with_its_command() {
+    let dir = tempfile::tempdir().unwrap();
+    let study = Command::new(env!("CARGO_BIN_EXE_nelu3d"))
+        .args(["experiment", "stage", "--quick", "--quiet", "-o", dir.path().to_str().unwrap()])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let command = soon(|| {
+        loop {
+            if let Some(id) = child_of(study.id()) {
+                return id;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    });
+    send(&study, "-TERM");
+    let out = soon(|| study.wait_with_output().unwrap());
+    assert_eq!(out.status.code(), Some(143), "{}", stderr(&out));
+    assert!(!Path::new(&format!("/proc/{command}")).exists(), "its command goes on");
+    let mut left = Vec::new();
+    list(dir.path(), &mut left);
+    left.retain(|p| p.to_string_lossy().contains(".partial"));
+    assert_eq!(left, Vec::<PathBuf>::new());
+}
+
+/// Returns a process that this one has started.
+#[cfg(target_os = "linux")]
+fn child_of(parent: u32) -> Option<u32> {
+    fs::read_dir("/proc").unwrap().flatten().find_map(|entry| {
+        let id: u32 = entry.file_name().to_str()?.parse().ok()?;
+        let status = fs::read_to_string(entry.path().join("stat")).ok()?;
+        // The name may hold anything; what follows it is state and parent.
+        let of = status.rsplit_once(") ")?.1.split(' ').nth(1)?;
+        (of.parse() == Ok(parent)).then_some(id)
+    })
+}
+
 /// A terminal that has gone takes standard error along, which is no reason to panic.
 #[test]
 #[cfg(target_os = "linux")]
