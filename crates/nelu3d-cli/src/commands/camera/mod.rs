@@ -77,7 +77,7 @@ pub(crate) fn run(args: CameraArgs, context: &CommandContext) -> Result<ExitCode
         write_atomic(file, |w| w.write_all(json.as_bytes()))?;
     }
     write_camera(&output, &result.camera)?;
-    context.answer(&serde_json::json!({ "camera": output, "report": result.report }), || {
+    context.answer(&serde_json::json!({ "camera": shown(&output), "report": result.report }), || {
         format!("{}camera    {}", text(&result.report), shown(&output))
     })?;
     Ok(ExitCode::SUCCESS)

@@ -5,8 +5,8 @@ use std::path::Path;
 use super::board::board;
 use super::problems::Problems;
 use super::schema::{BoardToml, board_to_toml};
-use super::toml_reason;
 use crate::board::Board;
+use crate::input::{read_text, toml_reason};
 use crate::rig::{RIG_FILE, RigError};
 
 #[derive(serde::Serialize)]
@@ -38,7 +38,7 @@ pub fn board_lines(described: &Board) -> Result<String, RigError> {
 /// The file cannot be read or parsed, has no `[board]`, or one that makes no sense; the message names the key.
 pub fn read_board(path: &Path) -> Result<Board, RigError> {
     let file = if path.is_dir() { path.join(RIG_FILE) } else { path.to_path_buf() };
-    let text = std::fs::read_to_string(&file).map_err(|source| RigError::Io { path: file.clone(), source })?;
+    let text = read_text(&file).map_err(|source| RigError::Io { path: file.clone(), source })?;
     let syntax = |reason| RigError::Syntax { path: file.clone(), reason };
     let mut table: toml::Table = toml::from_str(&text).map_err(|e| syntax(toml_reason(&e, &text)))?;
     let mut problems = Problems { path: file.clone(), found: Vec::new() };
