@@ -64,7 +64,8 @@ def body_mae(nelu3d, rig, scene, camera, work):
     run(nelu3d, "reconstruct", rig, scene, "--field", work / "f.safetensors", "-o", work / "result", "--quiet",
         "--truth", rig / "scenes" / scene / "truth")
     answer = json.loads((work / "result" / "result.json").read_text())
-    return answer["evaluation"]["metrics"] if "metrics" in answer.get("evaluation", {}) else answer["evaluation"]
+    depth = answer["metrics"]["body"]["depth_mm"]
+    return {key: round(depth[key], 4) for key in ("mae", "median", "bias") if key in depth} or depth
 
 
 def main():
