@@ -288,9 +288,12 @@ impl ViewNormal {
     }
 }
 
+/// The normal equations of the shared parameters alone, their right side, and the inverse of every pose's block.
+type Reduced = (DMatrix<f64>, DVector<f64>, Vec<Matrix6<f64>>);
+
 impl Normal {
     /// Eliminates the poses; returns what is left for the shared parameters, and the inverse of every pose's block.
-    fn schur(&self, damping: f64) -> Option<(DMatrix<f64>, DVector<f64>, Vec<Matrix6<f64>>)> {
+    fn schur(&self, damping: f64) -> Option<Reduced> {
         let (mut left, mut rhs) = (self.shared.clone(), self.rhs.clone());
         for k in 0..left.nrows() {
             left[(k, k)] *= 1.0 + damping;

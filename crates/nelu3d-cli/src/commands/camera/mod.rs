@@ -22,7 +22,7 @@ use crate::paths::shown;
 use text::text;
 
 /// Endings of images that are read.
-const ENDINGS: [&str; 4] = ["png", "tif", "tiff", "exr"];
+const ENDINGS: [&str; 6] = ["png", "tif", "tiff", "exr", "jpg", "jpeg"];
 
 /// The images, and what is on them.
 struct Source {
@@ -202,7 +202,7 @@ fn images(dir: &Path) -> Result<Vec<(String, PathBuf)>> {
     }
     images.sort_by(|a, b| natural_order(&a.0, &b.0));
     if images.is_empty() {
-        bail!("{}: has no images; put PNG, TIFF or OpenEXR images of the board there", shown(dir));
+        bail!("{}: has no images; put PNG, JPEG, TIFF or OpenEXR images of the board there", shown(dir));
     }
     Ok(images)
 }

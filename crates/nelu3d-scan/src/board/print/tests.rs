@@ -100,7 +100,7 @@ fn shapes_are_the_artwork() {
                     if (x0..x1).contains(&bx) && (y0..y1).contains(&by) {
                         let gray = image.data[y * image.width + x];
                         // Pixels that an edge crosses are neither.
-                        if gray < 0.02 || gray > 0.98 {
+                        if !(0.02..=0.98).contains(&gray) {
                             n += 1;
                             wrong += usize::from((artwork.albedo(bx, by) > 0.5) != (gray > 0.5));
                         }
