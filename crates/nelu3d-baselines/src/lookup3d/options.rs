@@ -78,7 +78,7 @@ pub struct SearchSettings {
     /// How the depth between positions of the lookup table is found
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Interpolation::Cubic))]
     pub interpolation: Interpolation,
-    /// Residual above which a pixel is rejected, in standard deviations of the noise (0: reject none, as its authors do)
+    /// Residual above which a pixel is rejected, in standard deviations of the noise (0: reject none, as published)
     #[cfg_attr(feature = "clap", arg(long, value_name = "SIGMAS", default_value_t = 0.0))]
     pub max_residual: f32,
     /// RMS difference to the table's codeword above which a pixel is rejected, in normalized intensity (0: reject none)

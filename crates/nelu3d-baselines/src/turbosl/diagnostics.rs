@@ -16,7 +16,7 @@ pub struct TurboSlDiagnostics {
     pub blur: ProjectorBlur,
 }
 
-/// The learned blur of the projected images: the kernel of each axis, from the far left (top) to the far right (bottom).
+/// The learned blur of the projected images: the kernel of each axis, from left to right or from top to bottom.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ProjectorBlur {
     /// Along x.

@@ -5,8 +5,8 @@
 //! Settings are those of its public configuration and code. Half of the rays are the projector's from the first
 //! iteration on; their image loss counts from a tenth of the iterations on. Deviations: the first shape is a plane
 //! unless another is asked for, patterns change along one axis (so does their blur), clipped pixels are left out, and
-//! the depth is that of NeuS's own quadrature at the end. `ray.rs` is the image formation, `scene.rs` what is known, `step.rs` one
-//! iteration.
+//! the depth is that of NeuS's own quadrature at the end. `ray/` is the image formation, `scene.rs` what is known,
+//! `step.rs` one iteration.
 
 mod blur;
 mod diagnostics;

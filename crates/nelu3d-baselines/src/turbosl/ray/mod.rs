@@ -223,7 +223,8 @@ fn projector_loss<T: Real>(
     loss
 }
 
-/// Returns the mask loss, not weighted, and adds its gradient: a lit pixel should be opaque, another transparent (Eq. 5).
+/// Returns the mask loss, not weighted, and adds its gradient: a lit pixel should be opaque, another transparent
+/// (Eq. 5).
 fn mask_loss<T: Real>(samples: &[Midpoint<T>], mask: T, weight: T, d_weight: &mut [T]) -> T {
     let one = T::of(1.0);
     let opacity = samples.iter().map(|s| s.weight).sum::<T>();

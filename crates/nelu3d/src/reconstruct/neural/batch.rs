@@ -109,7 +109,7 @@ pub(super) struct RayBatch {
 
 impl RayBatch {
     /// Draws the rays of iteration `step` at random, samples them (with at most `per_ray` samples where the surface may
-    /// be, or by marching if that is `None`), and gathers what was measured along them. Where nothing is lit, black was.
+    /// be, or by marching if that is `None`), and gathers what was measured along them: black where nothing is lit.
     pub(super) fn draw(
         &mut self,
         pixels: &TrainingPixels,

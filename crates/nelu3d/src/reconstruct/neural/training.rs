@@ -88,8 +88,8 @@ impl<'a> Training<'a> {
     fn run_on_gpu(&mut self, cx: &mut Context<'_>) -> Result<usize, Failure> {
         let Device::Gpu(gpu) = cx.device.clone() else { return Ok(0) };
         cx.progress.warn(
-            "on a GPU, recipe `paper` marches every ray and takes alphas between neighboring samples, not at midpoints; \
-             on the CPU it trains as documented",
+            "on a GPU, recipe `paper` marches every ray and takes alphas between neighboring samples, not at \
+             midpoints; on the CPU it trains as documented",
         );
         let (scene, pixels, opts) = (self.scene, self.pixels, self.opts);
         let on_device = on_gpu::DeviceScene::new(pixels, scene, &opts.paper, opts.seed);
