@@ -20,8 +20,8 @@ use super::start::VALID;
 /// Thickness of the body behind the decoded surface, units: what lies farther behind is free again, so that occupancy
 /// empties there too.
 const THICKNESS: f64 = 0.5;
-/// Levels of the hash grid that learn the start: to 1.447^6 times the base, 147 cells. Finer ones would wrinkle it.
-const LEVELS: usize = 7;
+/// Levels of the hash grid that learn the start: to 1.447^7 times the base, 213 cells. Finer ones would wrinkle it.
+const LEVELS: usize = 8;
 /// Nodes per axis of the coarse distances.
 const NODES: usize = 33;
 /// Surface points of the coarse distances.
@@ -203,6 +203,8 @@ impl<'a> DecodedBody<'a> {
 
 /// Returns the parameters of `whole` with those that `coarse`, which has fewer levels, shares with it.
 fn widen(coarse: &HashField, whole: &HashField) -> Vec<f32> {
+    let n_levels = coarse.levels().len();
+    assert!(coarse.levels() == &whole.levels()[..n_levels], "levels of other resolutions");
     let mut params = whole.params().to_vec();
     let (n_coarse, n_whole) = (coarse.n_table_params(), whole.n_table_params());
     params[..n_coarse].copy_from_slice(&coarse.params()[..n_coarse]);
@@ -229,8 +231,7 @@ mod tests {
     /// A bump before a camera, on a part of the image.
     #[test]
     fn a_surface_starts_as_the_decoded_body() {
-        let camera =
-            Camera { width: 64, height: 48, fx: 80.0, fy: 80.0, cx: 31.5, cy: 23.5, distortion: Default::default() };
+        let camera = Camera::pinhole(64, 48, 80.0, 80.0, 31.5, 23.5);
         let plane: Vec<[f32; 2]> =
             (0..64 * 48).map(|i| camera.undistort([(i % 64) as f64, (i / 64) as f64]).map(|v| v as f32)).collect();
         let depth: Vec<f32> = plane
