@@ -10,8 +10,11 @@ use nelu3d_scan::image::{Channels, decode_bytes};
 use nelu3d_scan::import::decode_dng;
 use nelu3d_scan::{Camera, Mesh, Rig, npy};
 
-/// All targets by their names. Each returns whether the bytes were something that it reads.
-pub(crate) const TARGETS: [(&str, fn(&[u8]) -> bool); 11] = [
+/// A reader of bytes; returns whether they were something that it reads.
+pub(crate) type Target = fn(&[u8]) -> bool;
+
+/// All targets by their names.
+pub(crate) const TARGETS: [(&str, Target); 11] = [
     ("camera", camera),
     ("color_field", color_field),
     ("dng", dng),

@@ -10,7 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use targets::TARGETS;
+use targets::{TARGETS, Target};
 
 /// Changed inputs of each target, times `NELU3D_MORE_CASES` for a long search.
 const INPUTS: usize = 2500;
@@ -31,7 +31,7 @@ fn files(dir: &Path) -> Vec<(String, Vec<u8>)> {
 }
 
 /// Runs a target. Where it panics, the input is kept for whoever looks into it, for a checkout of CI is thrown away.
-fn run(name: &str, target: fn(&[u8]) -> bool, bytes: &[u8]) -> bool {
+fn run(name: &str, target: Target, bytes: &[u8]) -> bool {
     let outcome = std::panic::catch_unwind(|| watched::watched(|| target(bytes)));
     outcome.unwrap_or_else(|_| {
         let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("fuzz-{name}"));
