@@ -69,7 +69,7 @@ pub(crate) fn run(args: CameraArgs, context: &CommandContext) -> Result<ExitCode
 
     for ((name, _), found) in source.images.iter().zip(&found) {
         if let Err(reason) = found {
-            context.progress.warn(&format!("{name} is not used: {reason}"));
+            context.progress.warn(format!("{name} is not used: {reason}"));
         }
     }
     if let Some(file) = &args.corners {
