@@ -58,7 +58,7 @@ pub fn loss_and_gradient<T: Real>(
     let ambient = vec![zero; rays.residual.len()];
     let mut out = SurfaceGradient { params: vec![zero; params.len()], sharpness: zero, ambient };
     let mut d_sdf: Vec<T> = d_sparsity.iter().map(|&d| T::of(settings.sparsity_weight) * d).collect();
-    d_gradients.iter_mut().flatten().for_each(|d| *d = *d * T::of(settings.eikonal_weight));
+    d_gradients.iter_mut().flatten().for_each(|d| *d *= T::of(settings.eikonal_weight));
     let losses = (&image_loss, &mask_loss);
     step.render_backward(&samples.sdf, &slopes.gradients, &rays, losses, &mut d_sdf, &mut d_gradients, &mut out);
     step.field_backward(&samples, &d_sdf, &slopes, &d_gradients, &mut out.params);

@@ -75,7 +75,7 @@ pub fn composite<T: Real>(ray: &MidpointRay<'_, T>, out: &mut Vec<Midpoint<T>>) 
         let passed = (phi[1] / (phi[0] + epsilon)).min(one);
         let weight = transmittance * (one - passed);
         out.push(Midpoint { normal, weight, inv_norm, cos, h, phi, passed, transmittance });
-        transmittance = transmittance * passed;
+        transmittance *= passed;
     }
     transmittance
 }
