@@ -166,7 +166,9 @@ fn unusable_files_are_explained() {
     fs::write(path("empty.png"), []).unwrap();
     assert!(complaint(&path("empty.png"), Channels::Mono, 255.0).contains("it is empty"));
     fs::write(path("photo.jpg"), [0xff, 0xd8, 0xff, 0xe0, 0, 0]).unwrap();
-    assert!(complaint(&path("photo.jpg"), Channels::Mono, 255.0).contains("neither PNG, TIFF nor OpenEXR"));
+    assert!(complaint(&path("photo.jpg"), Channels::Mono, 255.0).contains("truncated or damaged"));
+    fs::write(path("notes.png"), b"no image").unwrap();
+    assert!(complaint(&path("notes.png"), Channels::Mono, 255.0).contains("neither PNG, TIFF, OpenEXR nor JPEG"));
     fs::create_dir(path("folder.png")).unwrap();
     assert!(
         complaint(&path("folder.png"), Channels::Mono, 255.0).contains("cannot be read: it is a folder; give a file")

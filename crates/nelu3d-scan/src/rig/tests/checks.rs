@@ -74,7 +74,7 @@ fn all_that_is_wrong_is_found_at_once() {
     error("calibration/10/white.png", "not brighter than black by 2 %");
     error("calibration", "only 0 of 3 positions");
     error("scenes/cup/a.png", "three channels");
-    error("scenes/cup/b.png", "neither PNG, TIFF nor OpenEXR");
+    error("scenes/cup/b.png", "neither PNG, TIFF, OpenEXR nor JPEG");
     error("scenes/cup/a_inv.png", "is 8-bit, but white.png is 16-bit");
     error("sequences/wave/000/white.png", "clipped nearly everywhere");
     error("sequences/wave/000/a.png", "shorten the exposure");
