@@ -5,7 +5,8 @@
 //! machine reads is one JSON value on standard output (`--json`); everything else goes to standard error, except the
 //! answer a person asked for.
 //!
-//! Exit codes: 0 done, 1 failed or stopped by Ctrl-C, 2 wrong usage, 129 and 143 stopped by SIGHUP and SIGTERM.
+//! Exit codes: 0 done (perhaps with warnings), 1 failed, judged bad or stopped by Ctrl-C, 2 wrong usage, 129 and 143
+//! stopped by SIGHUP and SIGTERM.
 
 mod args;
 mod commands;
@@ -16,6 +17,7 @@ mod experiment;
 mod paths;
 mod report;
 mod signals;
+mod verdict;
 
 use std::process::ExitCode;
 use std::sync::Arc;

@@ -30,7 +30,7 @@ const FACES_MAY_USE: &[&str] =
 
 /// The layers of `crates/nelu3d/src`, lowest first: a folder uses itself and lower layers, never its neighbor.
 const LAYERS: &[&[&str]] = &[
-    &["progress"],
+    &["progress", "verdict"],
     &["surface"],
     &["sensor"],
     &["color_field"],

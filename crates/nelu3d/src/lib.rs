@@ -50,6 +50,7 @@ pub mod sensor;
 pub mod sequence;
 #[doc(hidden)]
 pub mod surface;
+pub mod verdict;
 
 pub use calibrate::{CalibrationError, CalibrationOptions, CalibrationReport, calibrate};
 pub use color_field::ColorField;

@@ -23,6 +23,9 @@ pub(crate) struct CalibrateArgs {
     /// Settings of a field from the projector.
     #[command(flatten)]
     pub projector: nelu3d::from_projector::FromProjectorOptions,
+    /// Write the field even if it is judged bad.
+    #[arg(long)]
+    pub accept: bool,
     /// Settings of the method.
     #[command(flatten)]
     pub options: nelu3d::CalibrationOptions,

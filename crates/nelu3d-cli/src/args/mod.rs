@@ -42,9 +42,9 @@ use patterns::size as parse_size;
 use rig::{channels as parse_channels, code as parse_code};
 
 /// Exit codes, which scripts can rely on.
-const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed or stopped by Ctrl-C, 2 wrong usage, 129 or 143 stopped by SIGHUP \
-                          or SIGTERM. What fails says so in one sentence on standard error, and leaves no \
-                          half-written output behind.";
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, judged bad or stopped by Ctrl-C, 2 wrong usage, 129 or 143 \
+                          stopped by SIGHUP or SIGTERM. What fails says so in one sentence on standard error, and \
+                          leaves no half-written output behind.";
 
 /// 3D scanning with a camera and any light source that throws a pattern.
 ///

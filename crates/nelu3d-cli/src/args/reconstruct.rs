@@ -30,6 +30,9 @@ pub(crate) struct ReconstructArgs {
     /// Write the surface in these formats too.
     #[arg(long, value_name = "FORMAT", value_delimiter = ',')]
     pub mesh: Vec<MeshFormat>,
+    /// Write the result even if it is judged bad.
+    #[arg(long)]
+    pub accept: bool,
     /// Settings of the method.
     #[command(flatten)]
     pub options: nelu3d::ReconstructionOptions,

@@ -39,6 +39,9 @@ pub(crate) struct SequenceArgs {
     /// Frame rate at which the moving surface is played, frames per second.
     #[arg(long, value_name = "FPS", default_value_t = 10.0, value_parser = fps)]
     pub fps: f64,
+    /// Write frames even if they are judged bad.
+    #[arg(long)]
+    pub accept: bool,
     /// Settings for moving scenes.
     #[command(flatten)]
     pub motion: nelu3d::sequence::MotionOptions,

@@ -21,6 +21,7 @@ pub(crate) fn run(args: DecodeArgs, context: &CommandContext) -> Result<ExitCode
         }),
         ground_truth: args.truth,
         mesh_files: mesh_files(&args.mesh),
+        accept: args.accept,
         method: ResultMethod::Decode(args.options),
         rig: &rig,
         shot,

@@ -39,6 +39,7 @@ pub(crate) fn run(args: DemoArgs, context: &CommandContext) -> Result<ExitCode> 
             ground_truth: Some(shot.dir.join("truth")),
             shot,
             mesh_files: MeshFiles::default(),
+            accept: false,
             method: ResultMethod::Reconstruct {
                 field: field.clone(),
                 options: ReconstructionOptions { device: args.device, ..Default::default() },
@@ -46,6 +47,9 @@ pub(crate) fn run(args: DemoArgs, context: &CommandContext) -> Result<ExitCode> 
             },
         };
         let written = job.run(context)?;
+        if !written.written {
+            bail!("{}", crate::verdict::refusal(&written.summary.judgment, &shown(&job.output)));
+        }
         answers.push((job.output, written));
     }
 
@@ -57,7 +61,7 @@ pub(crate) fn run(args: DemoArgs, context: &CommandContext) -> Result<ExitCode> 
         .collect();
     context.answer(&serde_json::json!({ "rig": shown(&rig_dir), "results": json }), || {
         let mut text = String::new();
-        for (result, WrittenResult { summary, metrics }) in &answers {
+        for (result, WrittenResult { summary, metrics, .. }) in &answers {
             let metrics = metrics.as_ref().map(ToString::to_string).unwrap_or_default();
             text += &format!(
                 "{}: {} points in {:.1} s\n\n{metrics}\nopen  {}\n",

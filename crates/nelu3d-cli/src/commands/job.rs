@@ -2,20 +2,23 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use nelu3d::reconstruct::{Observer, reconstruct_observed};
 use nelu3d::result::{self, Input, MeshFiles, ResultMetadata, Summary};
+use nelu3d::sensor::judge_capture;
+use nelu3d::verdict::Judgment;
 use nelu3d::{Reconstruction, ReconstructionOptions, Surface};
 use nelu3d_baselines::{DecodeOptions, Decoding, decode};
 use nelu3d_evaluate::{EvaluatedMaps, GroundTruth, Metrics, Trace, evaluate};
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::{OutputDir, write_atomic};
-use nelu3d_scan::rig::{Need, PatternSet, Shot};
+use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
 
 use crate::args::MeshFormat;
 use crate::context::CommandContext;
 use crate::paths::{load_field, shown};
 use crate::report::ResultReport;
+use crate::verdict;
 
 /// The method that makes a result, with what only that method needs.
 pub(super) enum ResultMethod {
@@ -46,6 +49,8 @@ pub(super) struct ResultJob<'a> {
     pub ground_truth: Option<PathBuf>,
     /// Mesh files to write besides mesh.ply.
     pub mesh_files: MeshFiles,
+    /// Whether a bad result is written all the same.
+    pub accept: bool,
     /// The method.
     pub method: ResultMethod,
 }
@@ -65,6 +70,18 @@ impl MethodOutput {
         }
     }
 
+    /// Returns whether to trust the surface. What a baseline decoded is judged by its captures alone.
+    fn judgment(&self, capture: &Capture, set: &PatternSet) -> Judgment {
+        match self {
+            MethodOutput::Reconstruction(r) => r.diagnostics.judgment.clone(),
+            MethodOutput::Decoding(d) => {
+                let mut judgment = Judgment::default();
+                judgment.extend(judge_capture(capture, &d.surface.status, &set.images));
+                judgment
+            }
+        }
+    }
+
     /// Returns the content of result.json.
     fn summary(&self, rig: &Rig, about: &ResultMetadata) -> Summary {
         match self {
@@ -74,16 +91,18 @@ impl MethodOutput {
     }
 }
 
-/// A result that was written.
+/// A result that was made.
 pub(super) struct WrittenResult {
     /// Content of its result.json.
     pub summary: Summary,
     /// Errors of the result against the ground truth, if it was evaluated.
     pub metrics: Option<Metrics>,
+    /// Whether it was written: not if it is bad, unless that is accepted.
+    pub written: bool,
 }
 
 impl ResultJob<'_> {
-    /// Runs the method and writes the result folder.
+    /// Runs the method and writes the result folder, unless the result is bad.
     pub(super) fn run(&self, context: &CommandContext) -> Result<WrittenResult> {
         // Begun first: hours of work must not end at a folder that cannot be written.
         let folder = OutputDir::create(&self.output, "result.json")?;
@@ -108,6 +127,10 @@ impl ResultJob<'_> {
 
         context.progress.stage("write the result");
         let surface = made.surface();
+        let capture = self.rig.read_shot(&self.shot, self.set, Need::Scene)?;
+        let judgment = made.judgment(&capture, self.set);
+        verdict::show(&judgment, context);
+        let refused = verdict::refused(&judgment, self.accept);
         let metrics = truth.as_ref().map(|truth| {
             let maps =
                 EvaluatedMaps { depth: &surface.depth, normals: Some(&surface.normals), sigma: Some(&surface.sigma) };
@@ -121,12 +144,16 @@ impl ResultJob<'_> {
             scene: self.shot.name.clone(),
             set: self.set.name.clone(),
             inputs: self.inputs()?,
+            judgment,
             ..ResultMetadata::default()
         }
         .with_evaluation(metrics.as_ref(), trace.as_ref());
         let summary = made.summary(self.rig, &about);
+        if refused {
+            return Ok(WrittenResult { summary, metrics, written: false });
+        }
         result::write_into(folder.path(), surface, &summary, self.mesh_files)?;
-        let (captures, black) = self.captures()?;
+        let (captures, black) = self.captures(capture);
         let page = ResultReport {
             surface,
             summary: &summary,
@@ -140,7 +167,7 @@ impl ResultJob<'_> {
         write_atomic(&report, |w| w.write_all(page.html().as_bytes()))?;
         context.stop_if_asked()?;
         folder.commit()?;
-        Ok(WrittenResult { summary, metrics })
+        Ok(WrittenResult { summary, metrics, written: true })
     }
 
     /// Hashes the files that were read.
@@ -167,14 +194,13 @@ impl ResultJob<'_> {
         paths.iter().map(|p| hash(p)).collect()
     }
 
-    /// Reads the captures that the report shows: white and the patterns with their names, and black, where there is
+    /// Returns the captures that the report shows: white and the patterns with their names, and black, where there is
     /// one.
     #[expect(clippy::type_complexity, reason = "named images, and one more")]
-    fn captures(&self) -> Result<(Vec<(String, nelu3d_scan::Image)>, Option<nelu3d_scan::Image>)> {
-        let capture = self.rig.read_shot(&self.shot, self.set, Need::Scene)?;
+    fn captures(&self, capture: Capture) -> (Vec<(String, nelu3d_scan::Image)>, Option<nelu3d_scan::Image>) {
         let mut all = vec![(self.rig.white.clone(), capture.white)];
         all.extend(self.set.images.iter().cloned().zip(capture.patterns));
-        Ok((all, capture.black))
+        (all, capture.black)
     }
 }
 
@@ -189,17 +215,34 @@ pub(super) fn mesh_files(formats: &[MeshFormat]) -> MeshFiles {
     MeshFiles { obj: has(MeshFormat::Obj), stl: has(MeshFormat::Stl), glb: has(MeshFormat::Glb) }
 }
 
-/// Runs a job and prints its answer.
+/// Runs a job and prints its answer. A bad result that was not written is an error.
 pub(super) fn answer(job: &ResultJob<'_>, context: &CommandContext) -> Result<()> {
-    let WrittenResult { summary, metrics } = job.run(context)?;
-    context.answer(&serde_json::json!({ "result": shown(&job.output), "summary": summary }), || {
+    let WrittenResult { summary, metrics, written } = job.run(context)?;
+    let judgment = &summary.judgment;
+    let json = serde_json::json!({
+        "verdict": judgment.verdict,
+        "warnings": judgment.warnings,
+        "notes": judgment.notes,
+        "result": written.then(|| shown(&job.output)),
+        "summary": summary,
+    });
+    context.answer(&json, || {
         let metrics = metrics.as_ref().map(|m| format!("\n{m}")).unwrap_or_default();
-        format!(
-            "{} of {} pixels have a depth\n{metrics}result  {}\nreport  {}",
-            summary.pixels.valid,
-            summary.pixels.total,
-            shown(&job.output),
-            shown(&job.output.join("report.html"))
-        )
-    })
+        let depth = &summary.depth_mm;
+        let mut text = verdict::first_line(judgment);
+        text += &format!("{} of {} pixels have a depth", summary.pixels.valid, summary.pixels.total);
+        text += &format!(", from {:.1} to {:.1} mm (median {:.1})\n{metrics}", depth.min, depth.max, depth.median);
+        for note in &judgment.notes {
+            text += &format!("note    {note}\n");
+        }
+        if written {
+            let report = job.output.join("report.html");
+            text += &format!("result  {}\nreport  {}", shown(&job.output), shown(&report));
+        }
+        text
+    })?;
+    if !written {
+        bail!("{}", verdict::refusal(judgment, &shown(&job.output)));
+    }
+    Ok(())
 }

@@ -20,6 +20,7 @@ pub(crate) fn run(args: ReconstructArgs, context: &CommandContext) -> Result<Exi
         output: args.output.unwrap_or_else(|| default_result(&rig, &shot.name, &set.name)),
         ground_truth: args.truth,
         mesh_files: mesh_files(&args.mesh),
+        accept: args.accept,
         method: ResultMethod::Reconstruct {
             field: args.field.unwrap_or_else(|| default_field(&rig, &set.name)),
             options: args.options,

@@ -155,7 +155,8 @@ impl CellPlan<'_> {
             true => rig_dir.join("fields").join(format!("{set}.safetensors")),
             false => rig_dir.join("fields").join(format!("{set}-{}.safetensors", slug(&extra.join("-")))),
         };
-        let mut arguments = words(&["calibrate", &shown(rig_dir), "--set", set, "-o", &shown(&field)]);
+        // An experiment measures what is bad, too.
+        let mut arguments = words(&["calibrate", &shown(rig_dir), "--set", set, "-o", &shown(&field), "--accept"]);
         arguments.extend(extra);
         arguments.extend(runner.device());
         let step = CommandStep {
@@ -177,7 +178,7 @@ impl CellPlan<'_> {
         cell: &ExperimentCell,
         runner: &StepRunner<'_>,
     ) -> CommandStep {
-        let mut arguments = words(&[command, &shown(&self.rig_dir), &self.case.scene, "--set", &self.set]);
+        let mut arguments = words(&[command, &shown(&self.rig_dir), &self.case.scene, "--set", &self.set, "--accept"]);
         if command == "reconstruct" || command == "sequence" {
             arguments.extend(words(&["--field", &shown(field)]));
             arguments.extend(runner.device());

@@ -8,6 +8,7 @@ mod pnp;
 mod projection;
 mod robust;
 mod stage;
+mod systematic;
 #[cfg(test)]
 mod tests;
 mod trajectory;
@@ -15,6 +16,7 @@ mod trajectory;
 pub use bend::{Bend, Flatness};
 pub use error::PoseError;
 pub use pnp::{PoseFit, solve_pnp};
+pub use systematic::{Explanation, SharedCause, SharedMisfit, explain_misfit};
 pub use trajectory::{Position, Rejected, Steps, Trajectory, TrajectoryModel};
 
 pub use homography::Homography;

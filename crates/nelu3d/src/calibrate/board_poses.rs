@@ -1,17 +1,17 @@
 //! The poses of a sweep's boards, and the dark level.
 
 use nalgebra::Isometry3;
-use nelu3d_scan::Rig;
 use nelu3d_scan::board::{Corner, Detector};
-use nelu3d_scan::pose::{Flatness, Trajectory, TrajectoryModel};
+use nelu3d_scan::pose::{Flatness, SharedMisfit, Trajectory, TrajectoryModel, explain_misfit, solve_pnp};
 use nelu3d_scan::rig::PatternSet;
+use nelu3d_scan::{Camera, Image, Rig};
 
 use super::error::CalibrationError;
 use super::options::{CalibrationOptions, TrajectoryKind};
 use super::placed_sweep::PlacedSweep;
 use super::sweep::Sweep;
 use crate::progress::{Progress, StageClock};
-use crate::sensor::{DarkEstimator, DarkLevel};
+use crate::sensor::{BlockDetector, DarkEstimator, DarkLevel};
 
 /// A sweep with the poses of its boards.
 pub struct SweepGeometry<'a> {
@@ -21,6 +21,18 @@ pub struct SweepGeometry<'a> {
     pub trajectory: Trajectory,
     /// Dark level per channel.
     pub dark: Vec<DarkLevel>,
+    /// What corners and white images tell of the set-up.
+    pub facts: SweepFacts,
+}
+
+/// What corners and white images tell of the set-up.
+pub struct SweepFacts {
+    /// The corners' misfit, and what could explain it.
+    pub misfit: Option<SharedMisfit>,
+    /// Fraction of the lit pixels of the white images that are clipped.
+    pub clipped: f64,
+    /// Traces of lossy compression.
+    pub blocks: BlockDetector,
 }
 
 /// Detects the boards of a sweep and solves their poses, and their bend if they are not flat; on the way the dark level is estimated. Positions without a
@@ -57,7 +69,7 @@ pub fn solve_board_poses<'a>(
 
     clock.begin("find the boards");
     let mut sweep = Sweep::new(rig, set, shots, opts.min_contrast);
-    let (found, dark) = find_boards(&sweep, &detector, opts, progress)?;
+    let (found, dark, whites) = find_boards(&sweep, &detector, opts, progress)?;
 
     clock.begin("solve the board poses");
     let trajectory = if rig.poses.is_empty() {
@@ -83,7 +95,10 @@ pub fn solve_board_poses<'a>(
         return Err(CalibrationError::Cancelled);
     }
     let placed = PlacedSweep::new(sweep, &poses, rig.camera.clone(), board.extent_mm, trajectory.bend().copied());
-    Ok(SweepGeometry { placed, trajectory, dark })
+    // A bend that is taken into account leaves a pattern that a flat board's other flaws would be taken for.
+    let misfit = if trajectory.bend().is_none() { shared_misfit(&found, &trajectory, &rig.camera) } else { None };
+    let facts = SweepFacts { misfit, clipped: whites.clipped_share(), blocks: whites.blocks };
+    Ok(SweepGeometry { placed, trajectory, dark, facts })
 }
 
 /// The detected corners of each position, or why there are none.
@@ -95,20 +110,67 @@ fn find_boards(
     detector: &Detector,
     opts: &CalibrationOptions,
     progress: &Progress,
-) -> Result<(DetectedCorners, Vec<DarkLevel>), CalibrationError> {
+) -> Result<(DetectedCorners, Vec<DarkLevel>, WhiteImages), CalibrationError> {
     let parts = sweep.map_white_black(progress, |shot, white, black| {
         let corners = detector.detect(&white.to_gray(), white.width, white.height).map_err(|e| e.to_string());
         let mut dark = DarkEstimator::default();
         dark.add(white, black, opts.min_contrast);
-        ((shot.name.clone(), corners), dark)
+        ((shot.name.clone(), corners), dark, WhiteImages::of(white, black, opts.min_contrast))
     })?;
     let mut all = DarkEstimator::default();
     let mut found = DetectedCorners::with_capacity(parts.len());
-    for (corners, dark) in parts {
+    let mut whites = WhiteImages::default();
+    for (corners, dark, white) in parts {
         all.merge(&dark);
+        whites.merge(&white);
         found.push(corners);
     }
-    Ok((found, all.finish()))
+    Ok((found, all.finish(), whites))
+}
+
+/// Counts over the white images of a sweep.
+#[derive(Default)]
+struct WhiteImages {
+    /// Pixels that the light source lights, and those of them that are clipped.
+    lit: usize,
+    clipped: usize,
+    blocks: BlockDetector,
+}
+
+impl WhiteImages {
+    fn of(white: &Image, black: &Image, min_contrast: f32) -> Self {
+        let mut out = Self::default();
+        for (w, b) in white.data.iter().zip(&black.data) {
+            out.lit += usize::from(w - b >= min_contrast);
+            out.clipped += usize::from(w - b >= min_contrast && *w >= 1.0);
+        }
+        out.blocks.add(white);
+        out
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.lit += other.lit;
+        self.clipped += other.clipped;
+        self.blocks.merge(&other.blocks);
+    }
+
+    fn clipped_share(&self) -> f64 {
+        self.clipped as f64 / self.lit.max(1) as f64
+    }
+}
+
+/// Asks what explains the misfit of the corners of the positions that are used, each with a pose of its own.
+fn shared_misfit(found: &DetectedCorners, trajectory: &Trajectory, camera: &Camera) -> Option<SharedMisfit> {
+    let is_used = |name: &str| trajectory.positions.iter().any(|p| p.position == name);
+    let mut views = Vec::new();
+    for (_, corners) in found.iter().filter(|(name, _)| is_used(name)) {
+        let Ok(corners) = corners else { continue };
+        let Ok(fit) = solve_pnp(corners, camera) else { continue };
+        let used: Vec<Corner> = corners.iter().zip(&fit.used).filter(|(_, used)| **used).map(|(c, _)| *c).collect();
+        views.push((used, fit.cam_from_board));
+    }
+    let views: Vec<_> = views.iter().map(|(corners, pose)| (corners.as_slice(), *pose)).collect();
+    explain_misfit(&views, camera)
 }
 
 /// Retains the positions that have a pose; returns their poses, in order.

@@ -55,6 +55,8 @@ pub(super) struct Candidate {
     bins: Option<Bins>,
     pub(super) validity: Validity,
     pub(super) quality: Quality,
+    /// Variance of the codewords at the held-out positions, channel by channel, mean.
+    pub(super) variance: f64,
     /// Held-out PSNR of every position that was held out, dB; those that no others support are missing.
     pub(super) by_position: Vec<(String, f64)>,
     /// Whether it has fewer cells across than the camera has pixels there.
@@ -126,6 +128,7 @@ impl Candidate {
         validity.close();
         validity.fill_holes();
         let held_out = folds.concat().iter().map(|p| placed.sweep.shots[*p].name.clone()).collect();
+        let variance = errors.variance();
         let quality = errors.quality(held_out, placed.n_positions());
         let is_good = quality.psnr_db > quality.ceiling_db - MAX_SHORTFALL_DB;
         let reached = if is_good || ends_hold(placed, &by_position) { [0.0, 1.0] } else { swept };
@@ -142,6 +145,7 @@ impl Candidate {
             bins: Some(bins),
             validity,
             quality,
+            variance,
             by_position,
             is_limited: is_limited(placed, &frame, cells),
             // The last fold's position is new to the field.

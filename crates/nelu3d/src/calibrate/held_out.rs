@@ -29,6 +29,8 @@ pub(super) struct HeldOutErrors {
     lit: (f64, usize),
     /// Variance that noise alone gives the well-lit ones.
     noise: f64,
+    /// Per channel: number, sum and sum of squares of the well-lit codewords.
+    codewords: Vec<[f64; 3]>,
     /// Depth errors of a selection, mm.
     depth: Vec<f32>,
     /// By how much each position seems to be displaced along the rays, mm.
@@ -52,7 +54,7 @@ impl HeldOutErrors {
         supported: impl Fn([f32; 3]) -> bool,
     ) -> Self {
         let (k, channels) = (placed.sweep.k, placed.sweep.channels);
-        let mut s = Self::default();
+        let mut s = Self { codewords: vec![[0.0; 3]; k], ..Self::default() };
         let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
         let (mut n, mut signed) = (0usize, Vec::new());
         let lit = well_lit(&position.contrast);
@@ -80,6 +82,8 @@ impl HeldOutErrors {
                     s.lit.0 += f64::from(e * e);
                     s.lit.1 += 1;
                     s.noise += f64::from(1.0 / w[j]);
+                    let v = f64::from(v[j]);
+                    s.codewords[j].iter_mut().zip([1.0, v, v * v]).for_each(|(sum, x)| *sum += x);
                 }
                 h += w[j] * d[j] * d[j];
                 g += w[j] * d[j] * e;
@@ -97,8 +101,17 @@ impl HeldOutErrors {
         self.all = (self.all.0 + s.all.0, self.all.1 + s.all.1);
         self.lit = (self.lit.0 + s.lit.0, self.lit.1 + s.lit.1);
         self.noise += s.noise;
+        self.codewords.resize(self.codewords.len().max(s.codewords.len()), [0.0; 3]);
+        self.codewords.as_flattened_mut().iter_mut().zip(s.codewords.as_flattened()).for_each(|(a, b)| *a += b);
         self.depth.extend(s.depth);
         self.shifts.extend(s.shifts);
+    }
+
+    /// Variance of the well-lit codewords, channel by channel, mean; NaN if there are none.
+    pub(super) fn variance(&self) -> f64 {
+        let of = |[n, sum, squares]: &[f64; 3]| squares / n - (sum / n).powi(2);
+        let known: Vec<f64> = self.codewords.iter().filter(|c| c[0] > 0.0).map(of).collect();
+        known.iter().sum::<f64>() / known.len() as f64
     }
 
     /// Sums up. Of the boards' pose errors the field, which is fitted to `n_positions` of them, keeps their mean's.

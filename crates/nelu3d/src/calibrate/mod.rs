@@ -7,6 +7,7 @@ mod error;
 mod excluded;
 mod frame_choice;
 mod held_out;
+mod judge;
 mod light;
 mod options;
 mod pass;
@@ -25,17 +26,16 @@ use nelu3d_scan::rig::PatternSet;
 use crate::color_field::frame::Center;
 use crate::color_field::{ColorField, FieldMetadata, camera_key};
 use crate::progress::{Progress, StageClock};
-pub use board_poses::{SweepGeometry, solve_board_poses};
+pub use board_poses::{SweepFacts, SweepGeometry, solve_board_poses};
 use candidate::Candidate;
 pub use error::CalibrationError;
+pub use judge::DepthSpan;
+use judge::{Evidence, HeldOut, judge};
 pub use options::{CalibrationOptions, FormKind, FrameKind, TrajectoryKind};
 pub use placed_sweep::{BoardPlane, PlacedSweep};
 pub use position::Position;
 pub use report::CalibrationReport;
 pub use sweep::Sweep;
-
-/// Fraction of a position's image that is worth a warning if it is not used.
-const MUCH_EXCLUDED: f64 = 0.1;
 
 /// Calibrates a rig for one pattern set from its board sweep.
 ///
@@ -58,25 +58,12 @@ pub fn calibrate(
     let views = views::estimate_noise(&mut placed, rig, opts.frame != FrameKind::Camera, progress)?;
     let found = views.and_then(|views| light::find_center(views, &placed.camera, progress));
     let outliers = found.as_ref().map_or(&[][..], |f| &f.without_consensus);
-    for p in outliers {
-        let name = &placed.sweep.shots[*p].name;
-        progress.warn(format!(
-            "board position {name} is not used: its codewords do not fit those of the other positions; its pose is wrong, \
-             the light or the camera had moved, or something stood in the light"
-        ));
-    }
+    let without_consensus: Vec<String> = outliers.iter().map(|p| placed.sweep.shots[*p].name.clone()).collect();
     let blocks = found.as_ref().map_or(&[][..], |f| &f.excluded);
     let excluded: Vec<(String, f64)> =
         blocks.iter().map(|(p, blocks)| (placed.sweep.shots[*p].name.clone(), blocks.share())).collect();
     placed.exclude(blocks);
     placed.remove(outliers);
-    for (name, share) in excluded.iter().filter(|(_, share)| *share > MUCH_EXCLUDED) {
-        progress.warn(format!(
-            "{:.0} % of board position {name} is not used: it does not fit the other positions; something stood before the \
-             board or in the light, or the board was bent",
-            100.0 * share
-        ));
-    }
     let light = found.map(|f| f.center);
 
     clock.begin("fit the field without the held-out positions");
@@ -105,16 +92,25 @@ pub fn calibrate(
         cells_per_pixel: best.cells_per_pixel,
         step_mm: placed.typical_step_mm(),
         quality: Some(best.quality.clone()),
+        warnings: Vec::new(),
         settings: serde_json::to_value(opts).expect("plain data serializes"),
     };
     let shortfall = frame_choice::shortfall(&best, light.as_ref());
-    if let Some(why) = &shortfall {
-        progress.warn(why.clone());
-    }
-    let Candidate { frame, center, cells, validity, quality, .. } = best;
+    let Candidate { frame, center, cells, validity, quality, variance, .. } = best;
+    let mut field = ColorField { frame, form, validity, metadata };
+
+    clock.begin("judge the field");
+    let held_out = HeldOut { quality: &quality, shortfall: shortfall.as_deref(), variance };
+    let evidence =
+        Evidence { facts: &geometry.facts, held_out, without_consensus: &without_consensus, excluded: &excluded };
+    let judgment = judge(&field, &placed, &evidence, progress)?;
+    field.metadata.warnings = judgment.warnings.iter().map(|w| w.code.name()).collect();
     let report = CalibrationReport {
+        judgment,
+        boards_mm: Some(DepthSpan::of(&placed)),
+        corner_rms_px: geometry.trajectory.rms_px,
         trajectory: Some(geometry.trajectory),
-        light_mm: (center == Center::Light).then(|| frame.center()).flatten().map(|c| [c.x, c.y, c.z]),
+        light_mm: (center == Center::Light).then(|| field.frame.center()).flatten().map(|c| [c.x, c.y, c.z]),
         quality: Some(quality),
         frame: frame_choice::reason(center, light.as_ref(), opts.frame),
         shortfall,
@@ -122,5 +118,5 @@ pub fn calibrate(
         cells,
         stages: clock.finish(),
     };
-    Ok((ColorField { frame, form, validity, metadata }, report))
+    Ok((field, report))
 }

@@ -3,12 +3,21 @@
 use nelu3d_scan::pose::Trajectory;
 use serde::Serialize;
 
+use super::judge::DepthSpan;
 use crate::color_field::Quality;
 use crate::progress::StageTime;
+use crate::verdict::Judgment;
 
 /// The report of a calibration, besides the color field.
 #[derive(Clone, Debug, Serialize)]
 pub struct CalibrationReport {
+    /// Whether to trust the field, and what that rests on.
+    #[serde(flatten)]
+    pub judgment: Judgment,
+    /// Depths that the boards span, mm; `None` for a field from a projector.
+    pub boards_mm: Option<DepthSpan>,
+    /// Root mean square reprojection error of the boards' corners, px; `None` where poses were known beforehand.
+    pub corner_rms_px: Option<f64>,
     /// Board poses, position by position; `None` for a field from a projector.
     pub trajectory: Option<Trajectory>,
     /// Center of the light in the camera's frame, mm; `None` if it was not found or lies at infinity.

@@ -42,6 +42,9 @@ pub struct FieldMetadata {
     pub step_mm: f64,
     /// Quality of its predictions at held-out positions.
     pub quality: Option<Quality>,
+    /// Codes of the warnings of its calibration; none where it is good.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// Settings that it was made with.
     pub settings: serde_json::Value,
 }

@@ -20,6 +20,7 @@ use crate::color_field::{ColorField, FieldMetadata, Form, camera_key};
 use crate::progress::{Progress, StageClock};
 use crate::reconstruct::{Codeword, decode_codewords};
 use crate::sensor::NoiseModel;
+use crate::verdict::Judgment;
 pub use geometry::crossing_depth;
 use geometry::{lit_volume, overlap_frame};
 use inputs::{calibrated_projector, depth_range, find_scenes, projector_error, read_captures, read_patterns};
@@ -73,6 +74,9 @@ pub fn calibrate_from_projector(
     });
     let center = projector.center();
     let report = CalibrationReport {
+        judgment: Judgment::default(),
+        boards_mm: None,
+        corner_rms_px: None,
         trajectory: None,
         light_mm: Some([center.x, center.y, center.z]),
         quality: None,
@@ -116,6 +120,7 @@ fn metadata(rig: &Rig, set: &PatternSet, noise: NoiseModel) -> FieldMetadata {
         cells_per_pixel: 1,
         step_mm: 0.0,
         quality: None,
+        warnings: Vec::new(),
         settings: serde_json::Value::Null,
     }
 }

@@ -8,10 +8,14 @@ use super::options::ReconstructionOptions;
 use super::settings::FastSettings;
 use crate::color_field::ColorField;
 use crate::sensor::CrosstalkMatrix;
+use crate::verdict::Judgment;
 
 /// Diagnostics of a reconstruction: everything on record besides the surface and the times.
 #[derive(Clone, Debug, Serialize)]
 pub struct Diagnostics {
+    /// Whether to trust the surface, and what that rests on.
+    #[serde(skip)]
+    pub judgment: Judgment,
     /// The settings that were asked for.
     pub settings: ReconstructionOptions,
     /// Name of the device that did the heavy work.

@@ -12,6 +12,7 @@ mod effort;
 mod error;
 mod filter;
 mod initialize;
+mod judge;
 mod light_fractions;
 mod maps;
 pub mod neural;
@@ -29,6 +30,7 @@ use nelu3d_scan::{Camera, Rig};
 use crate::color_field::{ColorField, check_field, check_mono};
 use crate::progress::{Progress, StageTime};
 use crate::surface::{Surface, SurfaceMaps, assemble};
+use crate::verdict::Judgment;
 pub(crate) use codewords::{Codeword, decode_codewords};
 pub use context::Context;
 pub use cost_volume::CostVolumeSettings;
@@ -40,6 +42,7 @@ pub use filter::FilterSettings;
 use filter::filter;
 pub use initialize::{CrosstalkSettings, PropagationSettings};
 use initialize::{Initial, initialize};
+use judge::judge;
 pub use light_fractions::LightFractionPrior;
 pub(crate) use maps::interpolate_within;
 pub use observer::{Observer, Stage};
@@ -116,12 +119,12 @@ pub fn reconstruct_capture(
     opts: &ReconstructionOptions,
     cx: &mut Context<'_>,
 ) -> Result<(Surface, Diagnostics), Failure> {
-    let (surface, recipe) = match opts.recipe {
+    let (surface, recipe, judgment) = match opts.recipe {
         Recipe::Fast => fast(capture, camera, field, previous, opts, cx)?,
         Recipe::Paper => neural::reconstruct(capture, camera, field, opts, cx)?,
     };
     let (settings, device) = (opts.clone(), cx.device.name());
-    Ok((surface, Diagnostics { settings, device, field: field.into(), recipe }))
+    Ok((surface, Diagnostics { judgment, settings, device, field: field.into(), recipe }))
 }
 
 /// Recipe `fast`: measure, initialize, refine, filter, assemble.
@@ -132,7 +135,7 @@ fn fast(
     previous: Option<&PreviousFrame>,
     opts: &ReconstructionOptions,
     cx: &mut Context<'_>,
-) -> Result<(Surface, RecipeDiagnostics), Failure> {
+) -> Result<(Surface, RecipeDiagnostics, Judgment), Failure> {
     let mut settings = FastSettings::new(opts);
     let mut scene = Scene::measure(capture, camera, field, settings.min_model_sigma, cx)?;
     let initial = initialize(&mut scene, previous, opts.cross_talk, &settings, cx)?;
@@ -144,7 +147,8 @@ fn fast(
     cx.observe(Stage::Result, 1, || depth.clone());
     cx.clock.begin("build the surface");
     let diagnostics = diagnose(&initial, &refined, &depth, settings);
-    Ok((build_surface(scene, refined, depth), RecipeDiagnostics::Fast(Box::new(diagnostics))))
+    let judgment = judge(&scene, &depth, Some(&refined.chi2));
+    Ok((build_surface(scene, refined, depth), RecipeDiagnostics::Fast(Box::new(diagnostics)), judgment))
 }
 
 /// Returns what recipe `fast` puts on record.

@@ -12,6 +12,7 @@ use sha2::{Digest, Sha256};
 
 use crate::progress::StageTime;
 use crate::surface::{PixelStatus, Surface};
+use crate::verdict::Judgment;
 
 /// Version of the keys of `result.json`.
 pub const FORMAT: u32 = 1;
@@ -29,6 +30,8 @@ pub struct ResultMetadata {
     pub set: String,
     /// Files that were read.
     pub inputs: Vec<Input>,
+    /// Whether to trust the surface.
+    pub judgment: Judgment,
     /// Errors against the ground truth, if it was evaluated.
     pub metrics: Option<serde_json::Value>,
     /// Error against time, if it was traced.
@@ -100,6 +103,9 @@ pub struct Summary {
     pub scene: String,
     /// Name of the pattern set.
     pub set: String,
+    /// Whether to trust the surface, and what that rests on.
+    #[serde(flatten)]
+    pub judgment: Judgment,
     /// Intrinsics of the maps, in the form of `camera.json`.
     pub camera: CameraJson,
     /// Files that were read, with their SHA-256.
@@ -238,6 +244,7 @@ impl Summary {
             rig_name: metadata.rig_name.clone(),
             scene: metadata.scene.clone(),
             set: metadata.set.clone(),
+            judgment: metadata.judgment.clone(),
             camera: camera.into(),
             inputs: metadata.inputs.clone(),
             pixels: PixelCounts { total: r.depth.len(), valid: depth.len(), rejected },

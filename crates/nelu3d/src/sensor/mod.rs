@@ -2,12 +2,16 @@
 //!
 //! The facts are stored with a color field; the stages that estimate them (`calibrate`, `reconstruct`) lie above.
 
+mod compression;
 mod crosstalk;
 mod dark_level;
 mod measurements;
 mod noise;
+mod scene_faults;
 
+pub use compression::BlockDetector;
 pub use crosstalk::{CrosstalkCorrection, CrosstalkMatrix, relative_white};
 pub use dark_level::{DarkEstimator, DarkLevel};
 pub use measurements::Measurements;
 pub use noise::{NoiseEstimator, NoiseModel, estimate_scene_noise, quantization_step};
+pub use scene_faults::{CodewordStatistics, judge_capture, judge_clipping, judge_codewords, judge_explained};

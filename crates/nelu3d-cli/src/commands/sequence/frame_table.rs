@@ -1,5 +1,6 @@
 //! The table of a sequence: one row per frame.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use anyhow::Result;
@@ -27,11 +28,19 @@ impl FrameRow {
         self.summary.as_ref()?.pointer(path)?.as_f64()
     }
 
+    /// Returns the codes of the frame's warnings.
+    fn codes(&self) -> Vec<&str> {
+        let warnings = self.summary.as_ref().and_then(|s| s.get("warnings")).and_then(Value::as_array);
+        warnings.into_iter().flatten().filter_map(|w| w.get("code").and_then(Value::as_str)).collect()
+    }
+
     /// Returns the row as an object.
     fn json(&self) -> Value {
         json!({
             "frame": self.frame,
             "failed": self.failure,
+            "verdict": self.summary.as_ref().and_then(|s| s.get("verdict")),
+            "warnings": self.codes(),
             "kept": self.number("/pixels/kept"),
             "start": self.summary.as_ref().and_then(|s| s.pointer("/method/start")),
             "motion": self.summary.as_ref().and_then(|s| s.pointer("/method/motion")),
@@ -57,6 +66,17 @@ impl SequenceTable {
     pub(super) fn mean(&self) -> Value {
         let rows: Vec<Value> = self.0.iter().filter(|r| r.summary.is_some()).map(FrameRow::json).collect();
         mean(&rows.iter().collect::<Vec<_>>())
+    }
+
+    /// Returns the verdict on the frames together, that of the worst, and in how many frames each warning is.
+    pub(super) fn verdict(&self) -> (&'static str, BTreeMap<&str, usize>) {
+        let mut codes = BTreeMap::new();
+        self.0.iter().flat_map(FrameRow::codes).for_each(|code| *codes.entry(code).or_insert(0) += 1);
+        let has = |verdict: &str| {
+            self.0.iter().any(|r| r.summary.as_ref().is_some_and(|s| s.get("verdict").is_some_and(|v| v == verdict)))
+        };
+        let worst = ["bad", "doubtful"].into_iter().find(|v| has(v)).unwrap_or("good");
+        (worst, codes)
     }
 
     /// Returns a number of every frame's result.json.

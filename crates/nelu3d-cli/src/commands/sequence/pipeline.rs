@@ -21,6 +21,7 @@ use super::read_ahead::{ReadAhead, ReadFrame};
 use crate::args::SequenceArgs;
 use crate::context::CommandContext;
 use crate::errors::sentence;
+use crate::verdict;
 
 /// Everything that stays the same from frame to frame.
 pub(super) struct SequenceRun<'a> {
@@ -160,6 +161,10 @@ impl SequenceRun<'_> {
             motion: &self.args.motion,
         };
         let result = reconstruct_frame(&input, capture, ReconstructionContext::new(quiet, self.args.options.device)?)?;
+        let judgment = &result.diagnostics.reconstruction.judgment;
+        if verdict::refused(judgment, self.args.accept) {
+            anyhow::bail!("{}", verdict::refusal(judgment, "the frame"));
+        }
         Ok(ComputedFrame { frame: i, result, truth, inputs, output })
     }
 
@@ -178,6 +183,7 @@ impl SequenceRun<'_> {
             scene: shot.name.clone(),
             set: self.set.name.clone(),
             inputs: self.inputs.iter().cloned().chain(inputs).collect(),
+            judgment: result.diagnostics.reconstruction.judgment.clone(),
             ..ResultMetadata::default()
         }
         .with_evaluation(metrics.as_ref(), None::<&()>);

@@ -48,6 +48,7 @@ fn field(form: Form) -> ColorField {
             depth_mm: f64::NAN,
             pose_mm: 0.1,
         }),
+        warnings: Vec::new(),
         settings: serde_json::json!({ "seed": 1 }),
     };
     ColorField { frame, form, validity, metadata }
@@ -93,7 +94,7 @@ fn load(bytes: &[u8]) -> Result<ColorField, CheckpointError> {
 fn described(bytes: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     let n = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
     let mut outer: serde_json::Value = serde_json::from_slice(&bytes[8..8 + n]).unwrap();
-    let mut inner = serde_json::from_str(outer["__metadata__"]["nelu3d"].as_str().unwrap()).unwrap();
+    let mut inner: serde_json::Value = serde_json::from_str(outer["__metadata__"]["nelu3d"].as_str().unwrap()).unwrap();
     inner.as_object_mut().unwrap().remove("sha256");
     change(&mut inner);
     outer["__metadata__"]["nelu3d"] = inner.to_string().into();

@@ -32,12 +32,14 @@ use super::diagnostics::{PaperDiagnostics, RecipeDiagnostics};
 use super::error::Failure;
 use super::filter::nothing_left;
 use super::initialize::initialize;
+use super::judge::judge;
 use super::observer::Stage;
 use super::options::{CrosstalkMode, ReconstructionOptions};
 use super::scene::Scene;
 use super::settings::FastSettings;
 use crate::color_field::ColorField;
 use crate::surface::{PixelStatus, Surface, SurfaceMaps, assemble};
+use crate::verdict::Judgment;
 pub use ambient::Ambient;
 use ambient::AmbientField;
 use batch::TrainingPixels;
@@ -60,7 +62,7 @@ pub(super) fn reconstruct(
     field: &ColorField,
     opts: &ReconstructionOptions,
     cx: &mut Context<'_>,
-) -> Result<(Surface, RecipeDiagnostics), Failure> {
+) -> Result<(Surface, RecipeDiagnostics, Judgment), Failure> {
     let n_steps = opts.steps.unwrap_or(ITERATIONS);
     let mut scene = Scene::measure(capture, camera, field, MIN_MODEL_SIGMA, cx)?;
     let pixels = TrainingPixels::new(&scene.measurements, &scene.rays, &opts.paper)
@@ -80,13 +82,14 @@ pub(super) fn reconstruct(
     let (residual, mean_ambient) = residuals(&scene, &view, &ambient);
 
     cx.clock.begin("build the surface");
+    let judgment = judge(&scene, &view.depth, None);
     let status = scene.measurements.status;
     let maps = SurfaceMaps { depth: view.depth, sigma: view.spread, status, residual, ambient: mean_ambient };
     let mut surface = assemble(maps, camera, &scene.rays.plane, &capture.white);
     // The field's own gradient, not that of the depth map.
     surface.replace_normals(&view.normals);
     let diagnostics = PaperDiagnostics { iterations: n_steps, unit_mm: pixels.bounds.unit_mm, losses: records };
-    Ok((surface, RecipeDiagnostics::Paper(diagnostics)))
+    Ok((surface, RecipeDiagnostics::Paper(diagnostics), judgment))
 }
 
 /// Decodes the depth map from which training starts, camera z in mm; NaN where there is none. The measurements stay as

@@ -1,0 +1,321 @@
+//! What the misfit of a sweep's corners has in common: wrong intrinsics, a missing lens distortion, a print that is
+//! stretched, or a board that is bent each leave a pattern of their own in the reprojection errors.
+//!
+//! Every cause has a few parameters that all positions share. Linearized at the fitted poses, which stay free, they are
+//! solved for by least squares (the poses are eliminated by the Schur complement), and the sum of squares that a cause
+//! takes away tells how much of the misfit it explains.
+
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix6, Point3, SMatrix, Translation3, UnitQuaternion, Vector3, Vector6};
+use serde::Serialize;
+
+use crate::Camera;
+use crate::board::Corner;
+use crate::camera::Distortion;
+
+/// Number of shared parameters: focal length, aspect, center (2), distortion (4), stretch, shear, bend (3).
+const N: usize = 13;
+
+/// A cause of misfit that all positions of a sweep share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SharedCause {
+    /// Focal lengths or the principal point are wrong.
+    Intrinsics,
+    /// The lens distortion is missing or wrong.
+    Distortion,
+    /// The print is stretched along one axis, or sheared.
+    Print,
+    /// The board is bent.
+    Bend,
+}
+
+impl SharedCause {
+    /// All causes.
+    pub const ALL: [SharedCause; 4] =
+        [SharedCause::Intrinsics, SharedCause::Distortion, SharedCause::Print, SharedCause::Bend];
+
+    /// Returns the cause's parameters.
+    fn parameters(self) -> std::ops::Range<usize> {
+        match self {
+            SharedCause::Intrinsics => 0..4,
+            SharedCause::Distortion => 4..8,
+            SharedCause::Print => 8..10,
+            SharedCause::Bend => 10..13,
+        }
+    }
+}
+
+/// How much of the misfit one cause explains.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Explanation {
+    /// The cause.
+    pub cause: SharedCause,
+    /// Fraction of the sum of squares that it takes away.
+    pub share: f64,
+    /// What it takes away per parameter, in units of the variance that nothing explains (an F statistic).
+    pub f: f64,
+    /// By how much depth on the boards changes when it is accounted for: root mean square over each board, median over
+    /// the positions, mm.
+    pub depth_mm: f64,
+    /// Largest amount of the cause's parameters: relative change of the focal length, coefficient of distortion,
+    /// relative stretch, sagitta in mm.
+    pub amount: f64,
+}
+
+/// The misfit of a sweep's corners, and what could explain it.
+#[derive(Clone, Debug, Serialize)]
+pub struct SharedMisfit {
+    /// Root mean square reprojection error with free poses, px.
+    pub rms_px: f64,
+    /// The same with every cause accounted for, px.
+    pub rms_explained_px: f64,
+    /// Every cause on its own.
+    pub causes: Vec<Explanation>,
+}
+
+/// The normal equations of one view, poses first.
+struct ViewEquations {
+    /// Inverse of the pose's normal matrix.
+    pose: Matrix6<f64>,
+    /// Normal matrix between pose and shared parameters.
+    cross: SMatrix<f64, 6, N>,
+    rhs: Vector6<f64>,
+    /// Depth (camera z) of each corner by the pose's and by the shared parameters.
+    depth: Vec<(Vector6<f64>, SMatrix<f64, N, 1>)>,
+}
+
+/// Asks what explains the misfit of corners with these poses, view by view. `None` where there are fewer than 40
+/// corners or two views, which tell too little.
+pub fn explain_misfit(views: &[(&[Corner], Isometry3<f64>)], camera: &Camera) -> Option<SharedMisfit> {
+    const MIN_CORNERS: usize = 40;
+    let n_corners: usize = views.iter().map(|v| v.0.len()).sum();
+    if views.len() < 2 || n_corners < MIN_CORNERS {
+        return None;
+    }
+    let board = Extent::of(views.iter().flat_map(|v| v.0));
+    let (mut a, mut b, mut s) = (SMatrix::<f64, N, N>::zeros(), SMatrix::<f64, N, 1>::zeros(), 0.0);
+    let mut equations = Vec::with_capacity(views.len());
+    for (corners, pose) in views {
+        let (mut pp, mut cross) = (Matrix6::<f64>::zeros(), SMatrix::<f64, 6, N>::zeros());
+        let (mut tt, mut t, mut p, mut rr) = (SMatrix::<f64, N, N>::zeros(), b * 0.0, Vector6::zeros(), 0.0);
+        let mut depth = Vec::with_capacity(corners.len());
+        for corner in *corners {
+            let (r, jp, jt) = linearize(corner, pose, camera, &board)?;
+            for k in 0..2 {
+                let (jp, jt) = (jp.column(k), jt.column(k));
+                pp += jp * jp.transpose();
+                cross += jp * jt.transpose();
+                tt += jt * jt.transpose();
+                t += jt * r[k];
+                p += jp * r[k];
+                rr += r[k] * r[k];
+            }
+            depth.push((jp.column(2).into_owned(), jt.column(2).into_owned()));
+        }
+        let pose = pp.try_inverse()?;
+        a += tt - cross.transpose() * pose * cross;
+        b += t - cross.transpose() * pose * p;
+        s += rr - p.dot(&(pose * p));
+        equations.push(ViewEquations { pose, cross, rhs: p, depth });
+    }
+    let freedom = (2 * n_corners) as f64 - (6 * views.len() + N) as f64;
+    let prior = priors(camera, s / freedom.max(1.0));
+    let solve = |which: std::ops::Range<usize>| {
+        let n = which.len();
+        let m = DMatrix::from_fn(n, n, |i, j| {
+            a[(which.start + i, which.start + j)] + if i == j { prior[which.start + i] } else { 0.0 }
+        });
+        let v = DVector::from_fn(n, |i, _| b[which.start + i]);
+        let x = m.cholesky()?.solve(&v);
+        let mut all = SMatrix::<f64, N, 1>::zeros();
+        (0..n).for_each(|i| all[which.start + i] = x[i]);
+        Some((v.dot(&x), all))
+    };
+    let (explained, _) = solve(0..N)?;
+    let left = (s - explained).max(1e-12 * s.max(1e-12));
+    let variance = left / freedom.max(1.0);
+    let causes = SharedCause::ALL.into_iter().filter_map(|cause| {
+        let which = cause.parameters();
+        let (gain, x) = solve(which.clone())?;
+        let amount = which.clone().map(|i| if (2..4).contains(&i) { 0.0 } else { x[i].abs() }).fold(0.0, f64::max);
+        let mut depths: Vec<f64> = equations.iter().map(|e| e.depth_change(&x)).collect();
+        depths.sort_by(f64::total_cmp);
+        let depth_mm = depths[depths.len() / 2];
+        let f = gain / which.len() as f64 / variance;
+        Some(Explanation { cause, share: gain / s.max(1e-300), f, depth_mm, amount })
+    });
+    let rms = |s: f64| (s / n_corners as f64).sqrt();
+    Some(SharedMisfit { rms_px: rms(s), rms_explained_px: rms(left), causes: causes.collect() })
+}
+
+impl ViewEquations {
+    /// Root mean square change of depth over the board's corners that shared parameters `x` cause, mm.
+    fn depth_change(&self, x: &SMatrix<f64, N, 1>) -> f64 {
+        let pose = self.pose * (self.rhs - self.cross * x);
+        let unexplained = self.pose * self.rhs;
+        let squares = self.depth.iter().map(|(p, t)| (p.dot(&(pose - unexplained)) + t.dot(x)).powi(2));
+        (squares.sum::<f64>() / self.depth.len().max(1) as f64).sqrt()
+    }
+}
+
+/// What is known of the shared parameters beforehand, as inverse variances times the corners' variance: it matters only
+/// where the corners tell nothing.
+fn priors(camera: &Camera, variance: f64) -> [f64; N] {
+    let center = 0.1 * camera.width as f64;
+    let sigmas = [0.3, 0.05, center, center, 0.5, 0.5, 0.02, 0.02, 0.05, 0.05, 10.0, 10.0, 10.0];
+    sigmas.map(|s: f64| variance / (s * s))
+}
+
+/// Middle and half size of what corners cover of the board, mm.
+struct Extent {
+    middle: [f64; 2],
+    half: f64,
+}
+
+impl Extent {
+    fn of<'a>(corners: impl Iterator<Item = &'a Corner>) -> Self {
+        let (mut lo, mut hi) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for c in corners {
+            for i in 0..2 {
+                (lo[i], hi[i]) = (lo[i].min(c.board_mm[i]), hi[i].max(c.board_mm[i]));
+            }
+        }
+        let half = 0.5 * (hi[0] - lo[0]).max(hi[1] - lo[1]).max(1e-9);
+        Self { middle: [0.5 * (lo[0] + hi[0]), 0.5 * (lo[1] + hi[1])], half }
+    }
+}
+
+/// Residual of a corner, px; derivatives of pixel x, pixel y, and camera z by the pose (rotation about the board's
+/// middle, translation) and by the shared parameters, in columns.
+#[expect(clippy::type_complexity, reason = "three small matrices")]
+fn linearize(
+    corner: &Corner,
+    pose: &Isometry3<f64>,
+    camera: &Camera,
+    board: &Extent,
+) -> Option<([f64; 2], SMatrix<f64, 6, 3>, SMatrix<f64, N, 3>)> {
+    let zero = [0.0; N];
+    let at = |pose: &Isometry3<f64>, x: &[f64; N]| project(corner, pose, camera, board, x);
+    let px = at(pose, &zero)?;
+    let mut by_pose = SMatrix::<f64, 6, 3>::zeros();
+    let middle = pose * Point3::new(board.middle[0], board.middle[1], 0.0);
+    for i in 0..6 {
+        let h = if i < 3 { 1e-5 } else { 1e-3 };
+        let moved = |h: f64| {
+            let mut v = [Vector3::zeros(), Vector3::zeros()];
+            v[i / 3][i % 3] = h;
+            let turn = UnitQuaternion::from_scaled_axis(v[0]);
+            let about = Translation3::from(middle.coords) * turn * Translation3::from(-middle.coords);
+            Translation3::from(v[1]) * about * pose
+        };
+        let (p, m) = (at(&moved(h), &zero)?, at(&moved(-h), &zero)?);
+        (0..3).for_each(|k| by_pose[(i, k)] = (p[k] - m[k]) / (2.0 * h));
+    }
+    let mut by_shared = SMatrix::<f64, N, 3>::zeros();
+    for i in 0..N {
+        let h = if (2..4).contains(&i) || i >= 10 { 1e-2 } else { 1e-5 };
+        let moved = |h: f64| {
+            let mut x = zero;
+            x[i] = h;
+            x
+        };
+        let (p, m) = (at(pose, &moved(h))?, at(pose, &moved(-h))?);
+        (0..3).for_each(|k| by_shared[(i, k)] = (p[k] - m[k]) / (2.0 * h));
+    }
+    Some(([corner.px[0] - px[0], corner.px[1] - px[1]], by_pose, by_shared))
+}
+
+/// Pixel and camera z of a corner with shared parameters `x`.
+fn project(corner: &Corner, pose: &Isometry3<f64>, camera: &Camera, board: &Extent, x: &[f64; N]) -> Option<[f64; 3]> {
+    let [u, v] = [0, 1].map(|i| corner.board_mm[i] - board.middle[i]);
+    let (a, b) = (u / board.half, v / board.half);
+    let bent = x[10] * a * a + x[11] * a * b + x[12] * b * b;
+    let on = Point3::new(corner.board_mm[0] + x[8] * u + x[9] * v, corner.board_mm[1], bent);
+    let mut coeffs = camera.distortion.coeffs().to_vec();
+    coeffs.resize(coeffs.len().max(5), 0.0);
+    (0..4).for_each(|i| coeffs[i] += x[4 + i]);
+    let changed = Camera {
+        fx: camera.fx * (x[0] + x[1]).exp(),
+        fy: camera.fy * x[0].exp(),
+        cx: camera.cx + x[2],
+        cy: camera.cy + x[3],
+        distortion: Distortion::new(&coeffs)?,
+        ..camera.clone()
+    };
+    let p = pose * on;
+    let [px, py] = changed.project(&p)?;
+    Some([px, py, p.z])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::solve_pnp;
+
+    /// Seven tilted views of a board of 9 × 7 corners as a camera with a flaw `x` sees them, solved by one without.
+    fn misfit(x: [f64; N], noise_px: f64) -> SharedMisfit {
+        let camera = Camera {
+            distortion: Distortion::new(&[-0.1, 0.05, 0.0, 0.0, 0.0]).unwrap(),
+            ..Camera::pinhole(640, 480, 900.0, 900.0, 320.0, 240.0)
+        };
+        let board = Extent { middle: [80.0, 60.0], half: 80.0 };
+        let mut state = 1u64;
+        let mut noise = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            noise_px * ((state >> 33) as f64 / (1u64 << 30) as f64 - 1.0) * 3f64.sqrt()
+        };
+        let tilts = [[0.3, 0.0], [-0.3, 0.1], [0.0, 0.35], [0.1, -0.3], [0.2, 0.2], [-0.2, -0.2], [0.0, 0.05]];
+        let views: Vec<Vec<Corner>> = tilts
+            .iter()
+            .enumerate()
+            .map(|(i, t)| {
+                let middle = Vector3::new(10.0 * i as f64 - 30.0, 5.0, 450.0 + 30.0 * i as f64);
+                let pose =
+                    Isometry3::new(middle, Vector3::new(t[0], t[1], 0.02)) * Translation3::new(-80.0, -60.0, 0.0);
+                (0..63)
+                    .map(|c| {
+                        let corner = Corner { board_mm: [20.0 * (c % 9) as f64, 20.0 * (c / 9) as f64], px: [0.0; 2] };
+                        let [px, py, _] = project(&corner, &pose, &camera, &board, &x).unwrap();
+                        Corner { px: [px + noise(), py + noise()], ..corner }
+                    })
+                    .collect()
+            })
+            .collect();
+        let solved: Vec<(&[Corner], Isometry3<f64>)> =
+            views.iter().map(|v| (v.as_slice(), solve_pnp(v, &camera).unwrap().cam_from_board)).collect();
+        explain_misfit(&solved, &camera).unwrap()
+    }
+
+    #[test]
+    fn every_cause_has_its_own_pattern() {
+        for (cause, i, amount) in [
+            (SharedCause::Intrinsics, 0, 0.05),
+            (SharedCause::Distortion, 4, 0.1),
+            (SharedCause::Print, 8, 0.01),
+            (SharedCause::Bend, 10, 1.5),
+        ] {
+            let mut x = [0.0; N];
+            x[i] = amount;
+            let found = misfit(x, 0.03);
+            let best = found.causes.iter().max_by(|a, b| a.share.total_cmp(&b.share)).unwrap();
+            assert_eq!(best.cause, cause, "{found:?}");
+            assert!(best.share > 0.5 && best.f > 50.0, "{found:?}");
+            assert!((best.amount - amount).abs() < 0.3 * amount, "{found:?}");
+            assert!(found.rms_explained_px < 0.05 && found.rms_px > 0.05, "{found:?}");
+        }
+        // A bend of 1.5 mm is 1.5 mm of depth at the edge.
+        let mut x = [0.0; N];
+        x[10] = 1.5;
+        let found = misfit(x, 0.03);
+        let bend = found.causes.iter().find(|c| c.cause == SharedCause::Bend).unwrap();
+        assert!(bend.depth_mm > 0.2 && bend.depth_mm < 1.5, "{bend:?}");
+    }
+
+    #[test]
+    fn noise_has_no_cause() {
+        let found = misfit([0.0; N], 0.1);
+        assert!(found.causes.iter().all(|c| c.share < 0.05 && c.f < 10.0), "{found:?}");
+        assert!((found.rms_px - 0.14).abs() < 0.02, "{found:?}");
+        assert!(explain_misfit(&[], &Camera::pinhole(4, 4, 1.0, 1.0, 2.0, 2.0)).is_none());
+    }
+}

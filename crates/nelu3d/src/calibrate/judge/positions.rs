@@ -1,0 +1,355 @@
+//! Which positions disagree with the field of all, and how: patterns in another order, another exposure of white or of
+//! a pattern, or a camera or board that moved between the images.
+//!
+//! A field of many positions keeps little of a single wrong one, so that one stands out against the others.
+
+use nalgebra::{Matrix3, Vector3};
+use nelu3d_scan::statistics::median;
+
+use crate::calibrate::error::CalibrationError;
+use crate::calibrate::held_out::well_lit;
+use crate::calibrate::placed_sweep::PlacedSweep;
+use crate::calibrate::sweep::Position;
+use crate::color_field::ColorField;
+use crate::color_field::grid::Grid;
+use crate::progress::Progress;
+use crate::verdict::{Code, Finding, Verdict};
+
+/// Most positions that are looked at, spread over the sweep.
+const MAX_POSITIONS: usize = 64;
+/// About how many samples of a position are compared.
+const SAMPLES: usize = 4000;
+/// Fewest positions among which one can stand out.
+const MIN_POSITIONS: usize = 5;
+/// Ratio of a position's mean squared error to the others' median beyond which it stands out, with so many median
+/// deviations between.
+const STANDS_OUT: f64 = 4.0;
+const DEVIATIONS: f64 = 8.0;
+/// Fraction of the worst position's excess below which another position is taken for its neighbor.
+const OF_THE_WORST: f64 = 0.6;
+/// Error beyond that of the others, normalized intensity, below which nothing is said.
+const MIN_EXCESS: f64 = 0.015;
+/// Fraction of a position's excess that an explanation takes away.
+const EXPLAINS: f64 = 0.5;
+
+/// Sums over the well-lit samples of one position: measured codewords v against the field's c.
+struct PositionSums {
+    /// Index of the position.
+    p: usize,
+    n: usize,
+    /// Σ (v − c)² over samples and channels.
+    error: f64,
+    /// Per channel: Σ c, Σ v, Σ c², Σ v², Σ (v − c)².
+    channels: Vec<[f64; 5]>,
+    /// With residuals r = v − c: Σ r_i r_j, Σ r_i v_j, Σ v_i v_j, row by row.
+    cross: [Vec<f64>; 3],
+    /// Normal equations of a shift by one pixel across, one down, and 1 mm along the ray.
+    shift: (Matrix3<f64>, Vector3<f64>),
+}
+
+/// Judges every position against the field of all.
+pub(super) fn judge(
+    field: &ColorField,
+    placed: &PlacedSweep<'_>,
+    progress: &Progress,
+) -> Result<Vec<Finding>, CalibrationError> {
+    let n = placed.n_positions();
+    if n < MIN_POSITIONS {
+        return Ok(Vec::new());
+    }
+    let which: Vec<usize> = match n {
+        ..=MAX_POSITIONS => (0..n).collect(),
+        _ => (0..MAX_POSITIONS).map(|i| i * (n - 1) / (MAX_POSITIONS - 1)).collect(),
+    };
+    let grid = field.to_grid();
+    let map = |p: usize, (): (), read: &Position| PositionSums::of(field, &grid, placed, p, read);
+    let mut all: Vec<PositionSums> = Vec::with_capacity(which.len());
+    placed.sweep.stream(&which, progress, |(), _| {}, map, |wave| all.extend(wave))?;
+    all.retain(|s| s.n > 50);
+    let names: Vec<&str> = all.iter().map(|s| placed.sweep.shots[s.p].name.as_str()).collect();
+    let images = &field.metadata.images;
+    let mut findings: Vec<Finding> =
+        standing_out(&all).into_iter().map(|i| all[i].finding(names[i], images, typical(&all))).collect();
+    findings.extend(exposure_scatter(&all, images));
+    Ok(findings)
+}
+
+/// Median over the positions of their mean squared error.
+fn typical(all: &[PositionSums]) -> f64 {
+    median(&mut all.iter().map(PositionSums::mean_square).collect::<Vec<_>>()).unwrap_or(0.0)
+}
+
+/// Indices of the positions whose error stands out among all.
+fn standing_out(all: &[PositionSums]) -> Vec<usize> {
+    let errors: Vec<f64> = all.iter().map(PositionSums::mean_square).collect();
+    tracing::debug!(?errors, "mean squared error of positions");
+    let middle = typical(all);
+    let deviation = median(&mut errors.iter().map(|e| (e - middle).abs()).collect::<Vec<_>>()).unwrap_or(0.0);
+    let limit = (STANDS_OUT * middle).max(middle + DEVIATIONS * deviation).max(middle + MIN_EXCESS * MIN_EXCESS);
+    // A wrong position bends the field around it, and its neighbors stand out, too.
+    let largest = errors.iter().copied().fold(0.0, f64::max);
+    let limit = limit.max(middle + OF_THE_WORST * (largest - middle));
+    (0..all.len()).filter(|i| all.len() >= MIN_POSITIONS && errors[*i] > limit).collect()
+}
+
+/// Finds out whether single images were exposed differently from position to position, white or patterns (automatic
+/// exposure): the factors between measured and predicted intensities then scatter.
+fn exposure_scatter(all: &[PositionSums], images: &[String]) -> Option<Finding> {
+    /// Median deviation of a channel's factors from their median that no good sweep has.
+    const MAX_SCATTER: f64 = 0.02;
+    let k = all.first()?.channels.len();
+    let mut worst = (0.0, 0);
+    for j in 0..k {
+        let mut gains: Vec<f64> = all.iter().filter_map(|s| s.gain(j)).collect();
+        if gains.len() < MIN_POSITIONS {
+            continue;
+        }
+        let middle = median(&mut gains).unwrap_or(1.0);
+        let scatter = median(&mut gains.iter().map(|g| (g - middle).abs()).collect::<Vec<_>>()).unwrap_or(0.0);
+        if scatter > worst.0 {
+            worst = (scatter, j);
+        }
+    }
+    tracing::debug!(scatter = worst.0, channel = worst.1, "exposure from position to position");
+    (worst.0 > MAX_SCATTER).then(|| {
+        let image = images.get(worst.1 * images.len() / k).map_or("a pattern", String::as_str);
+        let sentence = format!(
+            "the brightness of {image} against white's changes by {:.0} % from position to position",
+            100.0 * worst.0
+        );
+        let remedy = "turn automatic exposure, gain and white balance off, and keep the light's brightness constant";
+        Finding::new(Code::ExposureJump, Verdict::Doubtful, sentence, remedy).with("relative_scatter", worst.0)
+    })
+}
+
+impl PositionSums {
+    fn of(field: &ColorField, grid: &Grid, placed: &PlacedSweep<'_>, p: usize, read: &Position) -> Self {
+        let (k, channels, w) = (read.k, read.channels, read.width);
+        let mut s = Self {
+            p,
+            n: 0,
+            error: 0.0,
+            channels: vec![[0.0; 5]; k],
+            cross: std::array::from_fn(|_| vec![0.0; k * k]),
+            shift: (Matrix3::zeros(), Vector3::zeros()),
+        };
+        let lit = well_lit(&read.contrast);
+        let board = &placed.boards[p];
+        // A share of the pixels, in no pattern that a print could share.
+        let every = (placed.dirs.len() / SAMPLES).max(1) as u64;
+        let mut c = [vec![0.0f32; k], vec![0.0; k], vec![0.0; k], vec![0.0; k]];
+        placed.for_each(p, read, |i, t, v, _| {
+            let drawn = (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
+            if !drawn.is_multiple_of(every) || read.contrast[i * channels..][..channels].iter().any(|c| *c < lit) {
+                return;
+            }
+            let at = |i: usize, t: f64| field.frame.along_ray(&placed.dirs[i]).at(t).q;
+            let (right, below) = ((i % w + 1 < w).then_some(i + 1), (i + w < placed.dirs.len()).then_some(i + w));
+            let hit = |j: Option<usize>| j.and_then(|j| board.hit(&placed.dirs[j]).map(|t| at(j, t)));
+            let (Some(right), Some(below)) = (hit(right), hit(below)) else { return };
+            for (c, q) in c.iter_mut().zip([at(i, t), right, below, at(i, t + 1.0)]) {
+                grid.eval(q, c);
+            }
+            s.add(v, &c);
+        });
+        s
+    }
+
+    /// Adds a sample: measured, and predicted at its own point and at the three shifted ones.
+    fn add(&mut self, measured: &[f32], c: &[Vec<f32>; 4]) {
+        let k = measured.len();
+        self.n += 1;
+        for j in 0..k {
+            let (own, v) = (f64::from(c[0][j]), f64::from(measured[j]));
+            let e = v - own;
+            self.error += e * e;
+            let of = &mut self.channels[j];
+            for (sum, x) in of.iter_mut().zip([own, v, own * own, v * v, e * e]) {
+                *sum += x;
+            }
+            let d = Vector3::new(f64::from(c[1][j]) - own, f64::from(c[2][j]) - own, f64::from(c[3][j]) - own);
+            self.shift.0 += d * d.transpose();
+            self.shift.1 += d * e;
+            for i in 0..k {
+                let (r, other) = (f64::from(c[0][i]), f64::from(measured[i]));
+                let r = other - r;
+                for (sums, x) in self.cross.iter_mut().zip([e * r, e * other, v * other]) {
+                    sums[j * k + i] += x;
+                }
+            }
+        }
+    }
+
+    fn mean_square(&self) -> f64 {
+        self.error / (self.n * self.channels.len()).max(1) as f64
+    }
+
+    /// Factor between measured and predicted intensity of a channel; `None` where it is dark.
+    fn gain(&self, j: usize) -> Option<f64> {
+        let [_, _, cc, vv, e] = self.channels[j];
+        (cc > 0.05 * self.n as f64).then(|| 0.5 * (cc + vv - e) / cc)
+    }
+
+    /// Two channels that are swapped, if there are. The field has an unknown part of the wrong position's own values,
+    /// but whatever that part is, what one of the channels has too much is what the other one lacks, and both are in
+    /// proportion to their difference.
+    fn swapped(&self) -> Option<(usize, usize)> {
+        const ALIKE: f64 = 0.8;
+        let k = self.channels.len();
+        let [rr, rv, vv] = &self.cross;
+        let likeness = |i: usize, j: usize| {
+            let at = |m: &[f64], i: usize, j: usize| m[i * k + j];
+            let (own, other) = (at(rr, i, i), at(rr, j, j));
+            let opposite = -at(rr, i, j) / (own * other).sqrt();
+            let difference = at(vv, i, i) + at(vv, j, j) - 2.0 * at(vv, i, j);
+            let follows = (at(rv, i, i) - at(rv, i, j)) / (own * difference).sqrt();
+            // A pair that takes little of the error is not what is wrong.
+            let share = (own + other) / self.error;
+            if share > EXPLAINS { opposite.min(follows) } else { 0.0 }
+        };
+        let pairs = (0..k).flat_map(|i| (i + 1..k).map(move |j| (i, j)));
+        let best = pairs.max_by(|a, b| likeness(a.0, a.1).total_cmp(&likeness(b.0, b.1)))?;
+        (likeness(best.0, best.1) > ALIKE).then_some(best)
+    }
+
+    /// Says what is wrong with a position whose error stands out against the others' `typical` one.
+    fn finding(&self, name: &str, images: &[String], typical: f64) -> Finding {
+        let k = self.channels.len();
+        let image = |j: usize| images.get(j * images.len() / k).map_or("a pattern", String::as_str);
+        let usual = typical * (self.n * k) as f64;
+        let excess = self.error - usual;
+        let explains = |left: f64| self.error - left > EXPLAINS * excess;
+        let finding = |code, sentence: String, remedy: &str| {
+            Finding::new(code, Verdict::Doubtful, sentence, remedy)
+                .with("position", name)
+                .with("rms", self.mean_square().sqrt())
+                .with("rms_of_others", typical.sqrt())
+        };
+        let again = "take this position again, or leave it out (`leave_out`)";
+        if let Some((i, j)) = self.swapped() {
+            let sentence = format!("at board position {name}, {} and {} are swapped", image(i), image(j));
+            return finding(
+                Code::PatternsSwapped,
+                sentence,
+                "put the position's images in the set's order, or take it again",
+            );
+        }
+        // An exposure is off by a factor that somebody may have chosen.
+        let is_factor = |factor: f64| (0.4..2.5).contains(&factor);
+        let sum = |f: &dyn Fn(&[f64; 5]) -> f64| self.channels.iter().map(f).sum::<f64>();
+        let gain = sum(&|s| 0.5 * (s[2] + s[3] - s[4])) / sum(&|s| s[2]).max(1e-12);
+        let left = sum(&|s| s[3] - 2.0 * gain * 0.5 * (s[2] + s[3] - s[4]) + gain * gain * s[2]);
+        if is_factor(gain) && explains(left) {
+            let sentence = format!(
+                "at board position {name}, white is {:.0} % {} against the patterns than elsewhere",
+                100.0 * (1.0 / gain - 1.0).abs(),
+                if gain < 1.0 { "brighter" } else { "darker" }
+            );
+            return finding(Code::ExposureJump, sentence, again).with("white_factor", 1.0 / gain);
+        }
+        let of_channel = |j: usize| {
+            let [_, _, cc, vv, e] = self.channels[j];
+            let both = 0.5 * (cc + vv - e);
+            both * both / cc.max(1e-12) - vv + e
+        };
+        let best = (0..k).max_by(|a, b| of_channel(*a).total_cmp(&of_channel(*b))).unwrap_or(0);
+        let factor = self.gain(best).unwrap_or(0.0);
+        if is_factor(factor) && explains(self.error - of_channel(best)) {
+            let sentence = format!(
+                "at board position {name}, {} is {:.0} % {} than elsewhere",
+                image(best),
+                100.0 * (factor - 1.0).abs(),
+                if factor > 1.0 { "brighter" } else { "darker" }
+            );
+            return finding(Code::ExposureJump, sentence, again).with("pattern_factor", factor);
+        }
+        if let Some(shift) = (self.shift.0 + Matrix3::identity() * 1e-9).cholesky().map(|m| m.solve(&self.shift.1))
+            && explains(self.error - shift.dot(&self.shift.1))
+        {
+            let px = shift.x.hypot(shift.y);
+            let sentence = format!(
+                "board position {name} does not fit the others; {px:.1} px in the image and {:.1} mm of depth would \
+                 explain it: board, camera or light moved",
+                shift.z.abs()
+            );
+            return finding(Code::PositionMoved, sentence, again).with("shift_px", px).with("shift_mm", shift.z.abs());
+        }
+        let sentence = format!("board position {name} does not fit the others");
+        finding(Code::PositionDisagrees, sentence, again)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eight positions of three channels; position 5 is changed by `edit(v, c)`.
+    fn positions(edit: impl Fn(&mut [f32], &[Vec<f32>; 4])) -> Vec<PositionSums> {
+        let at = |x: f32| vec![0.5 + 0.5 * x.sin(), 0.5 + 0.5 * (2.3 * x).cos(), 0.5 + 0.4 * (0.7 * x + 1.0).sin()];
+        (0..8)
+            .map(|p| {
+                let mut s = PositionSums {
+                    p,
+                    n: 0,
+                    error: 0.0,
+                    channels: vec![[0.0; 5]; 3],
+                    cross: std::array::from_fn(|_| vec![0.0; 9]),
+                    shift: (Matrix3::zeros(), Vector3::zeros()),
+                };
+                for i in 0..2000 {
+                    let x = 0.05 * (i % 100) as f32 + 0.3 * (i / 100) as f32;
+                    let c = [at(x), at(x + 0.05), at(x + 0.01), at(x - 0.004)];
+                    let noise = |j: usize| 0.01 * (((i * 31 + j * 17 + p * 7) % 41) as f32 / 20.0 - 1.0);
+                    let mut v: Vec<f32> = (0..3).map(|j| c[0][j] + noise(j)).collect();
+                    if p == 5 {
+                        edit(&mut v, &c);
+                    }
+                    s.add(&v, &c);
+                }
+                s
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_wrong_position_stands_out_and_is_explained() {
+        let images = ["a.png".to_string(), "b.png".into(), "c.png".into()];
+        let found = |edit: &dyn Fn(&mut [f32], &[Vec<f32>; 4])| {
+            let all = positions(edit);
+            let out = standing_out(&all);
+            let typical = typical(&all);
+            out.iter().map(|i| (*i, all[*i].finding("005", &images, typical))).collect::<Vec<_>>()
+        };
+        assert!(found(&|_, _| {}).is_empty());
+        let cases: [(Code, &dyn Fn(&mut [f32], &[Vec<f32>; 4])); 5] = [
+            (Code::PatternsSwapped, &|v, _| v.swap(0, 1)),
+            (Code::ExposureJump, &|v, _| v.iter_mut().for_each(|v| *v /= 1.2)),
+            (Code::ExposureJump, &|v, _| v[2] *= 0.8),
+            (Code::PositionMoved, &|v, c| (0..3).for_each(|j| v[j] += 2.0 * (c[1][j] - c[0][j]))),
+            (Code::PositionDisagrees, &|v, c| (0..3).for_each(|j| v[j] = if c[0][0] > 0.5 { 0.1 } else { 0.3 })),
+        ];
+        for (code, edit) in cases {
+            let found = found(edit);
+            assert_eq!(found.len(), 1, "{code:?}");
+            assert_eq!((found[0].0, found[0].1.code), (5, code), "{}", found[0].1);
+        }
+        let white = found(&|v, _| v.iter_mut().for_each(|v| *v /= 1.2));
+        assert!(white[0].1.sentence.contains("white is 20 % brighter"), "{}", white[0].1);
+    }
+
+    #[test]
+    fn exposure_that_changes_everywhere_is_told() {
+        let mut all = positions(|_, _| {});
+        assert!(exposure_scatter(&all, &[]).is_none());
+        for (i, s) in all.iter_mut().enumerate() {
+            // The second pattern darker or brighter by 8 %.
+            let g = if i % 2 == 0 { 1.08 } else { 0.92 };
+            let [_, v, cc, vv, e] = &mut s.channels[1];
+            let both = 0.5 * (*cc + *vv - *e) * g;
+            (*v, *vv) = (*v * g, *vv * g * g);
+            *e = *cc + *vv - 2.0 * both;
+        }
+        let found = exposure_scatter(&all, &["a.png".into(), "b.png".into(), "c.png".into()]).unwrap();
+        assert!(found.code == Code::ExposureJump && found.sentence.contains("b.png"), "{found}");
+    }
+}

@@ -1,0 +1,105 @@
+//! Whether to trust a reconstruction: its captures, and how well the field explains what was measured.
+
+mod response;
+
+use nelu3d_scan::statistics::median;
+
+use super::scene::Scene;
+use crate::sensor::{CodewordStatistics, judge_clipping, judge_codewords, judge_explained};
+use crate::verdict::{Code, Finding, Judgment, Verdict};
+
+/// Most pixels that are compared with the field.
+const MAX_PIXELS: usize = 6000;
+/// Depths along a ray at which the field is asked what codewords there may be.
+const DEPTHS: usize = 12;
+
+/// Judges a surface of `scene`: its depth (camera z, mm; NaN where there is none), and χ² per measurement where the
+/// recipe knows it. The status of every pixel is that of the scene's measurements.
+pub(super) fn judge(scene: &Scene<'_>, depth: &[f32], chi2: Option<&[f32]>) -> Judgment {
+    let (m, metadata) = (&scene.measurements, &scene.field.metadata);
+    let mut judgment = Judgment::default();
+    judgment.extend(judge_clipping(&m.status));
+    let (statistics, pixels) = CodewordStatistics::of_scene(m, &m.status);
+    let expected = expected(scene, &pixels);
+    judgment.extend(judge_codewords(&statistics, expected.as_ref(), &metadata.images));
+    judgment.extend(response::judge(scene, depth));
+    judgment.extend(chi2.and_then(|chi2| residual(depth, chi2)));
+    judgment.extend(judge_explained(&m.status));
+    judgment.extend(of_field(&metadata.warnings));
+    judgment.add(Finding::new(
+        Code::DriftNotChecked,
+        Verdict::Good,
+        "whether camera or projector moved since the sweep was not checked, as no board is in view",
+        "scan something whose place or size is known from time to time, and sweep again when it comes out elsewhere",
+    ));
+    judgment
+}
+
+/// What codewords the field has along the rays of `pixels`; `None` where no ray meets its volume.
+fn expected(scene: &Scene<'_>, pixels: &[usize]) -> Option<CodewordStatistics> {
+    let k = scene.measurements.k;
+    let mut codewords = Vec::new();
+    let mut c = vec![0.0; k];
+    for i in pixels.iter().step_by((pixels.len() / MAX_PIXELS).max(1)) {
+        let [near, far] = scene.rays.range[*i];
+        if near >= far {
+            continue;
+        }
+        for n in 0..DEPTHS {
+            let t = near + (far - near) * (n as f32 + 0.5) / DEPTHS as f32;
+            scene.grid.eval(scene.rays.in_frame(*i).at(f64::from(t)).q, &mut c);
+            codewords.extend_from_slice(&c);
+        }
+    }
+    (!codewords.is_empty()).then(|| CodewordStatistics::new(&codewords, k))
+}
+
+/// Judges χ² per measurement over the surface: about 1 where field and noise are what they are taken for.
+fn residual(depth: &[f32], chi2: &[f32]) -> Option<Finding> {
+    /// Median χ² per measurement that no good scene reaches.
+    const MAX_CHI2: f64 = 3.0;
+    let mut known: Vec<f32> = (0..depth.len()).filter(|i| depth[*i].is_finite()).map(|i| chi2[i]).collect();
+    let median = f64::from(median(&mut known)?);
+    tracing::debug!(median, "χ² per measurement");
+    (median > MAX_CHI2).then(|| {
+        let sentence = format!(
+            "the scene's codewords differ from the field's by {:.1} times what noise and field allow",
+            median.sqrt()
+        );
+        let remedy = "check that white, black and patterns are this scene's, linear, in the set's order and exposed as \
+                      in the sweep, and that nothing moved";
+        Finding::new(Code::ResidualAboveNoise, Verdict::Doubtful, sentence, remedy).with("median_chi2", median)
+    })
+}
+
+/// A field of a doubtful calibration makes doubtful surfaces.
+fn of_field(warnings: &[String]) -> Option<Finding> {
+    (!warnings.is_empty()).then(|| {
+        let sentence = format!("the color field's calibration was not good ({})", warnings.join(", "));
+        Finding::new(
+            Code::FieldDoubtful,
+            Verdict::Doubtful,
+            sentence,
+            "see what `nelu3d calibrate` says, and repeat it",
+        )
+        .with("codes", warnings.to_vec())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn residuals_of_pixels_without_depth_do_not_count() {
+        let depth = [700.0, 700.0, 700.0, f32::NAN, f32::NAN, f32::NAN];
+        assert!(residual(&depth, &[1.0, 0.9, 1.2, 50.0, 50.0, 50.0]).is_none());
+        let found = residual(&depth, &[9.0, 8.0, 10.0, 1.0, 1.0, 1.0]).unwrap();
+        assert!(found.code == Code::ResidualAboveNoise && found.sentence.contains("3.0 times"), "{found}");
+    }
+
+    #[test]
+    fn a_doubtful_field_makes_doubtful_surfaces() {
+        assert!(of_field(&[]).is_none() && of_field(&["clipped".into()]).unwrap().sentence.contains("clipped"));
+    }
+}

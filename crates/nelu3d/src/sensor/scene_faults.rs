@@ -1,0 +1,252 @@
+//! What the captures of a scene tell about themselves, before any depth is known: clipping, light that no pattern
+//! modulates, patterns without light.
+
+use nelu3d_scan::Image;
+use nelu3d_scan::rig::Capture;
+
+use super::measurements::Measurements;
+use crate::surface::PixelStatus;
+use crate::verdict::{Code, Finding, Verdict};
+
+/// Most pixels that statistics look at.
+const MAX_PIXELS: usize = 40_000;
+/// Fewest lit pixels that tell something.
+const MIN_PIXELS: usize = 200;
+/// Normalized intensity from which a channel is as bright as white is.
+const BRIGHT: f32 = 0.9;
+
+/// Statistics of codewords: of a scene's pixels, or of what a field predicts along their rays.
+#[derive(Clone, Debug, Default)]
+pub struct CodewordStatistics {
+    /// Number of codewords.
+    pub n: usize,
+    /// Fraction of the codewords that are about 1 in every channel.
+    pub unmodulated: f64,
+    /// Per channel, the quantiles at 2 % and 98 %.
+    pub quantiles: Vec<[f32; 2]>,
+}
+
+impl CodewordStatistics {
+    /// Makes the statistics of `n × k` values; NaN is not counted.
+    pub fn new(codewords: &[f32], k: usize) -> Self {
+        let n = codewords.len() / k.max(1);
+        let unmodulated = codewords.chunks_exact(k.max(1)).filter(|c| c.iter().all(|v| *v > BRIGHT)).count();
+        let quantiles = (0..k).map(|j| {
+            let mut channel: Vec<f32> =
+                codewords.iter().skip(j).step_by(k).copied().filter(|v| v.is_finite()).collect();
+            channel.sort_by(f32::total_cmp);
+            let at = |q: f64| channel.get((q * channel.len() as f64) as usize).copied().unwrap_or(f32::NAN);
+            [at(0.02), at(0.98)]
+        });
+        Self { n, unmodulated: unmodulated as f64 / n.max(1) as f64, quantiles: quantiles.collect() }
+    }
+
+    /// Makes the statistics of the lit pixels of a scene that are not clipped, and returns these pixels.
+    pub fn of_scene(m: &Measurements, status: &[PixelStatus]) -> (Self, Vec<usize>) {
+        let is_lit = |i: &usize| !matches!(status[*i], PixelStatus::Underexposed | PixelStatus::Saturated);
+        let lit: Vec<usize> = (0..m.n()).filter(is_lit).collect();
+        let pixels: Vec<usize> = lit.iter().copied().step_by((lit.len() / MAX_PIXELS).max(1)).collect();
+        let value = |j: usize| if m.inv_var[j] > 0.0 { m.p[j] } else { f32::NAN };
+        let codewords: Vec<f32> = pixels.iter().flat_map(|i| (i * m.k..(i + 1) * m.k).map(value)).collect();
+        (Self::new(&codewords, m.k), pixels)
+    }
+}
+
+/// Judges how much of what is lit is clipped, by the status of every pixel.
+pub fn judge_clipping(status: &[PixelStatus]) -> Option<Finding> {
+    /// Highlights of glossy objects stay below this fraction.
+    const MAX_CLIPPED: f64 = 0.15;
+    let count = |s: PixelStatus| status.iter().filter(|v| **v == s).count();
+    let (clipped, dark) = (count(PixelStatus::Saturated), count(PixelStatus::Underexposed));
+    let lit = status.len() - dark;
+    let share = clipped as f64 / lit.max(1) as f64;
+    (lit >= MIN_PIXELS && share > MAX_CLIPPED).then(|| {
+        let sentence = format!("{:.0} % of what is lit is clipped and has no depth", 100.0 * share);
+        Finding::new(Code::Clipped, Verdict::Doubtful, sentence, "expose for less; matt spray takes highlights away")
+            .with("clipped_share", share)
+            .with("clipped_px", clipped)
+    })
+}
+
+/// Judges how much of what is lit was explained.
+pub fn judge_explained(status: &[PixelStatus]) -> Option<Finding> {
+    /// Fraction of the decoded pixels below which what is left may be chance.
+    const MIN_EXPLAINED: f64 = 0.6;
+    let count = |s: PixelStatus| status.iter().filter(|v| **v == s).count();
+    let (valid, ambiguous) = (count(PixelStatus::Valid), count(PixelStatus::Ambiguous));
+    let share = valid as f64 / (valid + ambiguous).max(1) as f64;
+    tracing::debug!(share, valid, ambiguous, outside = count(PixelStatus::OutsideVolume), "explained");
+    (valid + ambiguous >= MIN_PIXELS && share < MIN_EXPLAINED).then(|| {
+        let sentence = format!(
+            "only {:.0} % of what is lit within the calibrated volume's rays has a depth that the field explains",
+            100.0 * share
+        );
+        let remedy = "place the object where the board was swept, and check that the images are this scene's, in the \
+                      set's order";
+        Finding::new(Code::LittleExplained, Verdict::Doubtful, sentence, remedy)
+            .with("explained_share", share)
+            .with("valid_px", valid)
+            .with("ambiguous_px", ambiguous)
+    })
+}
+
+/// Judges a capture by itself, for methods without a color field. `status` is the status of every pixel after decoding,
+/// `images` are the names of the patterns.
+pub fn judge_capture(capture: &Capture, status: &[PixelStatus], images: &[String]) -> Vec<Finding> {
+    let c = capture.white.channels;
+    let is_lit = |i: &usize| !matches!(status[*i], PixelStatus::Underexposed | PixelStatus::Saturated);
+    let lit: Vec<usize> = (0..status.len()).filter(is_lit).collect();
+    let pixels = lit.iter().step_by((lit.len() / MAX_PIXELS).max(1));
+    let codeword = |i: &usize| {
+        let own = i * c..(i + 1) * c;
+        let normalized = |pattern: &Image, j: usize| {
+            let black = capture.black.as_ref().map_or(0.0, |b| b.data[j]);
+            (pattern.data[j] - black) / (capture.white.data[j] - black).max(1e-6)
+        };
+        let all: Vec<f32> = capture.patterns.iter().flat_map(|p| own.clone().map(move |j| normalized(p, j))).collect();
+        all
+    };
+    let codewords: Vec<f32> = pixels.flat_map(codeword).collect();
+    let statistics = CodewordStatistics::new(&codewords, c * capture.patterns.len());
+    let mut findings: Vec<Finding> = judge_clipping(status).into_iter().collect();
+    findings.extend(judge_codewords(&statistics, None, images));
+    findings.extend(judge_explained(status));
+    findings
+}
+
+/// Judges the codewords of a scene against what a field predicts along the same rays (any depth), or where there is no
+/// field, against codes that use the whole range. `images` are the names of the patterns.
+pub fn judge_codewords(
+    scene: &CodewordStatistics,
+    expected: Option<&CodewordStatistics>,
+    images: &[String],
+) -> Vec<Finding> {
+    if scene.n < MIN_PIXELS {
+        return Vec::new();
+    }
+    let mut findings: Vec<Finding> = unmodulated(scene, expected).into_iter().collect();
+    findings.extend(without_light(scene, expected, images));
+    findings
+}
+
+/// Much that is lit shows no pattern: light that is in white and patterns, but not in black.
+fn unmodulated(scene: &CodewordStatistics, expected: Option<&CodewordStatistics>) -> Option<Finding> {
+    /// Fraction of the lit pixels beyond what the field would give.
+    const MAX_BEYOND: f64 = 0.2;
+    // Without a field, the codes of a single picture may be bright everywhere.
+    let usual = expected.map_or(0.2, |e| e.unmodulated);
+    let share = scene.unmodulated;
+    (share > 2.0 * usual + MAX_BEYOND).then(|| {
+        let sentence = format!("{:.0} % of what is lit is as bright under every pattern as under white", 100.0 * share);
+        let remedy = "light that is not the light source's was on while white and patterns were taken, but not in \
+                  black: darken the room, and take the black image with the same light";
+        Finding::new(Code::AmbientNotInBlack, Verdict::Doubtful, sentence, remedy).with("unmodulated_share", share)
+    })
+}
+
+/// A pattern that is dark, or as bright as white, wherever something is lit.
+fn without_light(
+    scene: &CodewordStatistics,
+    expected: Option<&CodewordStatistics>,
+    images: &[String],
+) -> Option<Finding> {
+    /// Normalized intensities that count as no light, and as a code that varies.
+    const DARK: f32 = 0.15;
+    const VARIES: f32 = 0.5;
+    let k = scene.quantiles.len();
+    let wrong = |j: usize| {
+        let [lo, hi] = scene.quantiles[j];
+        let [expected_lo, expected_hi] = expected.map_or([0.0, 1.0], |e| e.quantiles[j]);
+        if hi < DARK && expected_hi > VARIES {
+            Some((j, "has no light", hi))
+        } else if lo > 1.0 - DARK && expected_lo < 1.0 - VARIES {
+            Some((j, "is as bright as white everywhere", lo))
+        } else {
+            None
+        }
+    };
+    let (j, what, level) = (0..k).find_map(wrong)?;
+    let image = images.get(j * images.len() / k).map_or("a pattern", String::as_str);
+    // Without a field to compare with, a coarse pattern may be dark where the object stands.
+    let verdict = if expected.is_some() { Verdict::Bad } else { Verdict::Doubtful };
+    let sentence = format!("{image} {what}, although the code of this set varies there");
+    Some(
+        Finding::new(Code::PatternWithoutLight, verdict, sentence, "take the scene again, and check the trigger")
+            .with("image", image)
+            .with("level", level),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `n` codewords of two channels that use their whole range.
+    fn codewords(n: usize) -> Vec<f32> {
+        (0..n).flat_map(|i| [(i % 101) as f32 / 100.0, (i * 37 % 101) as f32 / 100.0]).collect()
+    }
+
+    #[test]
+    fn light_that_no_pattern_modulates_is_told() {
+        let images = ["a.png".to_string(), "b.png".into()];
+        let good = CodewordStatistics::new(&codewords(2000), 2);
+        assert!(judge_codewords(&good, Some(&good), &images).is_empty());
+        assert!(judge_codewords(&good, None, &images).is_empty());
+        let mut all = codewords(2000);
+        all.extend(vec![1.0; 6000]);
+        let found = judge_codewords(&CodewordStatistics::new(&all, 2), Some(&good), &images);
+        assert_eq!(found.iter().map(|f| f.code).collect::<Vec<_>>(), [Code::AmbientNotInBlack]);
+    }
+
+    #[test]
+    fn a_pattern_without_light_is_named() {
+        let images = ["a.png".to_string(), "b.png".into()];
+        let good = CodewordStatistics::new(&codewords(2000), 2);
+        for (level, what) in [(0.02, "no light"), (0.98, "as bright as white")] {
+            let mut all = codewords(2000);
+            all.iter_mut().skip(1).step_by(2).for_each(|v| *v = level);
+            let scene = CodewordStatistics::new(&all, 2);
+            let found = judge_codewords(&scene, Some(&good), &images);
+            assert!(found.len() == 1 && found[0].code == Code::PatternWithoutLight, "{found:?}");
+            assert!(found[0].sentence.contains("b.png") && found[0].sentence.contains(what), "{}", found[0]);
+            // Where the field has none either, nothing is wrong.
+            assert!(judge_codewords(&scene, Some(&scene), &images).is_empty());
+        }
+    }
+
+    #[test]
+    fn little_that_is_explained_is_doubtful() {
+        let mut status = vec![PixelStatus::Ambiguous; 1000];
+        status[..100].fill(PixelStatus::Valid);
+        assert_eq!(judge_explained(&status).unwrap().code, Code::LittleExplained);
+        status[..600].fill(PixelStatus::Valid);
+        assert!(judge_explained(&status).is_none());
+    }
+
+    #[test]
+    fn a_capture_is_judged_without_a_field() {
+        let image =
+            |f: &dyn Fn(usize) -> f32| Image { width: 60, height: 20, channels: 1, data: (0..1200).map(f).collect() };
+        let capture = |second: &dyn Fn(usize) -> f32| Capture {
+            white: image(&|_| 0.6),
+            black: Some(image(&|_| 0.1)),
+            patterns: vec![image(&|i| 0.1 + 0.5 * (i % 60) as f32 / 60.0), image(second)],
+            mono: vec![false; 2],
+        };
+        let (status, names) = (vec![PixelStatus::Valid; 1200], ["a.png".to_string(), "b.png".into()]);
+        assert!(judge_capture(&capture(&|i| 0.1 + 0.5 * (i / 60) as f32 / 20.0), &status, &names).is_empty());
+        let found = judge_capture(&capture(&|_| 0.1), &status, &names);
+        assert!(found.len() == 1 && found[0].code == Code::PatternWithoutLight, "{found:?}");
+    }
+
+    #[test]
+    fn highlights_are_no_fault() {
+        let mut status = vec![PixelStatus::Valid; 1000];
+        status[..100].fill(PixelStatus::Saturated);
+        assert!(judge_clipping(&status).is_none());
+        status[..400].fill(PixelStatus::Saturated);
+        assert_eq!(judge_clipping(&status).unwrap().code, Code::Clipped);
+        status[400..].fill(PixelStatus::Underexposed);
+        assert!((judge_clipping(&status).unwrap().evidence["clipped_share"].as_f64().unwrap() - 1.0).abs() < 1e-9);
+    }
+}
