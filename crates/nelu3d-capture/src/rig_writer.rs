@@ -217,7 +217,7 @@ impl RigWriter {
         }
         self.check(&images.white.raw)?;
         let folder = OutputDir::create(&target, &self.rig.white)?;
-        let patterns = self.names.iter().zip(&images.patterns).map(|(name, frame)| (name, frame));
+        let patterns = self.names.iter().zip(&images.patterns);
         let flashes = [(&self.rig.white, &images.white), (&self.rig.black, &images.black)];
         for (name, frame) in flashes.into_iter().chain(patterns) {
             write_raw_png(&folder.path().join(name), &frame.raw)?;

@@ -208,7 +208,7 @@ impl Answers {
         let url = request.url().to_owned();
         let judged = judge(is_post, &url, host.as_deref(), origin.as_deref(), &self.own, &self.token);
         let done = match judged.and_then(|asked| if known { Ok(asked) } else { Err(Refusal::Method) }) {
-            Ok(asked) => self.reply(&asked, &mut request).unwrap_or_else(|refusal| refuse(refusal)),
+            Ok(asked) => self.reply(&asked, &mut request).unwrap_or_else(refuse),
             Err(refusal) => refuse(refusal),
         };
         // A page that was closed meanwhile wants no answer.

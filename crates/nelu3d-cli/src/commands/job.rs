@@ -196,7 +196,6 @@ impl ResultJob<'_> {
 
     /// Returns the captures that the report shows: white and the patterns with their names, and black, where there is
     /// one.
-    #[expect(clippy::type_complexity, reason = "named images, and one more")]
     fn captures(&self, capture: Capture) -> (Vec<(String, nelu3d_scan::Image)>, Option<nelu3d_scan::Image>) {
         let mut all = vec![(self.rig.white.clone(), capture.white)];
         all.extend(self.set.images.iter().cloned().zip(capture.patterns));

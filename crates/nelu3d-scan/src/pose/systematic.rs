@@ -187,7 +187,6 @@ impl Extent {
 
 /// Residual of a corner, px; derivatives of pixel x, pixel y, and camera z by the pose (rotation about the board's
 /// middle, translation) and by the shared parameters, in columns.
-#[expect(clippy::type_complexity, reason = "three small matrices")]
 fn linearize(
     corner: &Corner,
     pose: &Isometry3<f64>,
