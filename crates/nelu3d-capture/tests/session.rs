@@ -12,7 +12,7 @@ const H: usize = 48;
 
 /// Images of a wall with a checkered poster under `patterns` sinusoids, white, and black, 8 bits.
 fn wall(patterns: usize, turn: f32) -> HashMap<Slide, Raw> {
-    let albedo = |x: usize, y: usize| if (x / 6 + y / 6) % 2 == 0 { 0.9 } else { 0.35 + 0.1 * turn.sin() };
+    let albedo = |x: usize, y: usize| if (x / 6 + y / 6).is_multiple_of(2) { 0.9 } else { 0.35 + 0.1 * turn.sin() };
     let image = |light: &dyn Fn(usize) -> f32| {
         let code = |i: usize| (8.0 + 210.0 * albedo(i % W, i / W) * light(i % W)).round() as u8;
         Raw { width: W, height: H, channels: 1, data: RawData::U8((0..W * H).map(code).collect()) }

@@ -270,16 +270,13 @@ mod tests {
     use super::*;
     use nalgebra::Point3;
 
+    type Detections = Vec<(String, Result<Vec<Corner>, String>)>;
+
     const OUTLINE: [f64; 4] = [0.0, 0.0, 240.0, 180.0];
 
     /// The corners of a grid, bent, in hand-held poses, with an error of `noise` px, seen by a camera whose focal length
     /// is `f` px where the detections' user believes 900.
-    fn seen(
-        bend: Option<&Bend>,
-        tilt: f64,
-        noise: f64,
-        f: f64,
-    ) -> (Vec<(String, Result<Vec<Corner>, String>)>, Camera) {
+    fn seen(bend: Option<&Bend>, tilt: f64, noise: f64, f: f64) -> (Detections, Camera) {
         let truth = Camera::pinhole(640, 480, f, f, 320.0, 240.0);
         let mut random = Lcg::new(7);
         let mut uniform = move || random.below(2001) as f64 / 1000.0 - 1.0;

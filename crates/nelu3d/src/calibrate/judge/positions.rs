@@ -283,6 +283,9 @@ impl PositionSums {
 mod tests {
     use super::*;
 
+    /// What happens to a position's codeword, given the field's there and beside.
+    type Edit<'a> = dyn Fn(&mut [f32], &[Vec<f32>; 4]) + 'a;
+
     /// Eight positions of three channels; position 5 is changed by `edit(v, c)`.
     fn positions(edit: impl Fn(&mut [f32], &[Vec<f32>; 4])) -> Vec<PositionSums> {
         let at = |x: f32| vec![0.5 + 0.5 * x.sin(), 0.5 + 0.5 * (2.3 * x).cos(), 0.5 + 0.4 * (0.7 * x + 1.0).sin()];
@@ -314,14 +317,14 @@ mod tests {
     #[test]
     fn a_wrong_position_stands_out_and_is_explained() {
         let images = ["a.png".to_string(), "b.png".into(), "c.png".into()];
-        let found = |edit: &dyn Fn(&mut [f32], &[Vec<f32>; 4])| {
+        let found = |edit: &Edit<'_>| {
             let all = positions(edit);
             let out = standing_out(&all);
             let typical = typical(&all);
             out.iter().map(|i| (*i, all[*i].finding("005", &images, typical))).collect::<Vec<_>>()
         };
         assert!(found(&|_, _| {}).is_empty());
-        let cases: [(Code, &dyn Fn(&mut [f32], &[Vec<f32>; 4])); 5] = [
+        let cases: [(Code, &Edit<'_>); 5] = [
             (Code::PatternsSwapped, &|v, _| v.swap(0, 1)),
             (Code::ExposureJump, &|v, _| v.iter_mut().for_each(|v| *v /= 1.2)),
             (Code::ExposureJump, &|v, _| v[2] *= 0.8),
