@@ -37,14 +37,24 @@ impl CommandCamera {
     ///
     /// The command has no `{file}`.
     pub fn new(command: &str, folder: &Path, clock: Instant, stop: Arc<AtomicBool>) -> Result<Self, CaptureError> {
-        if !command.contains("{file}") {
-            return Err(CaptureError::Device {
-                device: "the camera's command".into(),
-                problem: "does not say where the picture goes".into(),
-                remedy: "write {file} where the name of the file belongs".into(),
-            });
-        }
+        Self::check(command)?;
         Ok(Self { command: command.into(), folder: folder.to_path_buf(), clock, stop, frames: 0 })
+    }
+
+    /// Checks a command without running it.
+    ///
+    /// # Errors
+    ///
+    /// The command has no `{file}`.
+    pub fn check(command: &str) -> Result<(), CaptureError> {
+        if command.contains("{file}") {
+            return Ok(());
+        }
+        Err(CaptureError::Device {
+            device: "the camera's command".into(),
+            problem: "does not say where the picture goes".into(),
+            remedy: "write {file} where the name of the file belongs".into(),
+        })
     }
 
     fn fails(&self, problem: String, remedy: &str) -> CaptureError {

@@ -677,7 +677,7 @@ fn a_second_ctrl_c_leaves_nothing_either() {
 fn help_tells_the_exit_codes() {
     let out = nelu3d(&["--help"]);
     let text = String::from_utf8_lossy(&out.stdout).replace('\n', " ");
-    assert!(text.contains("1 failed or stopped by Ctrl-C"), "{text}");
+    assert!(text.contains("1 failed, judged bad or stopped by Ctrl-C"), "{text}");
 }
 
 /// A linear congruential generator (Knuth, MMIX): the same garbage every time.

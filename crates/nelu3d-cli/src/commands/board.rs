@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail};
 use nelu3d_scan::board::print::{BoardPrint, PrintOptions};
-use nelu3d_scan::board::{Board, BoardKind, Dictionary};
+use nelu3d_scan::board::{Artwork, Board, BoardKind, Dictionary};
 use nelu3d_scan::output::write_atomic;
 use nelu3d_scan::rig::{board_lines, read_board};
 
@@ -29,6 +29,8 @@ pub(crate) fn run(args: BoardArgs, context: &CommandContext) -> Result<ExitCode>
     // The outline grows with the print.
     let extent_mm = std::array::from_fn(|i| board.extent_mm[i] / board.scale[i % 2] * scale[i % 2]);
     let board = Board { extent_mm, scale, ..board };
+    // First what is wrong with the board: the lines' own complaint would name a rig.toml that nobody has.
+    Artwork::new(&board)?;
     let lines = board_lines(&board)?;
 
     // Who has measured a print does not need another.

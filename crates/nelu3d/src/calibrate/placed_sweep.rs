@@ -206,13 +206,13 @@ mod tests {
     #[test]
     fn rays_meet_a_bent_board_where_its_print_is() {
         let pose = Isometry3::new(Vector3::new(10.0, -5.0, 500.0), Vector3::new(0.5, -0.6, 0.1));
-        let bend = Bend::from_quadratic([5.0, 0.0], [8e-4, 2e-4, -3e-4]);
+        let bend = Bend::from_quadratic([5.0, 0.0], [4e-4, 1e-4, -2e-4]);
         let board = BoardPlane::new(&pose, [-50.0, -40.0, 50.0, 40.0], Some(bend));
         for printed in [[0.0, 0.0], [49.9, -39.9], [-49.9, 12.0], [30.0, 39.9]] {
             let on = pose * bend.point(printed);
             let t = board.hit(&on.coords.normalize()).unwrap();
-            // The height is taken over the print's place and over the plane's: half a thousandth of it apart.
-            assert!((t - on.coords.norm()).abs() < 2e-3, "{printed:?}: {}", t - on.coords.norm());
+            // The height is taken over the print's place, and here over the plane's, which are 10 µm apart.
+            assert!((t - on.coords.norm()).abs() < 1e-3, "{printed:?}: {}", t - on.coords.norm());
         }
         let outside = pose * bend.point([50.1, 0.0]);
         assert!(board.hit(&outside.coords.normalize()).is_none());

@@ -10,7 +10,7 @@ use crate::sensor::NoiseModel;
 /// Pixels about as bright as their surroundings have none: there it is part of what the field describes.
 const STRAY_LIGHT: f32 = 0.03;
 /// Largest ratio of the light around to the own one that paper has, where light falls off.
-const PAPER: f32 = 1.5;
+const PAPER: f32 = 2.0;
 /// Radius of the surroundings that stray light comes from, as a fraction of the image's width.
 const SURROUNDINGS: f32 = 1.0 / 16.0;
 
@@ -199,7 +199,7 @@ mod tests {
         assert!((w[0] - 0.64 / 1.5e-6).abs() < 1e3, "paper has no more than noise: {w:?}");
         p.sample(20 * 64 + 20, &noise, &mut w);
         // 3 % of sixteen times its own light, less what paper may have.
-        assert!((1.0 / w[0] - (0.03f32 * 14.5).powi(2)).abs() < 0.02, "{w:?}");
+        assert!((1.0 / w[0] - (0.03f32 * 14.0).powi(2)).abs() < 0.02, "{w:?}");
     }
 
     #[test]

@@ -32,6 +32,10 @@ pub(crate) fn run(args: CaptureArgs, context: &CommandContext) -> Result<ExitCod
 
 /// Captures with the page as display, and whatever was typed as camera.
 fn with_page(args: &CaptureArgs, context: &CommandContext) -> Result<CaptureReport> {
+    // Before a rig is made that nobody can fill.
+    if let Some(command) = &args.camera_command {
+        CommandCamera::check(command)?;
+    }
     let writer = rig(args, context)?;
     let slides = slides(&writer)?;
     let stop = context.cancel();
