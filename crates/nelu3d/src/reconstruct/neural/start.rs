@@ -19,9 +19,9 @@ pub enum Start {
     /// None, as TurboSL's public code has it: random parameters
     Random,
     /// A plane through the middle of the volume that faces the camera
-    #[default]
     Plane,
     /// A sphere of half a unit in the middle of the volume
+    #[default]
     Sphere,
 }
 
