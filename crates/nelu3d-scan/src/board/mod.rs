@@ -1,8 +1,8 @@
 //! The flat target of the calibration sweep: what is printed on it, and where its corners are in an image.
 //!
 //! [`Artwork`] answers what is printed at a point of the board, [`Detector`] finds the board's corners in an image.
-//! Both read the same layout, so a board that one of them accepts means the same to the other; so does [`mod@print`], which
-//! puts boards on paper.
+//! Both read the same layout, so a board that one of them accepts means the same to the other; so does
+//! [`mod@print`], which puts boards on paper.
 //!
 //! The board's frame: x to the right and y down as one looks at the print, z into the board, so that a board seen from
 //! its front has a right-handed rotation into the camera's frame (OpenCV's convention). For the kinds made of squares,
