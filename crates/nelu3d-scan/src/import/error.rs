@@ -20,7 +20,7 @@ pub enum ImportError {
     #[error(transparent)]
     Camera(#[from] CameraFileError),
     /// A folder could not be read.
-    #[error("{}: cannot be read: {source}; check the name, its permissions and the disk", path.display())]
+    #[error("{}: cannot be read: {}", path.display(), crate::input::explain(source))]
     Io {
         /// The folder.
         path: PathBuf,
