@@ -143,7 +143,7 @@ fn fast(
         settings = settings.after_previous_frame(opts);
     }
     let refined = refine(&scene, &initial.depth, &settings.refine, &settings.light_fractions, cx)?;
-    let depth = filter(&mut scene, &refined, initial.depth.step, &settings.filter, cx)?;
+    let depth = filter(&mut scene, &refined, initial.depth.step, &settings.filter, &settings.light_fractions, cx)?;
     cx.observe(Stage::Result, 1, || depth.clone());
     cx.clock.begin("build the surface");
     let diagnostics = diagnose(&initial, &refined, &depth, settings);

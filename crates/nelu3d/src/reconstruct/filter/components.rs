@@ -1,8 +1,8 @@
 //! Whole components of a surface that are not explained: a wrong period of the code, or an object outside the volume.
 //!
 //! A single pixel may have a codeword that nothing explains: a highlight, a mixed pixel, a corner full of
-//! interreflection. A whole component whose typical codeword does not fit, or fits only with more light of unseen
-//! origin than there is between surfaces, is at a wrong depth.
+//! interreflection. A whole component whose typical codeword does not fit, fits only with much light of unseen origin,
+//! or fits no better than codewords that belong elsewhere, is at a wrong depth.
 
 use nelu3d_scan::Camera;
 use nelu3d_scan::statistics::median;
@@ -12,13 +12,15 @@ use crate::reconstruct::refine::Refined;
 use crate::surface::{Links, MAX_SLOPE, PixelStatus};
 
 /// Rejects the connected components of a depth map (camera z, mm) that are not explained, as
-/// [`PixelStatus::Ambiguous`].
+/// [`PixelStatus::Ambiguous`]. `chance` returns which fraction of foreign codewords is explained as well as those of
+/// some pixels, where that can be tried.
 pub(super) fn reject_unexplained_components(
     depth: &mut [f32],
     status: &mut [PixelStatus],
     camera: &Camera,
     refined: &Refined,
     settings: &FilterSettings,
+    chance: impl Fn(&[usize]) -> Option<f32>,
 ) {
     let (component, sizes) = Links::new(depth, camera, MAX_SLOPE).components(depth, camera.width);
     let mut members: Vec<Vec<usize>> = sizes.iter().map(|n| Vec::with_capacity(*n as usize)).collect();
@@ -29,7 +31,11 @@ pub(super) fn reject_unexplained_components(
         let median_of = |map: &[f32]| median(&mut pixels.iter().map(|i| map[*i]).collect::<Vec<f32>>());
         match (median_of(&refined.chi2), median_of(&refined.unseen)) {
             (Some(chi2), Some(unseen)) if pixels.len() >= settings.min_component => {
-                chi2 / settings.max_component_chi2 + unseen / settings.max_component_unseen
+                let light = chi2 / settings.max_component_chi2 + unseen / settings.max_component_unseen;
+                if light > 1.0 {
+                    return light;
+                }
+                light + chance(pixels).unwrap_or(settings.unknown_chance) / settings.max_component_chance
             }
             _ => f32::INFINITY,
         }
@@ -53,7 +59,7 @@ mod tests {
     use super::*;
 
     /// Whether two flat pieces, `first` and 20 pixels wide and 20 high, at different depths, are kept.
-    fn kept(first: usize, chi2: [f32; 2], unseen: [f32; 2]) -> [bool; 2] {
+    fn kept(first: usize, chi2: [f32; 2], unseen: [f32; 2], chance: Option<f32>) -> [bool; 2] {
         let camera = Camera::pinhole(50, 20, 500.0, 500.0, 25.0, 10.0);
         let n = camera.n_pixels();
         let piece = |i: usize| match i % 50 {
@@ -68,23 +74,33 @@ mod tests {
             (refined.chi2[i], refined.unseen[i]) = (chi2[p], unseen[p]);
         }
         let mut status = vec![PixelStatus::Valid; n];
-        reject_unexplained_components(&mut depth, &mut status, &camera, &refined, &FilterSettings::default());
+        let settings = FilterSettings::default();
+        reject_unexplained_components(&mut depth, &mut status, &camera, &refined, &settings, |_| chance);
         [depth[0].is_finite(), depth[49].is_finite()]
     }
 
     #[test]
     fn light_of_unseen_origin_may_not_buy_a_wrong_period() {
-        assert_eq!(kept(20, [0.6, 1.7], [0.0, 0.05]), [true, true]);
+        assert_eq!(kept(20, [0.6, 1.7], [0.0, 0.05], None), [true, true]);
         // Neither χ² 2.5 nor a tenth of unseen light is too much alone.
-        assert_eq!(kept(20, [2.5, 0.6], [0.0, 0.09]), [true, true]);
-        assert_eq!(kept(20, [0.6, 2.5], [0.0, 0.1]), [true, false]);
-        assert_eq!(kept(20, [0.6, 0.5], [0.0, 0.3]), [true, false]);
+        assert_eq!(kept(20, [2.5, 0.6], [0.0, 0.09], None), [true, true]);
+        assert_eq!(kept(20, [0.6, 2.5], [0.0, 0.1], None), [true, false]);
+        assert_eq!(kept(20, [0.6, 0.5], [0.0, 0.3], None), [true, false]);
+    }
+
+    #[test]
+    fn what_chance_does_not_explain_may_have_more_light_of_unseen_origin() {
+        assert_eq!(kept(20, [1.9, 0.4], [0.15, 0.0], Some(0.0)), [true, true]);
+        assert_eq!(kept(20, [0.6, 2.5], [0.0, 0.24], Some(0.08)), [true, false]);
+        // A codeword as good as that has half of all that do not belong there.
+        assert_eq!(kept(20, [0.3, 0.3], [0.0, 0.0], Some(0.3)), [true, true]);
+        assert_eq!(kept(20, [0.3, 0.3], [0.0, 0.0], Some(0.55)), [false, false]);
     }
 
     #[test]
     fn what_is_explained_among_nothing_else_is_chance() {
-        assert_eq!(kept(20, [2.8, 9.0], [0.0, 0.3]), [true, false]);
-        assert_eq!(kept(3, [2.8, 9.0], [0.0, 0.3]), [false, false]);
-        assert_eq!(kept(3, [1.0, 9.0], [0.0, 0.3]), [true, false]);
+        assert_eq!(kept(20, [2.8, 9.0], [0.0, 0.3], None), [true, false]);
+        assert_eq!(kept(3, [2.8, 9.0], [0.0, 0.3], None), [false, false]);
+        assert_eq!(kept(3, [1.0, 9.0], [0.0, 0.3], None), [true, false]);
     }
 }

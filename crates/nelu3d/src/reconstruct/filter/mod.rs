@@ -1,25 +1,30 @@
 //! Rejects pixels whose depth is not supported by what was measured. This is where a refined pixel loses its depth.
 
+mod chance;
 mod components;
 mod settings;
 
 use crate::reconstruct::context::Context;
 use crate::reconstruct::error::Failure;
+use crate::reconstruct::light_fractions::LightFractionPrior;
 use crate::reconstruct::maps::local_mean;
 use crate::reconstruct::refine::Refined;
 use crate::reconstruct::scene::Scene;
 use crate::surface::{Links, MAX_SLOPE, PixelStatus, reject_small_components};
+use chance::ForeignCodewords;
 use components::reject_unexplained_components;
 pub use settings::FilterSettings;
 
 /// Returns the depth of every valid pixel (camera z, mm; NaN elsewhere) and notes in the scene's measurements why the
 /// others are rejected: outside the calibrated volume, unexplained codeword, mixed pixel at a depth discontinuity,
-/// component too small. `step` is the spacing of the depth hypotheses in 1/z, 1/mm.
+/// component too small. `prior` is that of light that did not come
+/// directly from the light source, `step` the spacing of the depth hypotheses in 1/z, 1/mm.
 pub(crate) fn filter(
     scene: &mut Scene<'_>,
     refined: &Refined,
     step: f32,
     settings: &FilterSettings,
+    prior: &LightFractionPrior,
     cx: &mut Context<'_>,
 ) -> Result<Vec<f32>, Failure> {
     cx.clock.begin("filter");
@@ -57,7 +62,12 @@ pub(crate) fn filter(
             depth[i] = f32::NAN;
         }
     }
-    reject_unexplained_components(&mut depth, &mut m.status, camera, refined, settings);
+    let mut status = std::mem::take(&mut scene.measurements.status);
+    let foreign = ForeignCodewords::new(scene, &depth);
+    let chance = |pixels: &[usize]| foreign.explained_as_well(pixels, scene, refined, prior, step);
+    reject_unexplained_components(&mut depth, &mut status, scene.camera, refined, settings, chance);
+    scene.measurements.status = status;
+    let Scene { camera, rays, measurements: m, .. } = scene;
     reject_small_components(&mut depth, &mut m.status, camera, settings.min_component);
     for i in 0..m.n() {
         if depth[i].is_nan() && m.status[i] == PixelStatus::Valid {

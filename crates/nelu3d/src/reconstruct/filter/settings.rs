@@ -13,13 +13,17 @@ pub struct FilterSettings {
     pub chi2_over_good: f32,
     /// χ² per measurement of a pixel at a depth discontinuity above which its codeword is a mixture of two surfaces.
     pub max_edge_chi2: f32,
-    /// Median χ² per measurement of a connected component above which no part of it is explained, if no light of unseen
-    /// origin is needed to explain it.
+    /// Median χ² per measurement of a connected component above which no part of it is explained, whatever else.
     pub max_component_chi2: f32,
     /// Median fraction of light of unseen origin (ambient light, interreflection from what the camera does not see)
-    /// above which a component is at a wrong depth, if its χ² is 0. Fractions of both limits add up: light of unseen
-    /// origin may not buy a wrong period.
+    /// above which a component is at a wrong depth, whatever else.
     pub max_component_unseen: f32,
+    /// Fraction of foreign codewords that are explained as well as a component's own above which it is explained by
+    /// chance. The fractions of these three limits add up: neither light of unseen origin nor a code that fits anything
+    /// may buy a wrong period.
+    pub max_component_chance: f32,
+    /// That fraction where it cannot be tried: most of the picture's codewords may belong to the component.
+    pub unknown_chance: f32,
     /// Fraction of the decoded pixels from which these limits hold; below, they shrink, as what is explained among much
     /// that is not may be so by chance.
     pub explained: f32,
@@ -35,8 +39,10 @@ impl Default for FilterSettings {
             max_chi2: [10.0, 40.0],
             chi2_over_good: 20.0,
             max_edge_chi2: 9.0,
-            max_component_chi2: 3.5,
-            max_component_unseen: 0.16,
+            max_component_chi2: 8.75,
+            max_component_unseen: 0.4,
+            max_component_chance: 0.5,
+            unknown_chance: 0.3,
             explained: 0.25,
             max_score_alone: 0.5,
             min_component: 40,

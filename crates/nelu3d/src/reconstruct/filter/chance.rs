@@ -1,0 +1,104 @@
+//! Whether a component's codewords are explained better than chance explains anything.
+//!
+//! How much χ² and how much light of unseen origin a right depth needs differs from scene to scene: a bright wall beside
+//! the object sends it a sixth of its light. What a wrong depth achieves can be tried: codewords from elsewhere in the
+//! same picture, which cannot belong to a ray, are looked up along it, with the same noise and the same freedom of
+//! light. With twenty Gray images next to none of them is explained as well as a right depth is; with three patterns
+//! some are. It is a permutation test (Fisher 1935) with the picture's own codewords.
+
+use nelu3d_scan::statistics::median;
+use rayon::prelude::*;
+
+use crate::reconstruct::cost_volume::chi2_of_codeword;
+use crate::reconstruct::light_fractions::LightFractionPrior;
+use crate::reconstruct::refine::Refined;
+use crate::reconstruct::scene::Scene;
+
+/// Number of pixels of a component that are tested.
+const TESTED: usize = 32;
+/// Number of foreign codewords per tested pixel.
+const FOREIGN: usize = 32;
+/// Number of foreign codewords from which a pixel's test says anything.
+const MIN_FOREIGN: usize = 16;
+/// Distance across the light beyond which a codeword cannot belong to a ray, as a fraction of the field's width: wider
+/// than blur and than errors of the field.
+const MARGIN: f32 = 0.02;
+
+/// Codewords of a scene with the places across the light where they were found.
+pub(super) struct ForeignCodewords {
+    /// Pixel, and its unit coordinates across the light.
+    donors: Vec<(usize, [f32; 2])>,
+}
+
+impl ForeignCodewords {
+    /// Takes codewords from all over a depth map (camera z, mm; NaN where there is none).
+    pub(super) fn new(scene: &Scene<'_>, depth: &[f32]) -> Self {
+        let found: Vec<usize> = (0..depth.len()).filter(|i| depth[*i].is_finite()).collect();
+        let donors = spread(&found, 40 * FOREIGN)
+            .map(|i| {
+                let q = scene.rays.in_frame(i).at(f64::from(depth[i] / scene.rays.dir_z(i))).q;
+                (i, [q[0], q[1]])
+            })
+            .collect();
+        Self { donors }
+    }
+
+    /// Returns the fraction of foreign codewords that some depth explains at least as well as the found depth explains
+    /// a pixel's own: the median over the pixels of a component. `None` where every codeword of the picture may belong
+    /// to the component's rays. `step` is the spacing of the depths that are tried in 1/z, 1/mm.
+    pub(super) fn explained_as_well(
+        &self,
+        pixels: &[usize],
+        scene: &Scene<'_>,
+        refined: &Refined,
+        prior: &LightFractionPrior,
+        step: f32,
+    ) -> Option<f32> {
+        let prior = prior.weights(&scene.measurements);
+        let tested: Vec<usize> = spread(pixels, TESTED).collect();
+        let mut shares: Vec<f32> =
+            tested.par_iter().filter_map(|i| self.test(*i, scene, refined, prior, step)).collect();
+        if 2 * shares.len() < tested.len() { None } else { median(&mut shares) }
+    }
+
+    /// The test of one pixel.
+    fn test(&self, i: usize, scene: &Scene<'_>, refined: &Refined, prior: [f32; 2], step: f32) -> Option<f32> {
+        let Scene { rays, field, measurements: m, .. } = scene;
+        let spline = scene.spline();
+        let (ray, dir_z) = (rays.in_frame(i), rays.dir_z(i));
+        let [near, far] = rays.range[i];
+        let at = |inv_z: f32| ray.at(f64::from(1.0 / (inv_z * dir_z))).q;
+        let [first, last] = [far, near].map(|t| 1.0 / (t * dir_z));
+        let (from, to) = (at(first), at(last));
+        // Depth moves a codeword across the light along one of its axes more than along the other.
+        let axis = usize::from((to[1] - from[1]).abs() > (to[0] - from[0]).abs());
+        let [low, high] = [from[axis].min(to[axis]) - MARGIN, from[axis].max(to[axis]) + MARGIN];
+        let foreign: Vec<usize> =
+            self.donors.iter().filter(|(_, q)| q[axis] < low || q[axis] > high).map(|(j, _)| *j).collect();
+        let foreign: Vec<usize> = spread(&foreign, FOREIGN).collect();
+        if foreign.len() < MIN_FOREIGN {
+            return None;
+        }
+        let mut c = vec![0.0; m.k];
+        spline.eval(at(refined.inv_z[i]), &mut c);
+        let own = chi2_of_codeword(m, i, &c, prior);
+        let mut best = vec![f32::INFINITY; foreign.len()];
+        let depths = ((last - first) / step).ceil().max(1.0) as usize;
+        for n in 0..=depths {
+            let q = at(first + (last - first) * n as f32 / depths as f32);
+            if !field.validity.is_lit(q) {
+                continue;
+            }
+            spline.eval(q, &mut c);
+            for (best, j) in best.iter_mut().zip(&foreign) {
+                *best = best.min(chi2_of_codeword(m, *j, &c, prior));
+            }
+        }
+        Some(best.iter().filter(|b| **b <= own).count() as f32 / best.len() as f32)
+    }
+}
+
+/// Returns about `n` of some pixels, evenly spread over their list.
+fn spread(pixels: &[usize], n: usize) -> impl Iterator<Item = usize> + '_ {
+    pixels.iter().copied().step_by(pixels.len().div_ceil(n).max(1))
+}
