@@ -17,7 +17,8 @@ pub enum PixelStatus {
     Underexposed = 3,
     /// The pixel has no consistent code: nothing in the calibrated volume explains what was measured.
     Ambiguous = 4,
-    /// The pixel is next to a depth discontinuity, where it sees two surfaces.
+    /// The pixel is next to a depth discontinuity, where it sees two surfaces, or at an outline, which covers less than
+    /// half of it.
     DepthDiscontinuity = 5,
 }
 

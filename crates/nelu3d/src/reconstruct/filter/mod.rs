@@ -2,6 +2,7 @@
 
 mod chance;
 mod components;
+mod partly_covered;
 mod settings;
 
 use crate::reconstruct::context::Context;
@@ -13,12 +14,13 @@ use crate::reconstruct::scene::Scene;
 use crate::surface::{Links, MAX_SLOPE, PixelStatus, reject_small_components};
 use chance::ForeignCodewords;
 use components::reject_unexplained_components;
+use partly_covered::reject_partly_covered;
 pub use settings::FilterSettings;
 
 /// Returns the depth of every valid pixel (camera z, mm; NaN elsewhere) and notes in the scene's measurements why the
-/// others are rejected: outside the calibrated volume, unexplained codeword, mixed pixel at a depth discontinuity,
-/// component too small. `prior` is that of light that did not come
-/// directly from the light source, `step` the spacing of the depth hypotheses in 1/z, 1/mm.
+/// others are rejected: outside the calibrated volume, unexplained codeword, mixed pixel at a depth discontinuity or at
+/// an outline, component too small or explained by chance. `prior` is that of light that did not come directly from the
+/// light source, `step` the spacing of the depth hypotheses in 1/z, 1/mm.
 pub(crate) fn filter(
     scene: &mut Scene<'_>,
     refined: &Refined,
@@ -62,6 +64,7 @@ pub(crate) fn filter(
             depth[i] = f32::NAN;
         }
     }
+    reject_partly_covered(&mut depth, m, settings.least_covered);
     let mut status = std::mem::take(&mut scene.measurements.status);
     let foreign = ForeignCodewords::new(scene, &depth);
     let chance = |pixels: &[usize]| foreign.explained_as_well(pixels, scene, refined, prior, step);

@@ -13,6 +13,9 @@ pub struct FilterSettings {
     pub chi2_over_good: f32,
     /// χ² per measurement of a pixel at a depth discontinuity above which its codeword is a mixture of two surfaces.
     pub max_edge_chi2: f32,
+    /// White − black of a pixel at an outline, as a fraction of that behind it, below which the surface covers too
+    /// little of the pixel to be at its middle.
+    pub least_covered: f32,
     /// Median χ² per measurement of a connected component above which no part of it is explained, whatever else.
     pub max_component_chi2: f32,
     /// Median fraction of light of unseen origin (ambient light, interreflection from what the camera does not see)
@@ -39,6 +42,7 @@ impl Default for FilterSettings {
             max_chi2: [10.0, 40.0],
             chi2_over_good: 20.0,
             max_edge_chi2: 9.0,
+            least_covered: 0.5,
             max_component_chi2: 8.75,
             max_component_unseen: 0.4,
             max_component_chance: 0.5,
