@@ -14,6 +14,9 @@ pub struct TurboSlOptions {
     /// Iterations
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = 10_000))]
     pub steps: usize,
+    /// Stop after this many iterations; rates and losses follow the schedule of all `--steps`
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
+    pub stop_after: Option<usize>,
     /// Samples per iteration; the number of rays follows
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = 262_144))]
     pub samples: usize,
@@ -40,6 +43,7 @@ impl Default for TurboSlOptions {
     fn default() -> Self {
         Self {
             steps: 10_000,
+            stop_after: None,
             samples: 262_144,
             ray_samples: 64,
             start: Start::default(),

@@ -39,7 +39,8 @@ pub(super) fn train(
     let per_ray = importance::per_ray(opts.samples, opts.ray_samples);
     let mut n_rays = config::FIRST_RAYS;
     let mut records = Vec::new();
-    for step in 0..opts.steps {
+    let n_steps = opts.stop_after.unwrap_or(opts.steps).min(opts.steps);
+    for step in 0..n_steps {
         if progress.cancelled() {
             return Err(DecodeError::Cancelled);
         }
@@ -48,7 +49,7 @@ pub(super) fn train(
         let anneal = config::anneal(step, opts.steps);
         let seed = opts.seed.wrapping_mul(0x9E37_79B9).wrapping_add(step as u64);
         let (losses, n_samples) = model.step(scene, &grid, n_rays, per_ray, reverse, anneal, seed);
-        if step % 100 == 0 || step + 1 == opts.steps {
+        if step % 100 == 0 || step + 1 == n_steps {
             let (inv_s, occupied) = (model.surface.inv_s(), grid.occupied_fraction());
             tracing::info!(?losses, inv_s, n_rays, n_samples, occupied, blur = ?model.blur[0].taps(), step);
             records.push(TrainingRecord {
@@ -68,7 +69,7 @@ pub(super) fn train(
             }
         }
         n_rays = config::next_ray_count(n_rays, n_samples, opts.samples);
-        progress.tick(step + 1, opts.steps);
+        progress.tick(step + 1, n_steps);
     }
     Ok((model, grid, records))
 }
