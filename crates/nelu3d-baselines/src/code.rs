@@ -10,7 +10,7 @@ use super::error::DecodeError;
 use super::response::Response;
 
 /// How much an image may vary across its axis, as a share of full scale: a code of eight bits and a half.
-const FLAT: f32 = 1.5 / 255.0;
+pub(crate) const FLAT: f32 = 1.5 / 255.0;
 
 /// How much light a projected value makes.
 #[derive(Clone, Debug, serde::Serialize)]
@@ -24,7 +24,7 @@ pub(crate) enum ProjectedLight {
 
 impl ProjectedLight {
     /// Returns the light, 0 to 1, of a value 0 to 1.
-    fn of(&self, value: f32) -> f32 {
+    pub(crate) fn of(&self, value: f32) -> f32 {
         match self {
             ProjectedLight::Power(gamma) => value.max(0.0).powf(*gamma),
             ProjectedLight::Response(response) => response.light_of(value),
@@ -89,28 +89,13 @@ impl Code {
     pub(crate) fn read_sized(
         rig: &Rig,
         set: &PatternSet,
-        mut size: Option<[usize; 2]>,
+        size: Option<[usize; 2]>,
         light: &ProjectedLight,
     ) -> Result<Self, DecodeError> {
         let mut all = Vec::new();
-        for (i, name) in set.images.iter().enumerate() {
-            let path = rig.projected(name);
-            if !path.exists() {
-                return Err(DecodeError::file(
-                    path,
-                    "is missing, and a decoder learns the code from the projected images",
-                    "put the images that were projected into patterns/, named as the captures are",
-                ));
-            }
-            let image = nelu3d_scan::image::read_any(&path).map_err(nelu3d_scan::rig::RigError::from)?;
-            let [w, h] = *size.get_or_insert([image.width, image.height]);
-            if [image.width, image.height] != [w, h] {
-                return Err(DecodeError::file(
-                    path,
-                    format!("is {} × {} px, but the projector's image is {w} × {h}", image.width, image.height),
-                    "use the images as they were projected, and the projector.json made for them",
-                ));
-            }
+        let images = read_projected(rig, set, size)?;
+        let size = images.first().map(|(_, image)| [image.width, image.height]);
+        for (i, (path, image)) in images.into_iter().enumerate() {
             all.push(lines(image, &path, i, light)?);
         }
         let colored = all.iter().any(|(_, lines)| lines.len() > 1);
@@ -141,6 +126,40 @@ impl Code {
     }
 }
 
+/// Reads the projected images of a set, as they are in `patterns/`, in the set's order. All must be of one size: `size`
+/// (width, height), if it is known.
+///
+/// # Errors
+///
+/// One is missing, cannot be read, or has another size.
+pub(crate) fn read_projected(
+    rig: &Rig,
+    set: &PatternSet,
+    mut size: Option<[usize; 2]>,
+) -> Result<Vec<(PathBuf, Image)>, DecodeError> {
+    let read = |name: &String| {
+        let path = rig.projected(name);
+        if !path.exists() {
+            return Err(DecodeError::file(
+                path,
+                "is missing, and a decoder learns the code from the projected images",
+                "put the images that were projected into patterns/, named as the captures are",
+            ));
+        }
+        let image = nelu3d_scan::image::read_any(&path).map_err(nelu3d_scan::rig::RigError::from)?;
+        let [w, h] = *size.get_or_insert([image.width, image.height]);
+        if [image.width, image.height] != [w, h] {
+            return Err(DecodeError::file(
+                path,
+                format!("is {} × {} px, but the projector's image is {w} × {h}", image.width, image.height),
+                "use the images as they were projected, and the projector.json made for them",
+            ));
+        }
+        Ok((path, image))
+    };
+    set.images.iter().map(read).collect()
+}
+
 /// Returns the axis along which an image changes (none if it does not change at all) and its values along it, one line
 /// per color channel, or one if the channels are the same.
 fn lines(
@@ -159,7 +178,7 @@ fn lines(
             return Err(DecodeError::file(
                 path,
                 "changes along x and along y, and a decoder needs images that change along one of them",
-                "use `nelu3d calibrate` and `nelu3d reconstruct` for patterns of any kind",
+                "use `nelu3d calibrate` and `nelu3d reconstruct`, or `decode --method turbosl`, for patterns of any kind",
             ));
         }
     };

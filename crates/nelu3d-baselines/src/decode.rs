@@ -56,7 +56,8 @@ fn decode_with_projector(
         )
     })?;
     let light = light(rig, opts)?;
-    let code = Code::read(rig, set, projector, &light)?;
+    // TurboSL takes any image, the others lines.
+    let code = (opts.method != Method::TurboSl).then(|| Code::read(rig, set, projector, &light)).transpose()?;
 
     clock.begin("read the scene");
     let images = Images::read(rig, shot, set)?;
@@ -69,7 +70,15 @@ fn decode_with_projector(
     let geometry = Geometry::new(projector, &plane, range);
 
     clock.begin("decode");
-    let (maps, own_normals, training) = if opts.method == Method::TurboSl {
+    let (maps, own_normals, training) = if let Some(code) = &code {
+        let decoded = columns(&captured, code, set, &geometry, opts)?;
+        stop()?;
+        clock.begin("triangulate");
+        let maps = geometry.triangulate(&decoded);
+        let residual = geometry.residual(&maps.depth, code, &captured);
+        (SurfaceMaps { residual, ..maps }, Vec::new(), None)
+    } else {
+        let shown = turbosl::ProjectedPlanes::read(rig, set, projector, &light, &captured)?;
         let scene = turbosl::TurboSlScene::new(
             &rig.camera,
             projector,
@@ -77,18 +86,11 @@ fn decode_with_projector(
             range.mm,
             &images.patterns,
             &captured,
-            &code,
+            &shown,
             opts.turbosl.unit_mm,
         )?;
         let found = turbosl::decode(&scene, &captured, &opts.turbosl, progress)?;
         (found.maps, found.normals, Some(found.diagnostics))
-    } else {
-        let decoded = columns(&captured, &code, set, &geometry, opts)?;
-        stop()?;
-        clock.begin("triangulate");
-        let maps = geometry.triangulate(&decoded);
-        let residual = geometry.residual(&maps.depth, &code, &captured);
-        (SurfaceMaps { residual, ..maps }, Vec::new(), None)
     };
     let SurfaceMaps { mut depth, mut status, sigma, residual, ambient } = maps;
     reject_small_components(&mut depth, &mut status, &rig.camera, opts.min_component);

@@ -71,14 +71,15 @@ fn recipe_paper_finds_the_ball() {
 }
 
 /// TurboSL learns albedo and ambient light too, so it is slower: that it is on its way from the sphere it starts with.
+/// Seeds 0, 1, and 2 come to a median of 2.1, 4.1, and 2.8 mm, and to 1.7 to 3.0 % of the first image loss.
 #[test]
 fn turbosl_moves_to_the_ball() {
     let summary = reconstruct(&["decode", "--method", "turbosl", "--steps", "400", "--samples", "12288"]);
     let (coverage, median) = body(&summary);
-    assert!(coverage > 0.9 && median < 14.0, "{coverage}: {median}");
+    assert!(coverage > 0.9 && median < 5.0, "{coverage}: {median}");
     let losses = summary["method"]["losses"].as_array().unwrap();
     let image = |i: usize| losses[i]["image"].as_f64().unwrap();
-    assert!(image(losses.len() - 1) < 0.5 * image(0), "{losses:?}");
+    assert!(image(losses.len() - 1) < 0.05 * image(0), "{losses:?}");
 }
 
 #[test]

@@ -39,6 +39,18 @@ impl Blur {
         Self { free: [0.0; 2 * HALF], moments: MomentBuffers::new(2 * HALF), n_steps: 0 }
     }
 
+    /// A blur of given free taps.
+    #[cfg(test)]
+    pub(crate) fn of(free: [f32; 2 * HALF]) -> Self {
+        Self { free, ..Self::new() }
+    }
+
+    /// Its free taps.
+    #[cfg(test)]
+    pub(crate) fn free(&self) -> [f32; 2 * HALF] {
+        self.free
+    }
+
     /// Returns the kernel, from the far left to the far right.
     pub(crate) fn taps(&self) -> [f32; TAPS] {
         let (left, right) = self.free.split_at(HALF);
@@ -52,34 +64,24 @@ impl Blur {
         taps
     }
 
-    /// Returns a line of values, or one of an image, before it is clipped to [0, 1].
-    fn convolve(&self, line: &[f32]) -> Vec<f32> {
+    /// Returns a blurred line of values, before it is clipped to [0, 1].
+    pub(crate) fn convolve(&self, line: &[f32]) -> Vec<f32> {
         let taps = self.taps();
         (0..line.len()).map(|i| taps.iter().enumerate().map(|(t, tap)| tap * shifted(line, i, t)).sum()).collect()
     }
 
-    /// Returns a blurred line.
-    pub(crate) fn apply(&self, line: &[f32]) -> Vec<f32> {
-        let mut out = self.convolve(line);
-        out.iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
-        out
-    }
-
-    /// Adds to `d` the gradient by the free taps, given that by the blurred line.
-    pub(crate) fn backward(&self, line: &[f32], d_blurred: &[f32], d: &mut [f32; 2 * HALF]) {
-        let inside = |(v, d): (f32, &f32)| if (0.0..=1.0).contains(&v) { *d } else { 0.0 };
-        let d_line: Vec<f32> = self.convolve(line).into_iter().zip(d_blurred).map(inside).collect();
-        let d_tap = |t: usize| d_line.iter().enumerate().map(|(i, d)| d * shifted(line, i, t)).sum::<f32>();
-        let d_middle = d_tap(HALF);
+    /// Adds to `d` the gradient by the free taps, given that by the kernel's ([`Self::taps`]).
+    pub(crate) fn backward(&self, d_taps: &[f32; TAPS], d: &mut [f32; 2 * HALF]) {
+        let d_middle = d_taps[HALF];
         let (left, right) = self.free.split_at(HALF);
         let below = moment(right) + EPSILON;
         let balance = moment(left) / below;
         // By the rescaled taps on the right, and by what rescales them.
-        let d_right: [f32; HALF] = std::array::from_fn(|t| d_tap(HALF + 1 + t) - d_middle);
+        let d_right: [f32; HALF] = std::array::from_fn(|t| d_taps[HALF + 1 + t] - d_middle);
         let d_balance: f32 = right.iter().zip(d_right).map(|(r, d)| r * d).sum();
         for t in 0..HALF {
             let distance = (t + 1) as f32;
-            d[t] += d_tap(HALF - 1 - t) - d_middle + d_balance * distance / below;
+            d[t] += d_taps[HALF - 1 - t] - d_middle + d_balance * distance / below;
             d[HALF + t] += d_right[t] * balance - d_balance * distance * balance / below;
         }
     }
@@ -90,6 +92,11 @@ impl Blur {
         adam::cpu::step(adam, rate, self.n_steps, &mut self.free, self.moments.all(), d);
         self.n_steps += 1;
     }
+}
+
+/// Returns the gradient by the kernel of a line's convolution, given that by the convolved line.
+pub(crate) fn tap_gradient(line: &[f32], d: &[f32]) -> [f32; TAPS] {
+    std::array::from_fn(|t| d.iter().enumerate().map(|(i, d)| d * shifted(line, i, t)).sum())
 }
 
 /// Returns the value that tap `t` of the kernel sees at pixel `i`; 0 beyond the line.
@@ -120,30 +127,27 @@ pub(crate) fn sample_backward(d_line: &mut [f32], u: f32, d: f32) {
 mod tests {
     use super::*;
 
-    fn blur(free: [f32; 2 * HALF]) -> Blur {
-        Blur { free, ..Blur::new() }
-    }
-
     #[test]
     fn keeps_place_and_brightness_and_differentiates() {
+        let blur = Blur::of;
         let mut line = vec![0.0f32; 41];
         line[20] = 1.0;
         let free = [0.2, 0.1, 0.04, 0.0, 0.01, 0.1, 0.02, 0.03, 0.01, 0.0];
         let kernel = blur(free).taps();
-        let out = blur(free).apply(&line);
+        let out = blur(free).convolve(&line);
         let sum: f32 = out.iter().sum();
         let mean: f32 = out.iter().enumerate().map(|(i, v)| i as f32 * v).sum();
         assert!((sum - 1.0).abs() < 1e-6 && (mean - 20.0).abs() < 1e-5);
         // The two sides differ.
         assert!((kernel[HALF - 1] - 0.2).abs() < 1e-6 && (kernel[HALF + 1] - 0.2).abs() > 0.01, "{kernel:?}");
-        assert_eq!(Blur::new().apply(&line), line);
-        // d of Σ s_i blurred_i by the free taps; a part of the line is clipped.
+        assert_eq!(Blur::new().convolve(&line), line);
+        // d of Σ s_i blurred_i by the free taps.
         let line: Vec<f32> = (0..41).map(|i| 0.5 + 0.7 * (i as f32 * 0.7).sin()).collect();
         let s: Vec<f32> = (0..41).map(|i| (i as f32 * 0.3).cos()).collect();
         let mut d = [0.0; 2 * HALF];
-        blur(free).backward(&line, &s, &mut d);
+        blur(free).backward(&tap_gradient(&line, &s), &mut d);
         let value = |free: [f32; 2 * HALF]| -> f64 {
-            blur(free).apply(&line).iter().zip(&s).map(|(a, b)| f64::from(a * b)).sum()
+            blur(free).convolve(&line).iter().zip(&s).map(|(a, b)| f64::from(a * b)).sum()
         };
         for t in 0..2 * HALF {
             let at = |e: f32| {

@@ -3,14 +3,16 @@
 //! so that the captures are rendered from the patterns and the patterns from the captures.
 //!
 //! Settings are those of its public configuration and code. Half of the rays are the projector's from the first
-//! iteration on; their image loss counts from a tenth of the iterations on. Deviations: the first shape is a plane
-//! unless another is asked for, patterns change along one axis (so does their blur), clipped pixels are left out, and
-//! the depth is that of NeuS's own quadrature at the end. `ray/` is the image formation, `scene.rs` what is known,
+//! iteration on; their image loss counts from a tenth of the iterations on. Deviations: the first shape is a sphere
+//! unless another is asked for; with fewer samples than published they are placed where the surface may be; an image
+//! that changes along one axis is blurred along that alone; clipped pixels are left out; and the depth is that of NeuS's
+//! own quadrature at the end. `ray/` is the image formation, `scene.rs` what is known,
 //! `step.rs` one iteration.
 
 mod blur;
 mod diagnostics;
 mod options;
+mod projected;
 mod ray;
 mod render;
 mod scene;
@@ -24,6 +26,7 @@ use crate::captured::Captured;
 use crate::error::DecodeError;
 pub use diagnostics::{ProjectorBlur, TurboSlDiagnostics};
 pub use options::TurboSlOptions;
+pub(crate) use projected::ProjectedPlanes;
 use render::render_surface;
 pub(crate) use scene::TurboSlScene;
 use train::train;

@@ -1,5 +1,7 @@
 //! What a caller chooses about TurboSL.
 
+#[cfg(feature = "clap")]
+use nelu3d::reconstruct::neural::positive;
 use nelu3d::reconstruct::neural::start::Start;
 use serde::{Deserialize, Serialize};
 
@@ -12,9 +14,16 @@ pub struct TurboSlOptions {
     /// Iterations
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = 10_000))]
     pub steps: usize,
+    /// Stop after this many iterations; rates and losses follow the schedule of all `--steps`
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
+    pub stop_after: Option<usize>,
     /// Samples per iteration; the number of rays follows
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = 262_144))]
     pub samples: usize,
+    /// Largest number of samples of a ray where `--samples` is below the published 262144: half of them spread evenly,
+    /// half where these see the surface; 0 marches as published
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = 64))]
+    pub ray_samples: usize,
     /// First shape of the signed distance field
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Start::default()))]
     pub start: Start,
@@ -30,16 +39,17 @@ pub struct TurboSlOptions {
     pub unit_mm: Option<f64>,
 }
 
-#[cfg(feature = "clap")]
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(v) if v > 0.0 && f64::is_finite(v) => Ok(v),
-        _ => Err("a positive number".into()),
-    }
-}
-
 impl Default for TurboSlOptions {
     fn default() -> Self {
-        Self { steps: 10_000, samples: 262_144, start: Start::default(), seed: 0, no_reverse: false, unit_mm: None }
+        Self {
+            steps: 10_000,
+            stop_after: None,
+            samples: 262_144,
+            ray_samples: 64,
+            start: Start::default(),
+            seed: 0,
+            no_reverse: false,
+            unit_mm: None,
+        }
     }
 }

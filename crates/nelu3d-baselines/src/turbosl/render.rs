@@ -4,7 +4,6 @@ use nelu3d::reconstruct::neural::view;
 use nelu3d::surface::{PixelStatus, SurfaceMaps};
 use nelu3d_field::occupancy::OccupancyGrid;
 
-use super::blur;
 use super::scene::TurboSlScene;
 use super::step::Model;
 use crate::captured::Captured;
@@ -27,8 +26,7 @@ pub(super) fn render_surface(
     let (mut albedo, mut ambient) = (vec![0.0; lit.len() * c], vec![0.0; lit.len() * c]);
     model.albedo.query(&places, &mut albedo);
     model.ambient.query(&places, &mut ambient);
-    let blurred: Vec<Vec<f32>> =
-        scene.lines.iter().map(|(axis, line)| model.blur[*axis as usize].apply(line)).collect();
+    let blurred = scene.shown.blurred(&model.blur);
     let mut maps = SurfaceMaps {
         depth: vec![f32::NAN; n],
         sigma: vec![f32::NAN; n],
@@ -53,7 +51,7 @@ pub(super) fn render_surface(
         let place = scene.projector.project(&x).map_or([-1e6; 2], |p| p.map(|v| v as f32));
         // In units of the pixel's contrast, as every method's.
         let square = |j: usize| {
-            let color = blur::sample(&blurred[j], place[scene.lines[j].0 as usize]);
+            let color = scene.shown.sample(j, &blurred[j], place);
             let (a, b) = (albedo[r * c + j % c], ambient[r * c + j % c]);
             ((a * shade * color + b - scene.measured(i)[j]) / captured.contrast[i].max(1e-4)).powi(2)
         };

@@ -1,13 +1,11 @@
 //! What TurboSL knows of a scene: both cameras (one of them a projector), the captures, and which pixels matter.
 
 use nalgebra::{Point3, Vector3};
-use nelu3d_scan::pattern::Axis;
 use nelu3d_scan::{Camera, Image, Projector};
 
+use super::projected::ProjectedPlanes;
 use crate::captured::Captured;
-use crate::code::Code;
 use crate::error::DecodeError;
-use crate::triangulate::line_of;
 use nelu3d::reconstruct::neural::bounds::Bounds;
 use nelu3d::reconstruct::neural::march::March;
 use nelu3d::surface::PixelStatus;
@@ -33,8 +31,8 @@ pub(crate) struct TurboSlScene<'a> {
     pub(super) projected: Vec<u32>,
     /// Captured patterns, ambient light included, `[pixel][k]`.
     captured: Vec<f32>,
-    /// The k projected lines, and along which axis they lie.
-    pub(super) lines: Vec<(Axis, &'a [f32])>,
+    /// What the projector showed, k planes.
+    pub(super) shown: &'a ProjectedPlanes,
     /// Channels of the camera.
     pub(super) n_channels: usize,
 }
@@ -47,19 +45,11 @@ impl<'a> TurboSlScene<'a> {
         depth: [f64; 2],
         patterns: &[Image],
         captured: &Captured,
-        code: &'a Code,
+        shown: &'a ProjectedPlanes,
         unit_mm: Option<f64>,
     ) -> Result<Self, DecodeError> {
         let n_channels = captured.channels;
         let k = captured.planes.len();
-        let lines = (0..k)
-            .map(|p| {
-                let of = |axis: &'a crate::code::AxisCode| {
-                    line_of(axis, captured, p).map(|l| (axis.axis, &axis.lines[l].values[..]))
-                };
-                code.axes.iter().find_map(of).expect("every capture belongs to a projected image")
-            })
-            .collect();
         let is_lit: Vec<bool> = captured.status.iter().map(|l| *l == PixelStatus::Valid).collect();
         let mut lit: Vec<u32> = (0..is_lit.len()).filter(|&i| is_lit[i]).map(|i| i as u32).collect();
         in_tiles(&mut lit, camera.width);
@@ -99,14 +89,14 @@ impl<'a> TurboSlScene<'a> {
             black: vec![0.0; k],
             projected,
             captured: all,
-            lines,
+            shown,
             n_channels,
         })
     }
 
     /// Returns the number of captures of a pixel.
     pub(crate) fn k(&self) -> usize {
-        self.lines.len()
+        self.shown.len()
     }
 
     /// Returns whether a pixel is lit.

@@ -3,16 +3,16 @@
 use nelu3d_field::HashField;
 use nelu3d_field::occupancy::OccupancyGrid;
 use nelu3d_field::surface::{NeuralSurface, RayGradient, RayLoss, RayScratch, SurfaceLosses};
-use nelu3d_scan::pattern::Axis;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 
-use super::blur::{self, Blur, HALF};
+use super::blur::Blur;
 use super::ray::{self, Along, Gradient, Kind, Weights};
 use super::scene::TurboSlScene;
 use nelu3d::reconstruct::neural::config;
-use nelu3d::reconstruct::neural::march::{March, RaySamples, march};
+use nelu3d::reconstruct::neural::importance;
+use nelu3d::reconstruct::neural::march::{March, RaySamples};
 use nelu3d_field::volrend::midpoint::MidpointRay;
 
 /// Everything that is learned.
@@ -46,20 +46,20 @@ struct Batch {
 
 impl Model {
     /// One step; half of the `n_rays` are the projector's unless `reverse` is `None`, and their image loss has that
-    /// weight. Returns the losses and the number of samples.
+    /// weight. A ray has at most `per_ray` samples; `None` marches. Returns the losses and the number of samples.
     pub(crate) fn step(
         &mut self,
         scene: &TurboSlScene<'_>,
         grid: &OccupancyGrid,
         n_rays: usize,
+        per_ray: Option<usize>,
         reverse: Option<f32>,
         anneal: f32,
         seed: u64,
     ) -> (SurfaceLosses, usize) {
         let c = scene.n_channels;
-        let blurred: Vec<Vec<f32>> =
-            scene.lines.iter().map(|(axis, line)| self.blur[*axis as usize].apply(line)).collect();
-        let (batch, drawn) = draw(scene, grid, n_rays, reverse.is_some(), &blurred, seed);
+        let blurred = scene.shown.blurred(&self.blur);
+        let (batch, drawn) = draw(scene, grid, &self.surface, n_rays, per_ray, reverse.is_some(), &blurred, seed);
 
         // Albedo and ambient: of a camera ray's pixel, and of every sample of a projector ray.
         let first = batch.samples.offsets[batch.n_camera];
@@ -92,24 +92,19 @@ impl Model {
         // And of the blur, in a fixed order.
         let mut d_blurred: Vec<Vec<f32>> = blurred.iter().map(|line| vec![0.0; line.len()]).collect();
         for (place, d) in batch.places[..first].iter().zip(per_sample.chunks_exact(n_sample)) {
-            for (j, (axis, _)) in scene.lines.iter().enumerate() {
-                blur::sample_backward(&mut d_blurred[j], place[*axis as usize], d[j]);
+            for (j, d_blurred) in d_blurred.iter_mut().enumerate() {
+                scene.shown.sample_backward(j, d_blurred, *place, d[j]);
             }
         }
-        let width = scene.projector.optics.width;
         for (&i, d) in drawn.iter().zip(per_ray.chunks_exact(n_ray)).skip(batch.n_camera) {
-            for (j, (axis, _)) in scene.lines.iter().enumerate() {
-                d_blurred[j][[i % width, i / width][*axis as usize]] += d[2 * c + j];
+            for (j, d_blurred) in d_blurred.iter_mut().enumerate() {
+                d_blurred[scene.shown.index(j, i)] += d[2 * c + j];
             }
         }
         let settings = &self.albedo.config().training;
-        for axis in [Axis::X, Axis::Y] {
-            let mut d = [0.0; 2 * HALF];
-            for ((_, line), d_blurred) in scene.lines.iter().zip(&d_blurred).filter(|((a, _), _)| *a == axis) {
-                self.blur[axis as usize].backward(line, d_blurred, &mut d);
-            }
-            let rate = settings.encoding_learning_rate;
-            self.blur[axis as usize].descend(&d, rate, &settings.adam, &settings.schedule);
+        let d = scene.shown.blur_backward(&self.blur, &d_blurred);
+        for (blur, d) in self.blur.iter_mut().zip(&d) {
+            blur.descend(d, settings.encoding_learning_rate, &settings.adam, &settings.schedule);
         }
         (losses, batch.samples.t.len())
     }
@@ -119,7 +114,9 @@ impl Model {
 fn draw(
     scene: &TurboSlScene<'_>,
     grid: &OccupancyGrid,
+    surface: &NeuralSurface,
     n_rays: usize,
+    per_ray: Option<usize>,
     reverse: bool,
     blurred: &[Vec<f32>],
     seed: u64,
@@ -137,7 +134,7 @@ fn draw(
     drawn.extend(of(&scene.projected, n_projector));
     let mut marches: Vec<March> = drawn[..n_camera].iter().map(|&i| scene.camera_march(i, rng.random())).collect();
     marches.extend(drawn[n_camera..].iter().map(|&i| scene.projector_march(i, rng.random())));
-    let samples = march(&marches, &scene.bounds, grid);
+    let samples = importance::sample(&marches, &scene.bounds, grid, surface, per_ray, rng.random());
     let n = samples.t.len();
     let first = samples.offsets[n_camera];
 
@@ -153,21 +150,18 @@ fn draw(
         // Behind either: nothing is seen there.
         *place = seen.map_or([-1e6; 2], |p| p.map(|v| v as f32));
         if s < first {
-            for ((value, (axis, _)), line) in values.iter_mut().zip(&scene.lines).zip(blurred) {
-                *value = blur::sample(line, place[*axis as usize]);
+            for (j, (value, blurred)) in values.iter_mut().zip(blurred).enumerate() {
+                *value = scene.shown.sample(j, blurred, *place);
             }
         } else {
             scene.captured_at(*place, values);
         }
     });
-    let width = scene.projector.optics.width;
     let mut wanted = Vec::with_capacity(n_rays * k);
     drawn[..n_camera].iter().for_each(|&i| wanted.extend_from_slice(scene.wanted(i)));
     let masks = drawn[..n_camera].iter().map(|&i| f32::from(u8::from(scene.is_lit(i)))).collect();
     for &i in &drawn[n_camera..] {
-        wanted.extend(
-            scene.lines.iter().zip(blurred).map(|((axis, _), line)| line[[i % width, i / width][*axis as usize]]),
-        );
+        wanted.extend(blurred.iter().enumerate().map(|(j, blurred)| blurred[scene.shown.index(j, i)]));
     }
     (Batch { samples, marches, n_camera, masks, light, values, places, wanted }, drawn)
 }

@@ -1,7 +1,7 @@
 //! The training loop of TurboSL.
 
 use nelu3d::progress::Progress;
-use nelu3d::reconstruct::neural::{TrainingRecord, config};
+use nelu3d::reconstruct::neural::{TrainingRecord, config, importance};
 use nelu3d_field::HashField;
 use nelu3d_field::occupancy::OccupancyGrid;
 use nelu3d_field::surface::SurfaceLoss;
@@ -36,9 +36,11 @@ pub(super) fn train(
     let mut grid = OccupancyGrid::new(config::occupancy_config(opts.steps), |q| scene.reaches(q));
     // Of 10,000 iterations: from the 1,000th on.
     let reverse_from = opts.steps / 10;
+    let per_ray = importance::per_ray(opts.samples, opts.ray_samples);
     let mut n_rays = config::FIRST_RAYS;
     let mut records = Vec::new();
-    for step in 0..opts.steps {
+    let n_steps = opts.stop_after.unwrap_or(opts.steps).min(opts.steps);
+    for step in 0..n_steps {
         if progress.cancelled() {
             return Err(DecodeError::Cancelled);
         }
@@ -46,8 +48,8 @@ pub(super) fn train(
         let reverse = (!opts.no_reverse).then_some(if step >= reverse_from { 1.0 } else { 0.0 });
         let anneal = config::anneal(step, opts.steps);
         let seed = opts.seed.wrapping_mul(0x9E37_79B9).wrapping_add(step as u64);
-        let (losses, n_samples) = model.step(scene, &grid, n_rays, reverse, anneal, seed);
-        if step % 100 == 0 || step + 1 == opts.steps {
+        let (losses, n_samples) = model.step(scene, &grid, n_rays, per_ray, reverse, anneal, seed);
+        if step % 100 == 0 || step + 1 == n_steps {
             let (inv_s, occupied) = (model.surface.inv_s(), grid.occupied_fraction());
             tracing::info!(?losses, inv_s, n_rays, n_samples, occupied, blur = ?model.blur[0].taps(), step);
             records.push(TrainingRecord {
@@ -67,7 +69,7 @@ pub(super) fn train(
             }
         }
         n_rays = config::next_ray_count(n_rays, n_samples, opts.samples);
-        progress.tick(step + 1, opts.steps);
+        progress.tick(step + 1, n_steps);
     }
     Ok((model, grid, records))
 }

@@ -31,7 +31,7 @@ const MASK_CLAMP: f64 = 1e-3;
 
 /// The samples of a ray, of either kind.
 pub(crate) struct Along<'a, T> {
-    /// Its samples, as midpoints of intervals.
+    /// The ray's samples, as midpoints of intervals.
     pub(in crate::turbosl) ray: MidpointRay<'a, T>,
     /// Unit directions to the light, per sample.
     pub(in crate::turbosl) light: &'a [[T; 3]],

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::ambient::{AmbientField, image_point};
 use super::bounds::Bounds;
 use super::importance;
-use super::march::{March, RaySamples, march};
+use super::march::{March, RaySamples};
 use super::options::{Background, PaperOptions};
 use crate::color_field::{CameraRays, SplineEvaluator};
 use crate::sensor::Measurements;
@@ -128,10 +128,7 @@ impl RayBatch {
         drawn.sort_unstable();
         let marches: Vec<March> =
             drawn.iter().map(|&p| pixels.march(rays, pixels.all[p] as usize, rng.random())).collect();
-        self.samples = match per_ray {
-            Some(per_ray) => importance::place(&marches, &pixels.bounds, grid, surface, per_ray, rng.random()),
-            None => march(&marches, &pixels.bounds, grid),
-        };
+        self.samples = importance::sample(&marches, &pixels.bounds, grid, surface, per_ray, rng.random());
         let (k, n) = (m.k, self.samples.t.len());
         self.k = k;
         self.n_channels = m.light.len() / m.n();

@@ -14,13 +14,35 @@ use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 
 use super::bounds::Bounds;
+use super::config::PUBLISHED_SAMPLES;
 use super::march::{March, RaySamples, march};
 
 /// Weight that every even interval has besides what the field gives it, per interval.
 const FLOOR: f32 = 1e-3;
 
+/// Returns the largest number of samples of a ray in a training of `samples` samples an iteration: `ray_samples` where
+/// that is less than published, `None` (rays are marched to their ends) otherwise or where `ray_samples` is 0.
+pub fn per_ray(samples: usize, ray_samples: usize) -> Option<usize> {
+    (samples < PUBLISHED_SAMPLES && ray_samples > 0).then_some(ray_samples)
+}
+
+/// Samples rays with at most `per_ray` samples each where the surface may be, or by marching if that is `None`.
+pub fn sample(
+    rays: &[March],
+    bounds: &Bounds,
+    grid: &OccupancyGrid,
+    surface: &NeuralSurface,
+    per_ray: Option<usize>,
+    seed: u64,
+) -> RaySamples {
+    match per_ray {
+        Some(per_ray) => place(rays, bounds, grid, surface, per_ray, seed),
+        None => march(rays, bounds, grid),
+    }
+}
+
 /// Samples rays with at most `per_ray` samples each (at least 4); rays with fewer occupied steps are marched.
-pub(super) fn place(
+fn place(
     rays: &[March],
     bounds: &Bounds,
     grid: &OccupancyGrid,

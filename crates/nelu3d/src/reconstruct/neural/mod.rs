@@ -13,7 +13,7 @@ mod ambient;
 mod batch;
 pub mod bounds;
 pub mod config;
-mod importance;
+pub mod importance;
 mod lookup_start;
 pub mod march;
 #[cfg(feature = "gpu")]
@@ -43,6 +43,8 @@ use crate::verdict::Judgment;
 pub use ambient::Ambient;
 use ambient::AmbientField;
 use batch::TrainingPixels;
+#[cfg(feature = "clap")]
+pub use options::positive;
 pub use options::{Background, PaperOptions, PaperStart};
 pub use record::TrainingRecord;
 use training::Training;

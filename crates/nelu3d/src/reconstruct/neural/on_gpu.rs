@@ -211,6 +211,7 @@ mod tests {
             return;
         };
         let mut surface_config = config::surface_config(Default::default(), 300);
+        config::hasten(&mut surface_config, 300);
         surface_config.field.encoding = HashGridConfig {
             n_levels: 3,
             log2_hashmap_size: 10,

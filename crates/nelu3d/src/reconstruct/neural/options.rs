@@ -90,8 +90,9 @@ pub struct PaperOptions {
     pub unit_mm: Option<f64>,
 }
 
+/// Reads a positive number from the command line.
 #[cfg(feature = "clap")]
-fn positive(text: &str) -> Result<f64, String> {
+pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(v) if v > 0.0 && f64::is_finite(v) => Ok(v),
         _ => Err("a positive number".into()),

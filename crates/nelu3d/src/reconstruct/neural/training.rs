@@ -8,6 +8,7 @@ use nelu3d_field::surface::{NeuralSurface, SurfaceConfig, SurfaceLoss};
 use super::ambient::AmbientField;
 use super::batch::{RayBatch, TrainingPixels};
 use super::config;
+use super::importance;
 use super::lookup_start::DecodedBody;
 #[cfg(feature = "gpu")]
 use super::on_gpu;
@@ -54,7 +55,8 @@ impl<'a> Training<'a> {
         let occupancy =
             OccupancyGrid::new(config::occupancy_config(n_steps), |q| pixels.reaches(scene.camera, &scene.rays, q));
         let sharpness = settings.sharpness.unwrap_or(settings.start.sharpness());
-        let config = SurfaceConfig { sharpness, ..config::surface_config(loss, n_steps) };
+        let mut config = SurfaceConfig { sharpness, ..config::surface_config(loss, n_steps) };
+        config::hasten(&mut config, n_steps);
         let body = decoded.and_then(|z| DecodedBody::new(scene.camera, pixels.bounds, &scene.rays.plane, z));
         let surface = match body {
             Some(body) => body.surface(config, opts.seed),
@@ -122,8 +124,7 @@ impl<'a> Training<'a> {
         let spline = scene.spline();
         let mut batch = RayBatch::default();
         let settings = &self.opts.paper;
-        let scarce = settings.samples < config::PUBLISHED_SAMPLES && settings.ray_samples > 0;
-        let per_ray = scarce.then_some(settings.ray_samples);
+        let per_ray = importance::per_ray(settings.samples, settings.ray_samples);
         for step in done..self.n_steps {
             cx.stop_if_cancelled()?;
             config::update_occupancy(&mut self.occupancy, &self.surface, step as u64, seed);
