@@ -48,6 +48,8 @@ pub enum Code {
     ResidualAboveNoise,
     /// Little of what is lit has a depth.
     LittleExplained,
+    /// Camera or light source moved since the sweep.
+    Drift,
     /// Whether projector or camera moved since the sweep was not checked: no board in view.
     DriftNotChecked,
     /// The field's own verdict was not good.
@@ -56,7 +58,7 @@ pub enum Code {
 
 impl Code {
     /// All codes.
-    pub const ALL: [Code; 23] = [
+    pub const ALL: [Code; 24] = [
         Code::CornersMisfit,
         Code::CameraIntrinsics,
         Code::CameraDistortion,
@@ -78,6 +80,7 @@ impl Code {
         Code::AmbientNotInBlack,
         Code::ResidualAboveNoise,
         Code::LittleExplained,
+        Code::Drift,
         Code::DriftNotChecked,
         Code::FieldDoubtful,
     ];
