@@ -16,6 +16,8 @@ pub enum Code {
     PrintStretched,
     /// A bent board, by the pattern of the corners' misfit.
     BoardBent,
+    /// What no image tells: the scale of everything, and the focal length where the boards face the camera.
+    ScaleNotChecked,
     /// The boards span too little depth, or none.
     DepthRange,
     /// The field predicts unseen positions worse than noise allows.
@@ -58,12 +60,13 @@ pub enum Code {
 
 impl Code {
     /// All codes.
-    pub const ALL: [Code; 24] = [
+    pub const ALL: [Code; 25] = [
         Code::CornersMisfit,
         Code::CameraIntrinsics,
         Code::CameraDistortion,
         Code::PrintStretched,
         Code::BoardBent,
+        Code::ScaleNotChecked,
         Code::DepthRange,
         Code::FieldBelowNoise,
         Code::PositionsRepeat,
