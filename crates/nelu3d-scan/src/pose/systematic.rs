@@ -115,7 +115,7 @@ struct Equations {
 /// Fraction of the sum of squares that a cause takes away in the linearized problem to be solved for in full.
 const WORTH: f64 = 0.2;
 /// Coordinates of corners that count as one independent measurement: errors of a corner are alike in all images.
-const CORRELATED: f64 = 8.0;
+const CORRELATED: f64 = 4.0;
 /// Most views that are looked at for that.
 const MAX_VIEWS: usize = 12;
 
