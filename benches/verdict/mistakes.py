@@ -201,7 +201,7 @@ def run(program, *args):
     try:
         return json.loads(done.stdout)
     except json.JSONDecodeError:
-        return {"verdict": "refused", "warnings": [], "notes": [], "error": done.stderr.strip().splitlines()[-1][-160:]}
+        return {"verdict": "refused", "warnings": [], "notes": [], "error": done.stderr.strip().splitlines()[-1].split("; ", 1)[-1]}
 
 
 def said(answer):
