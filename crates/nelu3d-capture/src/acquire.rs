@@ -13,19 +13,19 @@ use crate::timing::CaptureTiming;
 /// What became of the frames that the camera delivered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct FrameCounts {
-    /// All of them.
+    /// Number of frames that the camera delivered.
     pub delivered: usize,
-    /// Kept as an image.
+    /// Number of frames that were kept as a part of an image.
     pub accepted: usize,
-    /// Too early to show what was asked.
+    /// Number of frames that came too early to show what was asked.
     pub early: usize,
-    /// The same as the one before, bit for bit.
+    /// Number of frames that equal the frame before them, bit for bit.
     pub duplicated: usize,
-    /// Showed what had been shown before.
+    /// Number of frames that showed what had been shown before.
     pub stale: usize,
-    /// Agreed with no other: torn, mixed from two slides, or shaken.
+    /// Number of frames that agreed with no other: torn, mixed from two slides, or shaken.
     pub lone: usize,
-    /// Gaps in the frames' times.
+    /// Number of gaps in the frames' times.
     pub lost: usize,
     /// Slides that looked like one before, and were shown again after a flash.
     pub shown_again: usize,

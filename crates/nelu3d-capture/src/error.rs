@@ -57,7 +57,7 @@ pub enum CaptureError {
     OtherFrames {
         /// Size, channels and depth before.
         before: String,
-        /// The same now.
+        /// Size, channels and depth now.
         after: String,
     },
     /// The camera or the light source is gone.

@@ -22,7 +22,8 @@ pub struct FrameNoise {
 /// A block differs when its mean square difference is this many times what noise makes of it. With the 64 values that
 /// a block has at least, noise alone exceeds 1.9 once in 10⁶ blocks.
 const DIFFERS: f64 = 3.0;
-/// The same for a frame compared with one that was taken a while ago: lamps drift.
+/// A block differs from one that was taken a while ago when its mean square difference is this many times what noise
+/// makes of it: lamps drift.
 const DIFFERS_LATER: f64 = 8.0;
 /// Part of the blocks that may differ in frames of the same: something small may move.
 const STRAY_BLOCKS: f64 = 0.003;

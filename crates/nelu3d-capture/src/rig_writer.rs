@@ -7,7 +7,7 @@ use nelu3d_scan::Camera as Intrinsics;
 use nelu3d_scan::camera::{read_camera, write_camera};
 use nelu3d_scan::image::{Channels, Raw, RawData, write_raw_png};
 use nelu3d_scan::input::{MAX_TEXT, read_file, read_text};
-use nelu3d_scan::output::{OutputDir, create_dir, link_or_copy, write_atomic};
+use nelu3d_scan::output::{OutputDir, create_dir, link_or_copy, remove_abandoned, write_atomic};
 use nelu3d_scan::rig::{RIG_FILE, Rig};
 
 use crate::error::CaptureError;
@@ -157,6 +157,7 @@ impl RigWriter {
             return Err(unfit(&file, "has no pattern set", "add a [[pattern_sets]] with name and images"));
         }
         for folder in ["calibration", "scenes"] {
+            // What a killed capture had under construction.
             remove_abandoned(&rig.root.join(folder));
         }
         Ok(Self { rig, names, has_intrinsics })
@@ -278,23 +279,6 @@ fn pattern_set(folder: &Path) -> Result<toml::Table, CaptureError> {
     let json: serde_json::Value = serde_json::from_str(&text).map_err(|e| unfit(&file, e, remedy))?;
     let set: Option<toml::Table> = json.get("pattern_set").cloned().and_then(|set| serde_json::from_value(set).ok());
     set.ok_or_else(|| unfit(&file, "has no pattern_set", remedy))
-}
-
-/// Removes what a killed capture had under construction: folders `.NAME.partial-PID` of processes that are no more.
-fn remove_abandoned(dir: &Path) {
-    let Ok(entries) = std::fs::read_dir(dir) else { return };
-    for entry in entries.flatten() {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        let Some(pid) = name.strip_prefix('.').and_then(|n| n.rsplit_once(".partial-")).map(|(_, pid)| pid) else {
-            continue;
-        };
-        let pid = pid.split('-').next().unwrap_or_default();
-        let is_live = pid == std::process::id().to_string() || Path::new("/proc").join(pid).exists();
-        if !is_live {
-            // What cannot be removed is hidden from every reader, too.
-            let _ = std::fs::remove_dir_all(entry.path());
-        }
-    }
 }
 
 fn unfit(path: &Path, problem: impl std::fmt::Display, remedy: &str) -> CaptureError {

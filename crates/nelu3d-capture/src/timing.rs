@@ -69,7 +69,7 @@ impl Numbers {
 /// Largest change of brightness after a flash has arrived, as a part of the step that the flash made. Automatic
 /// exposure takes back half and more.
 const MAX_DRIFT: f64 = 0.06;
-/// The same as a part of the brightness itself.
+/// Largest change of brightness after a flash has arrived, as a part of the brightness itself.
 const MAX_RELATIVE_DRIFT: f64 = 0.1;
 /// Smallest difference of white and black, as a part of the scale.
 const MIN_STEP: f64 = 0.004;

@@ -35,6 +35,7 @@ const LAYERS: &[&[&str]] = &[
     &["sensor"],
     &["color_field"],
     &["calibrate"],
+    &["drift"],
     &["reconstruct"],
     &["from_projector", "sequence"],
     &["result"],

@@ -6,11 +6,9 @@ mod common;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use common::{nelu3d, small, stderr};
-use nelu3d_sim::Spec;
+use common::{RigCopy as Rig, nelu3d, small, stderr, template};
 
 /// The rig's scene; its first pattern set is `two`.
 const SCENE: &str = "ball";
@@ -18,45 +16,13 @@ const SCENE: &str = "ball";
 /// Longest time that a refusal may take.
 const SOON: Duration = Duration::from_secs(20);
 
-/// A calibrated rig, made once; nobody changes it.
-fn template() -> &'static Path {
-    static TEMPLATE: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let dir = TEMPLATE.get_or_init(|| {
-        let spec: Spec = toml::from_str(include_str!("common/small.toml")).unwrap();
-        common::calibrated(&spec).0
-    });
-    dir.path()
-}
-
-/// A copy of that rig, to be broken.
-struct Rig {
-    dir: tempfile::TempDir,
-}
-
 impl Rig {
-    fn new() -> Self {
-        let dir = tempfile::tempdir().unwrap();
-        copy(&template().join("rig"), &dir.path().join("rig"));
-        Self { dir }
-    }
-
-    fn at(&self, file: &str) -> PathBuf {
-        self.dir.path().join("rig").join(file)
-    }
-
     fn field(&self) -> PathBuf {
         self.at("fields/two.safetensors")
     }
 
     fn scene_file(&self, file: &str) -> PathBuf {
         self.at(&format!("scenes/{SCENE}/{file}"))
-    }
-
-    /// Replaces text in a file that has it once.
-    fn edit(&self, file: &str, from: &str, to: &str) {
-        let text = fs::read_to_string(self.at(file)).unwrap();
-        assert_eq!(text.matches(from).count(), 1, "`{from}` in {text}");
-        fs::write(self.at(file), text.replace(from, to)).unwrap();
     }
 
     /// Replaces a line of a file, which begins so.
@@ -87,15 +53,6 @@ impl Rig {
             p.file_name().unwrap().to_string_lossy().contains(".partial") || p.to_string_lossy().contains(".old-")
         });
         all
-    }
-}
-
-fn copy(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap() {
-        let path = entry.unwrap().path();
-        let target = to.join(path.file_name().unwrap());
-        if path.is_dir() { copy(&path, &target) } else { _ = fs::copy(&path, &target).unwrap() }
     }
 }
 

@@ -1,90 +1,32 @@
 //! Everything that people's folders, disks and keyboards do to the program: whatever is wrong, it says so in one
 //! sentence that names the file and a remedy, ends with exit code 1, and leaves nothing half written.
 //!
-//! A small rig is simulated and calibrated once; every test breaks its own copy.
+//! Every test breaks its own copy of a small rig.
+
+mod common;
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
+use common::{RigCopy as Rig, nelu3d, stderr, template};
 use nelu3d_scan::Image;
 use nelu3d_scan::image::{write_png8, write_png16, write_rgb8};
-
-const SPEC: &str = include_str!("common/small.toml");
 
 const W: usize = 160;
 const H: usize = 120;
 const POSITIONS: usize = 8;
 const FIELD: &str = "fields/two.safetensors";
 
-fn nelu3d<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_nelu3d")).args(args).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-/// The rig as simulated and calibrated, made once for all tests. A static value is never dropped, so the folders of
-/// earlier runs are removed here.
-fn template() -> &'static Path {
-    static TEMPLATE: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let dir = TEMPLATE.get_or_init(|| {
-        let home = Path::new(env!("CARGO_TARGET_TMPDIR"));
-        let hour = Duration::from_secs(3600);
-        for old in fs::read_dir(home).unwrap().flatten() {
-            let age = old.metadata().and_then(|m| m.modified()).ok().and_then(|t| t.elapsed().ok());
-            if old.file_name().to_string_lossy().starts_with("errors-rig-") && age.is_some_and(|a| a > hour) {
-                let _ = fs::remove_dir_all(old.path());
-            }
-        }
-        let dir = tempfile::Builder::new().prefix("errors-rig-").tempdir_in(home).unwrap();
-        let spec = dir.path().join("spec.toml");
-        fs::write(&spec, SPEC).unwrap();
-        let rig = dir.path().join("rig");
-        let (spec, rig) = (spec.to_str().unwrap(), rig.to_str().unwrap());
-        for args in [vec!["simulate", spec, "-o", rig], vec!["calibrate", rig]] {
-            let out = nelu3d(&args);
-            assert!(out.status.success(), "{args:?}: {}", stderr(&out));
-        }
-        dir
-    });
-    dir.path()
-}
-
-/// A copy of the rig, to be broken.
-struct Rig {
-    dir: tempfile::TempDir,
-}
-
 impl Rig {
-    /// The rig with its color field.
-    fn new() -> Self {
-        let dir = tempfile::tempdir().unwrap();
-        copy(&template().join("rig"), &dir.path().join("rig"));
-        Self { dir }
-    }
-
     /// The rig as it is before it is calibrated.
     fn uncalibrated() -> Self {
         let rig = Self::new();
         fs::remove_dir_all(rig.at("fields")).unwrap();
         rig
-    }
-
-    fn at(&self, file: &str) -> PathBuf {
-        self.dir.path().join("rig").join(file)
-    }
-
-    /// Replaces text in a file that has it once.
-    fn edit(&self, file: &str, from: &str, to: &str) {
-        let text = fs::read_to_string(self.at(file)).unwrap();
-        assert_eq!(text.matches(from).count(), 1, "`{from}` in {text}");
-        fs::write(self.at(file), text.replace(from, to)).unwrap();
     }
 
     /// Overwrites an image with one value in [0, 1] of full scale.
@@ -157,19 +99,6 @@ fn one_sentence(out: &Output, says: &[&str]) {
     // A path told twice is two messages glued together.
     if let Some(first) = says.first().filter(|s| s.contains('/')) {
         assert_eq!(text.matches(first).count(), 1, "{text}");
-    }
-}
-
-fn copy(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap() {
-        let path = entry.unwrap().path();
-        let target = to.join(path.file_name().unwrap());
-        if path.is_dir() {
-            copy(&path, &target);
-        } else {
-            fs::copy(&path, &target).unwrap();
-        }
     }
 }
 
@@ -298,7 +227,7 @@ fn mixed_channels() {
 fn a_black_white_image() {
     let rig = Rig::new();
     rig.flat("scenes/ball/white.png", 0.0);
-    rig.reconstruct_fails(&["scenes/ball", "100 % of the pixels are too dark", "check the exposure"]);
+    rig.reconstruct_fails(&["scenes/ball", "100 % of the pixels are too dark", "expose for longer"]);
     rig.check_finds(&["scenes/ball/white.png", "is not brighter than black"]);
     let rig = Rig::uncalibrated();
     for p in 0..POSITIONS {
@@ -319,7 +248,7 @@ fn everything_clipped() {
             }
         }
     }
-    rig.reconstruct_fails(&["scenes/ball", "100 % clipped", "check the exposure"]);
+    rig.reconstruct_fails(&["scenes/ball", "100 % clipped", "expose for less"]);
     rig.calibrate_fails(&["calibration: ", "clipped", "check exposure"]);
     rig.check_finds(&["scenes/ball/white.png", "calibration/000/sine_00.png", "clipped nearly everywhere"]);
 }
@@ -572,7 +501,7 @@ fn a_full_disk() {
     assert_eq!(fs::read_dir(&disk.0).unwrap().count(), 0);
     rig.fails("reconstruct", &["ball", "-o", &result], &["free space"]);
     assert_eq!(fs::read_dir(&disk.0).unwrap().count(), 0);
-    let spec = template().join("spec.toml");
+    let spec = template().join("rig/simulation.toml");
     let out = nelu3d(&["simulate", "--quiet", spec.to_str().unwrap(), "-o", &on_disk("rig")]);
     one_sentence(&out, &["free space"]);
     assert_eq!(fs::read_dir(&disk.0).unwrap().count(), 0);

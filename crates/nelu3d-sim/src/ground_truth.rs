@@ -5,8 +5,9 @@ use nelu3d_scan::camera::Camera;
 use rayon::prelude::*;
 
 use crate::light::LightSource;
-use crate::scene::VirtualScene;
+use crate::scene::{PrintedBoard, VirtualScene};
 use crate::spec::Spec;
+use crate::staging::{light_motion, stage};
 
 /// The ground truth of a scene, exact but for rounding to `f32`.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,8 +45,11 @@ impl GroundTruth {
     /// If the spec does not pass [`Spec::check`] (which reads the files it names) or has no such scene.
     pub fn of_scene(spec: &Spec, index: usize) -> Self {
         let camera = spec.camera.optics().expect("checked with the spec");
-        let scene = VirtualScene::new(&spec.scenes[index].objects).expect("checked with the spec");
-        // What the light source shows does not matter for where it reaches.
-        Self::new(&camera, &scene, &LightSource::new(spec, &[]))
+        let scene = &spec.scenes[index];
+        // What the light source shows, and the print of a board, do not matter for where it reaches.
+        let staged = stage(spec, scene, &PrintedBoard::of_spec(spec).expect("checked with the spec"));
+        let mut light = LightSource::new(spec, &[]);
+        light.move_by(&light_motion(spec, scene));
+        Self::new(&camera, &staged.expect("checked with the spec"), &light)
     }
 }

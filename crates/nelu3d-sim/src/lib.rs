@@ -42,6 +42,7 @@ mod sensor;
 mod sequence;
 mod simulate;
 pub mod spec;
+mod staging;
 mod sweep;
 
 pub use error::SimulationError;

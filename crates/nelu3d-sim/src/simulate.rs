@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use nelu3d_scan::Image;
-use nelu3d_scan::board::{Artwork, Board};
+use nelu3d_scan::board::Board;
 use nelu3d_scan::image::write_gray8;
 use nelu3d_scan::output::{OutputDir, create_dir, write_atomic};
 use nelu3d_scan::rig::{KnownPose, Rig};
@@ -18,6 +18,7 @@ use crate::scene::{PrintedBoard, VirtualScene};
 use crate::sensor::Sensor;
 use crate::sequence::capture_frame;
 use crate::spec::{FilmSpec, LightSpec, Spec, SpecError};
+use crate::staging::{light_motion, stage};
 use crate::sweep::{hands_at, sweep_poses};
 
 /// File that marks a folder as a simulated rig, which another simulation may replace: the spec it was made from.
@@ -44,7 +45,7 @@ type Progress<'a> = &'a (dyn Fn(&str, usize, usize) + Sync);
 pub fn simulate(spec: &Spec, out: &Path, progress: Progress) -> Result<(), SimulationError> {
     spec.check()?;
     let board = spec.board.board();
-    let artwork = Artwork::new(&board)?;
+    let printed = PrintedBoard::of_spec(spec)?;
     let folder = OutputDir::create(out, SPEC_FILE)?;
     let root = folder.path();
     let saved = save_film(spec, root)?;
@@ -62,9 +63,8 @@ pub fn simulate(spec: &Spec, out: &Path, progress: Progress) -> Result<(), Simul
     rig.save()?;
 
     let camera = VirtualCamera { spec, renderer: &renderer, light: &light, sensor: Sensor::new(&spec.camera) };
-    let printed = PrintedBoard::new(spec, &board, artwork);
     capture_sweep(&camera, &rig, &poses, &printed, &displayed, progress)?;
-    capture_scenes(&camera, &rig, &displayed, progress)?;
+    capture_scenes(&camera, &rig, &printed, &displayed, &images, progress)?;
     capture_sequences(&camera, &rig, &displayed, progress)?;
     folder.commit()?;
     Ok(())
@@ -120,13 +120,18 @@ fn capture_sweep(
 fn capture_scenes(
     camera: &VirtualCamera,
     rig: &Rig,
+    printed: &PrintedBoard,
     displayed: &DisplayedImages,
+    images: &[Image],
     progress: Progress,
 ) -> Result<(), SimulationError> {
     let scenes = &camera.spec.scenes;
     for (i, spec) in scenes.iter().enumerate() {
         progress("scenes", i, scenes.len());
-        let scene = VirtualScene::new(&spec.objects)?;
+        let scene = stage(camera.spec, spec, printed)?;
+        let mut light = LightSource::new(camera.spec, images);
+        light.move_by(&light_motion(camera.spec, spec));
+        let camera = VirtualCamera { light: &light, sensor: Sensor::new(&camera.spec.camera), ..*camera };
         let dir = rig.root.join("scenes").join(&spec.name);
         let frames = displayed.shot_images(spec.black, true);
         camera.capture(&scene, &frames, FIRST_SCENE_SHOT + i as u64, &dir)?;

@@ -36,7 +36,7 @@ fn spec(objects: Vec<ObjectSpec>) -> Spec {
     *positions = 3;
     let gray = Pattern::Gray(Gray { axis: Axis::X, inverse: false });
     spec.pattern_sets = vec![PatternSetSpec { name: "gray".into(), patterns: vec![gray] }];
-    spec.scenes = vec![SceneSpec { name: "one".into(), black: true, objects }];
+    spec.scenes = vec![SceneSpec::new("one", objects)];
     spec.check().unwrap();
     spec
 }

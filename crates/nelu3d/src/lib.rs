@@ -39,6 +39,7 @@
 pub mod calibrate;
 #[doc(hidden)]
 pub mod color_field;
+pub mod drift;
 pub mod from_projector;
 #[doc(hidden)]
 pub mod progress;

@@ -26,15 +26,23 @@ pub(crate) enum BoardCommand {
     Rig(RigBoardArgs),
 }
 
+/// The squares of a board.
+#[derive(Debug, clap::Args)]
+pub(crate) struct SquareArgs {
+    /// Squares along x and along y.
+    #[arg(long = "squares", value_name = "NxM", default_value = "8x11", value_parser = count)]
+    pub number: [usize; 2],
+    /// Side of a square, mm.
+    #[arg(long = "square", value_name = "MM", default_value_t = 20.0, value_parser = length)]
+    pub side_mm: f64,
+}
+
 /// Arguments of `nelu3d board charuco`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct CharucoArgs {
-    /// Squares along x and along y.
-    #[arg(long, value_name = "NxM", default_value = "8x11", value_parser = count)]
-    pub squares: [usize; 2],
-    /// Side of a square, mm.
-    #[arg(long, value_name = "MM", default_value_t = 20.0, value_parser = length)]
-    pub square: f64,
+    /// The squares.
+    #[command(flatten)]
+    pub squares: SquareArgs,
     /// Side of a marker, mm (default: three quarters of a square).
     #[arg(long, value_name = "MM", value_parser = length)]
     pub marker: Option<f64>,
@@ -52,12 +60,9 @@ pub(crate) struct CharucoArgs {
 /// Arguments of `nelu3d board chessboard`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ChessboardArgs {
-    /// Squares along x and along y.
-    #[arg(long, value_name = "NxM", default_value = "8x11", value_parser = count)]
-    pub squares: [usize; 2],
-    /// Side of a square, mm.
-    #[arg(long, value_name = "MM", default_value_t = 20.0, value_parser = length)]
-    pub square: f64,
+    /// The squares.
+    #[command(flatten)]
+    pub squares: SquareArgs,
     /// Where to.
     #[command(flatten)]
     pub output: PrintArgs,

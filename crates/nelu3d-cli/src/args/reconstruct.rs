@@ -30,6 +30,9 @@ pub(crate) struct ReconstructArgs {
     /// Write the surface in these formats too.
     #[arg(long, value_name = "FORMAT", value_delimiter = ',')]
     pub mesh: Vec<MeshFormat>,
+    /// Correct the color field for a motion of camera or light since the sweep, as the board in view tells it.
+    #[arg(long)]
+    pub correct: bool,
     /// Write the result even if it is judged bad.
     #[arg(long)]
     pub accept: bool,

@@ -87,4 +87,18 @@ pub(super) fn code(text: &str) -> Result<f64, String> {
 pub(crate) struct CheckArgs {
     /// Rig folder, or its rig.toml.
     pub rig: PathBuf,
+    /// Check instead whether camera or light moved since the sweep, by captures of the rig's board: names under
+    /// RIG/scenes, or folders with white, black, and all patterns. A board at one of its places of the sweep tells
+    /// which of the two moved; several boards tell a motion better than one.
+    #[arg(long, value_name = "SCENE,…", value_delimiter = ',')]
+    pub drift: Vec<String>,
+    /// Pattern set of these captures (default: the rig's first).
+    #[arg(long, value_name = "NAME", requires = "drift")]
+    pub set: Option<String>,
+    /// Color field to check (default: RIG/fields/SET.safetensors).
+    #[arg(long, value_name = "FILE", requires = "drift")]
+    pub field: Option<PathBuf>,
+    /// Write the color field, corrected for what moved.
+    #[arg(long, value_name = "FILE", requires = "drift")]
+    pub correct: Option<PathBuf>,
 }

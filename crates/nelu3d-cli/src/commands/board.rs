@@ -56,15 +56,15 @@ pub(crate) fn run(args: BoardArgs, context: &CommandContext) -> Result<ExitCode>
 fn described(command: BoardCommand) -> Result<(Board, PrintArgs)> {
     let (kind, output) = match command {
         BoardCommand::Charuco(a) => {
-            let [columns, rows] = a.squares;
-            let marker_mm = a.marker.unwrap_or(0.75 * a.square);
+            let [columns, rows] = a.squares.number;
+            let marker_mm = a.marker.unwrap_or(0.75 * a.squares.side_mm);
             let dictionary = Dictionary::by_name(&a.dictionary)?.name().to_owned();
-            let (square_mm, legacy) = (a.square, a.legacy);
+            let (square_mm, legacy) = (a.squares.side_mm, a.legacy);
             (BoardKind::Charuco { columns, rows, square_mm, marker_mm, dictionary, legacy }, a.output)
         }
         BoardCommand::Chessboard(a) => {
-            let [columns, rows] = a.squares;
-            (BoardKind::Chessboard { columns, rows, square_mm: a.square }, a.output)
+            let [columns, rows] = a.squares.number;
+            (BoardKind::Chessboard { columns, rows, square_mm: a.squares.side_mm }, a.output)
         }
         BoardCommand::Markers(a) => {
             let dictionary = Dictionary::by_name(&a.dictionary)?.name();

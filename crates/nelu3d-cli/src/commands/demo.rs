@@ -44,6 +44,7 @@ pub(crate) fn run(args: DemoArgs, context: &CommandContext) -> Result<ExitCode> 
                 field: field.clone(),
                 options: ReconstructionOptions { device: args.device, ..Default::default() },
                 trace: true,
+                correct: false,
             },
         };
         let written = job.run(context)?;

@@ -30,6 +30,8 @@ pub(super) enum ResultMethod {
         options: ReconstructionOptions,
         /// Whether to record the error after every iteration.
         trace: bool,
+        /// Whether the field is corrected for what moved since the sweep.
+        correct: bool,
     },
     /// One of the baselines.
     Decode(DecodeOptions),
@@ -110,10 +112,13 @@ impl ResultJob<'_> {
         let truth = self.ground_truth.as_deref().map(|dir| GroundTruth::read(dir, &self.rig.camera)).transpose()?;
         let mut trace = None;
         let made = match &self.method {
-            ResultMethod::Reconstruct { field, options, trace: wanted } => {
+            ResultMethod::Reconstruct { field, options, trace: wanted, correct } => {
                 trace = truth.as_ref().filter(|_| *wanted).map(|t| Trace::new(t, &self.rig.camera));
                 let observer = trace.as_mut().map(|t| t as &mut dyn Observer);
-                let field = load_field(self.rig, self.set, field)?;
+                let mut field = load_field(self.rig, self.set, field)?;
+                if *correct {
+                    field = super::check::corrected_field(self.rig, self.set, &self.shot, field, context)?;
+                }
                 let (rig, set, progress) = (self.rig, self.set, &context.progress);
                 MethodOutput::Reconstruction(reconstruct_observed(
                     rig, set, &self.shot, &field, options, progress, observer,

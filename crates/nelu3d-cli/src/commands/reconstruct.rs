@@ -25,6 +25,7 @@ pub(crate) fn run(args: ReconstructArgs, context: &CommandContext) -> Result<Exi
             field: args.field.unwrap_or_else(|| default_field(&rig, &set.name)),
             options: args.options,
             trace: args.trace,
+            correct: args.correct,
         },
         rig: &rig,
         shot,

@@ -158,14 +158,8 @@ fn target_of(path: &Path) -> io::Result<(PathBuf, PathBuf, String)> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::names;
     use super::*;
-
-    fn names(dir: &Path) -> Vec<String> {
-        let mut all: Vec<_> =
-            fs::read_dir(dir).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
-        all.sort();
-        all
-    }
 
     #[test]
     fn a_failed_write_leaves_the_old_file_and_no_other() {

@@ -1,5 +1,6 @@
 //! Folders of results that are whole or absent.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -210,6 +211,22 @@ fn clean_up(parent: &Path, name: &str, target: &Path) {
     }
 }
 
+/// Removes what killed runs have left of any folder in `parent`, as [`OutputDir::create`] does for the folder that it
+/// starts. What somebody is at work on stays.
+pub fn remove_abandoned(parent: &Path) {
+    let target_of = |file: &str| {
+        [PARTIAL, OLD].into_iter().find_map(|kind| {
+            let (name, _) = file.strip_prefix('.')?.rsplit_once(&format!(".{kind}-"))?;
+            temporary_kind(file, name).map(|_| name.to_owned())
+        })
+    };
+    let entries = fs::read_dir(parent).into_iter().flatten().flatten();
+    let targets: BTreeSet<String> = entries.filter_map(|e| target_of(e.file_name().to_str()?)).collect();
+    for name in targets {
+        clean_up(parent, &name, &parent.join(&name));
+    }
+}
+
 /// Returns which kind of temporary folder of the folder `name` has this name: `.NAME.KIND-PID` or `.NAME.KIND-PID-N`.
 fn temporary_kind(file: &str, name: &str) -> Option<&'static str> {
     let rest = file.strip_prefix('.')?.strip_prefix(name)?.strip_prefix('.')?;
@@ -222,13 +239,20 @@ fn temporary_kind(file: &str, name: &str) -> Option<&'static str> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::names;
     use super::*;
 
-    fn names(dir: &Path) -> Vec<String> {
-        let mut all: Vec<_> =
-            fs::read_dir(dir).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
-        all.sort();
-        all
+    #[test]
+    fn folders_of_killed_runs_go_and_those_at_work_stay() {
+        let dir = tempfile::tempdir().unwrap();
+        for left in [".005.partial-1", ".b.c.partial-77-2", ".hidden", ".partial-3", "mine"] {
+            fs::create_dir(dir.path().join(left)).unwrap();
+        }
+        let at_work = OutputDir::create(&dir.path().join("006"), "white.png").unwrap();
+        let building = at_work.path().file_name().unwrap().to_string_lossy().into_owned();
+        remove_abandoned(dir.path());
+        assert_eq!(names(dir.path()), [building.as_str(), ".hidden", ".partial-3", "mine"]);
+        remove_abandoned(&dir.path().join("missing"));
     }
 
     #[test]

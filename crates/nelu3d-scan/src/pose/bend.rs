@@ -1,7 +1,7 @@
 //! The bend of a board that is not flat: a paraboloid over its plane.
 
 use nalgebra::{Isometry3, Point3, Vector3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::Camera;
 use crate::board::Corner;
@@ -9,7 +9,8 @@ use crate::board::Corner;
 /// A smooth bend of a board: its surface stands `z = ½ (κ₁ p² + κ₂ q²)` over the plane of its frame, where p and q are
 /// the coordinates from `center` along two orthogonal directions of that plane. What is printed keeps its lengths along
 /// the surface.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Bend {
     /// Where the surface touches the plane z = 0, board coordinates, mm.
     pub center_mm: [f64; 2],

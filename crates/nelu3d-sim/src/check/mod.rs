@@ -6,6 +6,7 @@ mod light;
 mod object;
 mod rules;
 mod sequence;
+mod staging;
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -17,6 +18,7 @@ use light::check_light;
 use object::check_object;
 use rules::{name, within};
 use sequence::check_sequence;
+use staging::check_staging;
 
 impl Spec {
     /// Reads a TOML file and checks its values. Files that it names are looked for from its folder, and are read.
@@ -48,6 +50,7 @@ impl Spec {
         let mut names = HashSet::new();
         for scene in &self.scenes {
             name("scenes.name", &scene.name, &mut names)?;
+            check_staging(self, scene)?;
             for object in &scene.objects {
                 check_object(&format!("scenes `{}`", scene.name), object)?;
             }

@@ -67,6 +67,12 @@ impl FilmLight {
         }
     }
 
+    pub(super) fn move_by(&mut self, motion: &Isometry3<f64>) {
+        self.lamps = self.lamps.map(|lamp| motion * lamp);
+        self.axis = motion * self.axis;
+        self.lamp_from_cam *= motion.inverse();
+    }
+
     fn waves(spec: &FilmSpec) -> [Vec<Wave>; 3] {
         [0, 1, 2].map(|color| {
             let mut random = generator(spec.seed, RandomPurpose::Film, [color, 0, 0]);

@@ -11,7 +11,7 @@ mod illumination;
 mod projector;
 mod sample;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use nelu3d_scan::Projector;
 
 use crate::spec::{LightSpec, Spec};
@@ -34,6 +34,14 @@ impl LightSource {
         match &spec.light {
             LightSpec::Projector(p) => Self::Projector(Box::new(ProjectorLight::new(p, patterns))),
             LightSpec::Film(f) => Self::Film(Box::new(FilmLight::new(f, patterns.first()))),
+        }
+    }
+
+    /// Moves the light source in the camera's frame.
+    pub(crate) fn move_by(&mut self, motion: &Isometry3<f64>) {
+        match self {
+            Self::Projector(l) => l.move_by(motion),
+            Self::Film(l) => l.move_by(motion),
         }
     }
 

@@ -1,6 +1,6 @@
 //! A projector: pixels, a lens with a focus plane, an image plane like a camera's.
 
-use nalgebra::{Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use nelu3d_scan::{Image, Projector};
 
 use super::grid::PixelGrid;
@@ -58,6 +58,12 @@ impl ProjectorLight {
             primaries: spec.primaries.map(|row| row.map(|v| v as f32)),
             spec: spec.clone(),
         }
+    }
+
+    pub(super) fn move_by(&mut self, motion: &Isometry3<f64>) {
+        self.center = motion * self.center;
+        self.axis = motion * self.axis;
+        self.projector.proj_from_cam *= motion.inverse();
     }
 
     /// Returns the projector as rigs describe it.

@@ -1,7 +1,7 @@
 //! The board of a sweep: printed, perhaps bent, held by hands.
 
 use nalgebra::{Isometry3, Translation3};
-use nelu3d_scan::board::{Artwork, Board};
+use nelu3d_scan::board::{Artwork, Board, BoardError};
 
 use super::albedo::Albedo;
 use super::hand::Hand;
@@ -20,8 +20,18 @@ pub(crate) struct PrintedBoard {
 }
 
 impl PrintedBoard {
+    /// Returns the board of a spec.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be printed as described.
+    pub(crate) fn of_spec(spec: &Spec) -> Result<Self, BoardError> {
+        let board = spec.board.board();
+        Ok(Self::new(spec, &board, Artwork::new(&board)?))
+    }
+
     /// Returns the board as the spec prints and bends it.
-    pub(crate) fn new(spec: &Spec, board: &Board, artwork: Artwork) -> Self {
+    fn new(spec: &Spec, board: &Board, artwork: Artwork) -> Self {
         let [x0, y0, x1, y1] = board.extent_mm;
         let [ink, paper] = spec.board_albedo.map(|v| v as f32);
         let dot_mm = spec.print_dpi.map_or(0.0, |dpi| 25.4 / dpi);

@@ -56,6 +56,16 @@ impl VirtualScene {
         Self { objects: printed.objects(cam_from_board, hands) }
     }
 
+    /// Puts what another scene has into this one.
+    pub(crate) fn add(&mut self, other: Self) {
+        self.objects.extend(other.objects);
+    }
+
+    /// Moves everything in the camera's frame.
+    pub(crate) fn move_by(&mut self, motion: &Isometry3<f64>) {
+        self.objects.iter_mut().for_each(|o| o.move_by(motion));
+    }
+
     /// Returns the first surface point along a ray.
     pub(crate) fn hit(&self, ray: &Ray) -> Option<SurfaceHit> {
         let mut nearest: Option<(f64, SurfaceHit)> = None;

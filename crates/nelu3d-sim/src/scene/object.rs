@@ -24,6 +24,12 @@ impl SceneObject {
         Self { shape, cam_from_object, object_from_cam: cam_from_object.inverse(), albedo, material }
     }
 
+    /// Moves the object in the camera's frame.
+    pub(super) fn move_by(&mut self, motion: &Isometry3<f64>) {
+        self.cam_from_object = motion * self.cam_from_object;
+        self.object_from_cam = self.cam_from_object.inverse();
+    }
+
     /// Returns the object of a spec with its files; `key` names its fields in messages.
     ///
     /// # Errors

@@ -2,15 +2,13 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use nelu3d_scan::Ray;
-use nelu3d_scan::board::Artwork;
 
 use super::*;
 use crate::spec::{AxisSpec, BoardBendSpec, Spec};
 
 fn printed(bend: Option<BoardBendSpec>) -> (PrintedBoard, Spec) {
     let spec = Spec { board_bend: bend, ..Spec::preset("color").unwrap() };
-    let board = spec.board.board();
-    (PrintedBoard::new(&spec, &board, Artwork::new(&board).unwrap()), spec)
+    (PrintedBoard::of_spec(&spec).unwrap(), spec)
 }
 
 /// Points of the board's print lie on the arc where the formulas of a circle put them, and keep their color.

@@ -4,6 +4,7 @@
 mod albedo;
 mod axis;
 mod board;
+mod bump;
 mod camera;
 mod defaults;
 mod deformation;
@@ -25,6 +26,7 @@ mod sweep;
 pub use albedo::AlbedoSpec;
 pub use axis::AxisSpec;
 pub use board::{BoardBendSpec, BoardSpec};
+pub use bump::BumpSpec;
 pub use camera::{CameraSpec, PerColor};
 pub use deformation::DeformationSpec;
 pub use error::SpecError;

@@ -59,7 +59,7 @@ pub fn object(position_mm: [f64; 3], shape: ShapeSpec) -> ObjectSpec {
 }
 
 pub fn scene(name: &str, objects: Vec<ObjectSpec>) -> SceneSpec {
-    SceneSpec { name: name.into(), black: true, objects }
+    SceneSpec::new(name, objects)
 }
 
 /// Simulates into a temporary folder, which lives as long as the first of the pair.

@@ -2,7 +2,9 @@
 
 use nalgebra::Isometry3;
 use nelu3d_scan::board::{Corner, Detector};
-use nelu3d_scan::pose::{Flatness, SharedMisfit, Trajectory, TrajectoryModel, explain_misfit, solve_pnp};
+use nelu3d_scan::pose::{
+    Bend, Flatness, SharedCause, SharedMisfit, Trajectory, TrajectoryModel, explain_misfit, solve_pnp,
+};
 use nelu3d_scan::rig::PatternSet;
 use nelu3d_scan::{Camera, Image, Rig};
 
@@ -95,8 +97,7 @@ pub fn solve_board_poses<'a>(
         return Err(CalibrationError::Cancelled);
     }
     let placed = PlacedSweep::new(sweep, &poses, rig.camera.clone(), board.extent_mm, trajectory.bend().copied());
-    // A bend that is taken into account leaves a pattern that a flat board's other flaws would be taken for.
-    let misfit = if trajectory.bend().is_none() { shared_misfit(&found, &trajectory, &rig.camera) } else { None };
+    let misfit = shared_misfit(&found, &trajectory, &rig.camera);
     let facts = SweepFacts { misfit, clipped: whites.clipped_share(), blocks: whites.blocks };
     Ok(SweepGeometry { placed, trajectory, dark, facts })
 }
@@ -159,13 +160,37 @@ impl WhiteImages {
     }
 }
 
-/// Asks what explains the misfit of the corners of the positions that are used, each with a pose of its own.
+/// Asks what explains the misfit of the corners of the positions that are used, each with a pose of its own. Of a bend
+/// that is taken into account, the rest: unless something else explains the corners better than a bend does.
 fn shared_misfit(found: &DetectedCorners, trajectory: &Trajectory, camera: &Camera) -> Option<SharedMisfit> {
+    let flat = misfit_of(found, trajectory, camera, None)?;
+    let Some(bend) = trajectory.bend() else { return Some(flat) };
+    if flat.likeliest(|_| true).is_some_and(|e| e.cause != SharedCause::Bend) {
+        return Some(flat);
+    }
+    let mut rest = misfit_of(found, trajectory, camera, Some(bend))?;
+    rest.causes.retain(|e| e.cause != SharedCause::Bend);
+    Some(rest)
+}
+
+/// Asks what explains the misfit of corners, beyond a bend of the board.
+fn misfit_of(
+    found: &DetectedCorners,
+    trajectory: &Trajectory,
+    camera: &Camera,
+    bend: Option<&Bend>,
+) -> Option<SharedMisfit> {
     let is_used = |name: &str| trajectory.positions.iter().any(|p| p.position == name);
     let mut views = Vec::new();
     for (_, corners) in found.iter().filter(|(name, _)| is_used(name)) {
         let Ok(corners) = corners else { continue };
-        let Ok(fit) = solve_pnp(corners, camera) else { continue };
+        let Ok(mut fit) = solve_pnp(corners, camera) else { continue };
+        let mut corners = corners.clone();
+        if let Some(bend) = bend {
+            corners = bend.flattened(&corners, camera, &fit.cam_from_board);
+            let Ok(better) = solve_pnp(&corners, camera) else { continue };
+            fit = better;
+        }
         let used: Vec<Corner> = corners.iter().zip(&fit.used).filter(|(_, used)| **used).map(|(c, _)| *c).collect();
         views.push((used, fit.cam_from_board));
     }

@@ -21,10 +21,11 @@ mod views;
 
 use nelu3d_field::device::Device;
 use nelu3d_scan::Rig;
+use nelu3d_scan::pose::Trajectory;
 use nelu3d_scan::rig::PatternSet;
 
 use crate::color_field::frame::Center;
-use crate::color_field::{ColorField, FieldMetadata, camera_key};
+use crate::color_field::{BoardPlace, ColorField, FieldMetadata, camera_key};
 use crate::progress::{Progress, StageClock};
 pub use board_poses::{SweepFacts, SweepGeometry, solve_board_poses};
 use candidate::Candidate;
@@ -93,6 +94,9 @@ pub fn calibrate(
         step_mm: placed.typical_step_mm(),
         quality: Some(best.quality.clone()),
         warnings: Vec::new(),
+        boards: places(&geometry.trajectory, &placed),
+        board_bend: geometry.trajectory.bend().copied(),
+        corrected: Vec::new(),
         settings: serde_json::to_value(opts).expect("plain data serializes"),
     };
     let shortfall = frame_choice::shortfall(&best, light.as_ref());
@@ -119,4 +123,11 @@ pub fn calibrate(
         stages: clock.finish(),
     };
     Ok((field, report))
+}
+
+/// Returns where the boards of the positions that are used stand.
+fn places(trajectory: &Trajectory, placed: &PlacedSweep<'_>) -> Vec<BoardPlace> {
+    let is_used = |name: &str| placed.sweep.shots.iter().any(|s| s.name == name);
+    let used = trajectory.positions.iter().filter(|p| is_used(&p.position));
+    used.map(|p| BoardPlace::new(&p.position, &p.cam_from_board)).collect()
 }

@@ -57,6 +57,13 @@ impl BoardPlane {
         self.extent_mm
     }
 
+    /// Returns which point of the print, board coordinates in mm, is at a point of the board's surface.
+    pub fn printed(&self, x: &Point3<f64>) -> [f64; 2] {
+        let on = x.coords - self.origin;
+        let at = [self.axes[0].dot(&on), self.axes[1].dot(&on)];
+        self.bend.as_ref().map_or(at, |bend| bend.printed(at))
+    }
+
     /// Returns the distance along a ray from the camera's center to the board, mm; `None` outside the board.
     #[inline]
     pub fn hit(&self, dir: &Vector3<f64>) -> Option<f64> {

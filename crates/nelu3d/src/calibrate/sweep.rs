@@ -7,7 +7,7 @@
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-use nelu3d_scan::rig::{PatternSet, RigError, Shot};
+use nelu3d_scan::rig::{Channels, Need, PatternSet, RigError, Shot};
 use nelu3d_scan::{Image, Rig};
 use rayon::prelude::*;
 
@@ -121,6 +121,9 @@ impl<'a> Sweep<'a> {
 
     /// Reads and normalizes a position; its images of the sensor pass `gather`.
     fn read(&self, p: usize, mut gather: impl FnMut(&Image)) -> Result<Position, CalibrationError> {
+        if let Channels::Bayer(cell) = self.rig.channels {
+            return self.read_mosaics(p, cell, gather);
+        }
         let mut reader = self.rig.reader(&self.shots[p]);
         let (white, black) = (reader.read(&self.rig.white)?, reader.read(&self.rig.black)?);
         gather(&white);
@@ -136,6 +139,23 @@ impl<'a> Sweep<'a> {
             builder.add(&pattern);
         }
         self.agree_on_mono(all, &self.shots[p])?;
+        Ok(builder.finish())
+    }
+
+    /// Reads and normalizes a position of raw mosaics, as a scene is: before they are demosaiced, so that the edges of
+    /// the print do not show in the codewords. What passes `gather` is what the sensor measured of each color.
+    fn read_mosaics(
+        &self,
+        p: usize,
+        cell: [u8; 4],
+        mut gather: impl FnMut(&Image),
+    ) -> Result<Position, CalibrationError> {
+        let capture = self.rig.read_shot(&self.shots[p], self.set, Need::Calibration)?;
+        [&capture.white].into_iter().chain(&capture.patterns).for_each(|image| gather(&measured(image, cell)));
+        let black = capture.black.expect("a position has a black image");
+        let mut builder = PositionBuilder::new(&capture.white, black, self.k, self.min_contrast);
+        capture.patterns.iter().for_each(|pattern| builder.add(pattern));
+        self.agree_on_mono(capture.mono, &self.shots[p])?;
         Ok(builder.finish())
     }
 
@@ -159,9 +179,31 @@ impl<'a> Sweep<'a> {
     }
 }
 
+/// Returns a demosaiced image without what was interpolated: half as large, of each color one measured value of every
+/// cell. Interpolation takes noise away.
+fn measured(image: &Image, cell: [u8; 4]) -> Image {
+    let mut out = Image::new(image.width / 2, image.height / 2, 3);
+    let site = [0u8, 1, 2].map(|color| cell.iter().position(|c| *c == color).unwrap_or(0));
+    for (i, value) in out.data.iter_mut().enumerate() {
+        let (x, y, color) = (i / 3 % out.width, i / 3 / out.width, i % 3);
+        let (x, y) = (2 * x + site[color] % 2, 2 * y + site[color] / 2);
+        *value = image.data[3 * (y * image.width + x) + color];
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_cell_has_one_measured_value_of_each_color() {
+        let data = (0..4 * 2 * 3).map(|i| i as f32).collect();
+        let half = measured(&Image { width: 4, height: 2, channels: 3, data }, [0, 1, 1, 2]);
+        assert_eq!((half.width, half.height), (2, 1));
+        // Red at (0, 0), green at (1, 0), blue at (1, 1) of each cell.
+        assert_eq!(half.data, [0.0, 4.0, 17.0, 6.0, 10.0, 23.0]);
+    }
 
     struct Silent;
 

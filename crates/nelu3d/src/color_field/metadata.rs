@@ -1,8 +1,11 @@
 //! Metadata of a color field: what it was made from, and how good it is.
 
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nelu3d_scan::pose::Bend;
 use serde::{Deserialize, Serialize};
 
 use super::frame::Center;
+use super::motion::LightMotion;
 use crate::sensor::{CrosstalkMatrix, DarkLevel, NoiseModel};
 
 /// Metadata of a color field, stored with it: what it was made from, and how good it is.
@@ -45,6 +48,15 @@ pub struct FieldMetadata {
     /// Codes of the warnings of its calibration; none where it is good.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+    /// Where the boards of its sweep stood; empty where there was none, and in fields of older versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub boards: Vec<BoardPlace>,
+    /// Bend of the sweep's board, where it was taken into account.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub board_bend: Option<Bend>,
+    /// Motions of the light since the sweep that the field was corrected for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub corrected: Vec<LightMotion>,
     /// Settings that it was made with.
     pub settings: serde_json::Value,
 }
@@ -62,6 +74,35 @@ impl FieldMetadata {
     /// Returns the standard deviation of depth that errors of the boards' poses leave, mm; 0 where it is not known.
     pub fn pose_sigma_mm(&self) -> f32 {
         self.quality.as_ref().map_or(0.0, |q| q.pose_mm as f32)
+    }
+}
+
+/// Where the board stood at a position of a sweep.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoardPlace {
+    /// Name of the position.
+    pub position: String,
+    /// Rotation, camera from board, as a unit quaternion (w, x, y, z).
+    pub rotation: [f64; 4],
+    /// Translation, camera from board, mm.
+    pub translation_mm: [f64; 3],
+}
+
+impl BoardPlace {
+    /// Makes the place of a position from the board's pose, camera from board, mm.
+    pub fn new(position: &str, pose: &Isometry3<f64>) -> Self {
+        let q = pose.rotation.quaternion();
+        let rotation = [q.w, q.i, q.j, q.k];
+        Self { position: position.into(), rotation, translation_mm: pose.translation.vector.into() }
+    }
+
+    /// Returns the board's pose, camera from board, mm.
+    pub fn pose(&self) -> Isometry3<f64> {
+        let [w, i, j, k] = self.rotation;
+        let [x, y, z] = self.translation_mm;
+        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
+        Isometry3::from_parts(Translation3::new(x, y, z), rotation)
     }
 }
 

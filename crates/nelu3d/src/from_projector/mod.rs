@@ -121,6 +121,9 @@ fn metadata(rig: &Rig, set: &PatternSet, noise: NoiseModel) -> FieldMetadata {
         step_mm: 0.0,
         quality: None,
         warnings: Vec::new(),
+        boards: Vec::new(),
+        board_bend: None,
+        corrected: Vec::new(),
         settings: serde_json::Value::Null,
     }
 }

@@ -7,6 +7,7 @@ use super::neural::TrainingRecord;
 use super::options::ReconstructionOptions;
 use super::settings::FastSettings;
 use crate::color_field::ColorField;
+use crate::drift::DriftReport;
 use crate::sensor::CrosstalkMatrix;
 use crate::verdict::Judgment;
 
@@ -22,6 +23,8 @@ pub struct Diagnostics {
     pub device: String,
     /// The color field that was used.
     pub field: FieldOrigin,
+    /// Whether camera or light moved since the sweep; `None` where no board in view told.
+    pub drift: Option<DriftReport>,
     /// Diagnostics of the recipe that was used.
     #[serde(flatten)]
     pub recipe: RecipeDiagnostics,

@@ -28,6 +28,7 @@ use nelu3d_scan::statistics::median;
 use nelu3d_scan::{Camera, Rig};
 
 use crate::color_field::{ColorField, check_field, check_mono};
+use crate::drift::check_capture;
 use crate::progress::{Progress, StageTime};
 use crate::surface::{Surface, SurfaceMaps, assemble};
 use crate::verdict::Judgment;
@@ -42,7 +43,7 @@ pub use filter::FilterSettings;
 use filter::filter;
 pub use initialize::{CrosstalkSettings, PropagationSettings};
 use initialize::{Initial, initialize};
-use judge::judge;
+use judge::{drift_not_checked, judge};
 pub use light_fractions::LightFractionPrior;
 pub(crate) use maps::interpolate_within;
 pub use observer::{Observer, Stage};
@@ -101,8 +102,16 @@ pub fn reconstruct_observed<'a>(
     cx.clock.begin("read the scene");
     let capture = rig.read_shot(shot, set, Need::Scene)?;
     check_mono(&capture, set, shot, field)?;
-    let (surface, diagnostics) = reconstruct_capture(&capture, &rig.camera, field, None, opts, &mut cx)
-        .map_err(|failure| failure.at(&shot.dir))?;
+    let (surface, mut diagnostics) =
+        surface(&capture, &rig.camera, field, None, opts, &mut cx).map_err(|failure| failure.at(&shot.dir))?;
+    cx.clock.begin("look for drift");
+    match check_capture(rig, &capture, field) {
+        Ok(drift) => {
+            diagnostics.judgment.extend(drift.finding());
+            diagnostics.drift = Some(drift);
+        }
+        Err(why) => diagnostics.judgment.add(drift_not_checked(&why)),
+    }
     Ok(Reconstruction { surface, diagnostics, stages: cx.finish() })
 }
 
@@ -119,12 +128,26 @@ pub fn reconstruct_capture(
     opts: &ReconstructionOptions,
     cx: &mut Context<'_>,
 ) -> Result<(Surface, Diagnostics), Failure> {
+    let (surface, mut diagnostics) = surface(capture, camera, field, previous, opts, cx)?;
+    diagnostics.judgment.add(drift_not_checked("a capture by itself is not searched for the board"));
+    Ok((surface, diagnostics))
+}
+
+/// Reconstructs a capture, without a look at whether something moved since the sweep.
+fn surface(
+    capture: &Capture,
+    camera: &Camera,
+    field: &ColorField,
+    previous: Option<&PreviousFrame>,
+    opts: &ReconstructionOptions,
+    cx: &mut Context<'_>,
+) -> Result<(Surface, Diagnostics), Failure> {
     let (surface, recipe, judgment) = match opts.recipe {
         Recipe::Fast => fast(capture, camera, field, previous, opts, cx)?,
         Recipe::Paper => neural::reconstruct(capture, camera, field, opts, cx)?,
     };
     let (settings, device) = (opts.clone(), cx.device.name());
-    Ok((surface, Diagnostics { judgment, settings, device, field: field.into(), recipe }))
+    Ok((surface, Diagnostics { judgment, settings, device, field: field.into(), drift: None, recipe }))
 }
 
 /// Recipe `fast`: measure, initialize, refine, filter, assemble.

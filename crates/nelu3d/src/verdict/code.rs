@@ -16,6 +16,8 @@ pub enum Code {
     PrintStretched,
     /// A bent board, by the pattern of the corners' misfit.
     BoardBent,
+    /// What no image tells: the scale of everything, and the focal length where the boards face the camera.
+    ScaleNotChecked,
     /// The boards span too little depth, or none.
     DepthRange,
     /// The field predicts unseen positions worse than noise allows.
@@ -48,6 +50,8 @@ pub enum Code {
     ResidualAboveNoise,
     /// Little of what is lit has a depth.
     LittleExplained,
+    /// Camera or light source moved since the sweep.
+    Drift,
     /// Whether projector or camera moved since the sweep was not checked: no board in view.
     DriftNotChecked,
     /// The field's own verdict was not good.
@@ -56,12 +60,13 @@ pub enum Code {
 
 impl Code {
     /// All codes.
-    pub const ALL: [Code; 23] = [
+    pub const ALL: [Code; 25] = [
         Code::CornersMisfit,
         Code::CameraIntrinsics,
         Code::CameraDistortion,
         Code::PrintStretched,
         Code::BoardBent,
+        Code::ScaleNotChecked,
         Code::DepthRange,
         Code::FieldBelowNoise,
         Code::PositionsRepeat,
@@ -78,6 +83,7 @@ impl Code {
         Code::AmbientNotInBlack,
         Code::ResidualAboveNoise,
         Code::LittleExplained,
+        Code::Drift,
         Code::DriftNotChecked,
         Code::FieldDoubtful,
     ];

@@ -10,6 +10,7 @@ use std::path::Path;
 use super::*;
 use crate::camera::{Camera, write_camera};
 use crate::image::{Channels, Raw, RawData, decode, write_rgb8};
+use crate::output::names;
 use crate::rig::{Need, PatternSet};
 use dng::chronos;
 
@@ -82,13 +83,6 @@ fn u16s(path: &Path) -> Vec<u16> {
         RawData::U16(v) => v,
         other => panic!("{other:?}"),
     }
-}
-
-fn names(dir: &Path) -> Vec<String> {
-    let mut all: Vec<_> =
-        fs::read_dir(dir).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
-    all.sort();
-    all
 }
 
 #[test]

@@ -11,8 +11,6 @@ const MIN_SHARE: f64 = 0.3;
 const MIN_F: f64 = 30.0;
 /// Change of depth that a cause makes, as a fraction of the depth, from which it matters.
 const MIN_DEPTH: f64 = 3e-4;
-/// Fraction of the most that any cause explains from which another one explains as much.
-const CLOSE: f64 = 0.95;
 /// Root mean square reprojection error that no sound set-up exceeds, px.
 const MAX_RMS_PX: f64 = 0.7;
 
@@ -20,12 +18,8 @@ const MAX_RMS_PX: f64 = 0.7;
 pub(super) fn judge(misfit: Option<&SharedMisfit>, depth_mm: f64) -> Option<Finding> {
     let misfit = misfit?;
     tracing::debug!(?misfit, "corners");
-    let is_cause = |e: &&Explanation| e.share >= MIN_SHARE && e.f >= MIN_F && e.depth_mm >= MIN_DEPTH * depth_mm;
-    let most = misfit.causes.iter().filter(is_cause).map(|e| e.share).fold(0.0, f64::max);
-    // Of causes that explain about the same, the one with fewer parameters.
-    let close = misfit.causes.iter().filter(is_cause).filter(|e| e.share > CLOSE * most);
-    let best = close.max_by(|a, b| a.f.total_cmp(&b.f));
-    let Some(best) = best else {
+    let is_cause = |e: &Explanation| e.share >= MIN_SHARE && e.f >= MIN_F && e.depth_mm >= MIN_DEPTH * depth_mm;
+    let Some(best) = misfit.likeliest(is_cause) else {
         return (misfit.rms_px > MAX_RMS_PX).then(|| {
             let sentence = format!("the boards' corners fit to {:.2} px only", misfit.rms_px);
             let remedy = "check camera.json, the print's measures in [board], and that the images are sharp";
@@ -33,7 +27,7 @@ pub(super) fn judge(misfit: Option<&SharedMisfit>, depth_mm: f64) -> Option<Find
         });
     };
     let (code, cause, remedy) = match best.cause {
-        SharedCause::Intrinsics => (
+        SharedCause::Intrinsics | SharedCause::Camera => (
             Code::CameraIntrinsics,
             "another focal length or principal point",
             "calibrate the camera again; camera.json may be of another camera, resolution, or focus",
@@ -67,14 +61,30 @@ pub(super) fn judge(misfit: Option<&SharedMisfit>, depth_mm: f64) -> Option<Find
     )
 }
 
+/// Notes what no image tells: the scale of everything, and the focal length where the boards face the camera.
+pub(super) fn scale(misfit: Option<&SharedMisfit>) -> Finding {
+    /// Relative standard deviation up to which the boards tell the focal length.
+    const KNOWN: f64 = 0.01;
+    let sentence = "the scale of all depths rests on the size of the print in [board]";
+    let sigma = misfit.map(|m| m.focal_sigma);
+    let (sentence, remedy) = match sigma.filter(|s| *s <= KNOWN) {
+        Some(_) => (format!("{sentence}, which no image tells"), "measure the print"),
+        None => (
+            format!("{sentence} and on the focal length in camera.json, which boards that face the camera do not tell"),
+            "measure the print, and tilt the board by 20 degrees and more at some positions",
+        ),
+    };
+    Finding::new(Code::ScaleNotChecked, Verdict::Good, sentence, remedy).with("focal_sigma", sigma)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn misfit(rms_px: f64, share: f64, f: f64, depth_mm: f64) -> SharedMisfit {
         let cause = SharedCause::Bend;
-        let causes = vec![Explanation { cause, share, f, depth_mm, amount: 1.0 }];
-        SharedMisfit { rms_px, rms_explained_px: rms_px, causes }
+        let causes = vec![Explanation { cause, share, f, bic: 0.0, depth_mm, amount: 1.0 }];
+        SharedMisfit { rms_px, rms_explained_px: rms_px, focal_sigma: 0.1, causes }
     }
 
     #[test]
@@ -86,5 +96,6 @@ mod tests {
         assert_eq!(code(misfit(0.1, 0.6, 200.0, 0.05)), None);
         assert_eq!(code(misfit(2.0, 0.1, 5.0, 0.05)), Some(Code::CornersMisfit));
         assert!(judge(None, 700.0).is_none());
+        assert!(scale(Some(&misfit(0.1, 0.1, 5.0, 0.05))).sentence.contains("focal length"));
     }
 }

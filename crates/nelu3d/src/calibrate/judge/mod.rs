@@ -42,6 +42,7 @@ pub(super) fn judge(
     let span = DepthSpan::of(placed);
     judgment.extend(spread::judge(&span, field));
     judgment.extend(corners::judge(evidence.facts.misfit.as_ref(), span.middle_mm));
+    judgment.add(corners::scale(evidence.facts.misfit.as_ref()));
     judgment.extend(field::judge(&evidence.held_out));
     judgment.extend(evidence.without_consensus.iter().map(|name| {
         let sentence =

@@ -83,6 +83,11 @@ impl Header {
             && v.cells.iter().all(|c| *c > 0)
             && sizes.into_iter().all(|(px, tiles)| px >= 1.0 && tiles == (px as usize).div_ceil(v.tile_px));
         expect(good, "its calibrated volume does not belong to its camera")?;
+        let motions = metadata.corrected.iter().flat_map(|m| [m.rotation, m.translation_mm, m.about_mm]);
+        let places = metadata.boards.iter().map(|b| b.translation_mm);
+        let good = motions.chain(places).flatten().all(f64::is_finite)
+            && metadata.boards.iter().all(|b| b.rotation.iter().map(|v| v * v).sum::<f64>() > 0.5);
+        expect(good, "its boards' places are impossible")?;
         let noise = metadata.noise;
         let good = noise.read.is_finite() && noise.gain.is_finite() && noise.read >= 0.0 && noise.gain >= 0.0;
         expect(good, "its noise is impossible")

@@ -49,6 +49,9 @@ fn field(form: Form) -> ColorField {
             pose_mm: 0.1,
         }),
         warnings: Vec::new(),
+        boards: Vec::new(),
+        board_bend: None,
+        corrected: Vec::new(),
         settings: serde_json::json!({ "seed": 1 }),
     };
     ColorField { frame, form, validity, metadata }

@@ -11,6 +11,7 @@ use crate::reconstruct::light_fractions::LightFractionPrior;
 use crate::reconstruct::maps::local_mean;
 use crate::reconstruct::refine::Refined;
 use crate::reconstruct::scene::Scene;
+use crate::sensor::{CodewordStatistics, judge_codewords};
 use crate::surface::{Links, MAX_SLOPE, PixelStatus, reject_small_components};
 use chance::ForeignCodewords;
 use components::reject_unexplained_components;
@@ -80,13 +81,34 @@ pub(crate) fn filter(
         }
     }
     if depth.iter().all(|z| z.is_nan()) {
-        return Err(nothing_left(&m.status));
+        return Err(nothing_left(scene));
     }
     Ok(depth)
 }
 
-/// Returns the failure of a scene in which every pixel is rejected.
-pub(crate) fn nothing_left(status: &[PixelStatus]) -> Failure {
-    let rejected = PixelStatus::describe_rejections(status, "the calibrated volume");
-    Failure::Nothing(format!("{rejected}; check the exposure and that the object stands where the board was swept"))
+/// Returns the failure of a scene in which every pixel is rejected: what its captures tell, or else what most of the
+/// pixels that are not dark were rejected for.
+pub(crate) fn nothing_left(scene: &Scene<'_>) -> Failure {
+    let m = &scene.measurements;
+    let rejected = PixelStatus::describe_rejections(&m.status, "the calibrated volume");
+    let (statistics, _) = CodewordStatistics::of_scene(m, &m.status);
+    if let Some(found) = judge_codewords(&statistics, None, &scene.field.metadata.images).first() {
+        return Failure::Nothing(format!("{rejected}; {}: {}", found.sentence, found.remedy));
+    }
+    let count = |s: PixelStatus| m.status.iter().filter(|v| **v == s).count();
+    let reasons = [
+        (PixelStatus::Saturated, "expose for less"),
+        (PixelStatus::OutsideVolume, "put the object where the board was swept"),
+        (
+            PixelStatus::Ambiguous,
+            "check that the object stands where the board was swept, and that white, black, and patterns are this \
+             scene's, in the set's order, neither mirrored nor with another gamma or exposure than in the sweep",
+        ),
+    ];
+    let most = reasons.into_iter().max_by_key(|(status, _)| count(*status)).filter(|(status, _)| {
+        // A scene without light has nothing else to tell.
+        20 * count(*status) > m.n()
+    });
+    let remedy = most.map_or("expose for longer, and check that the light was on in white", |(_, remedy)| remedy);
+    Failure::Nothing(format!("{rejected}; {remedy}"))
 }

@@ -66,7 +66,7 @@ pub(crate) fn initialize(
         }
     };
     if depth.inv_z.iter().all(|z| z.is_nan()) {
-        return Err(nothing_left(&m.status));
+        return Err(nothing_left(scene));
     }
     cx.stop_if_cancelled()?;
     cx.observe(Stage::Decode, 1, || depth.inv_z.iter().map(|v| 1.0 / v).collect());

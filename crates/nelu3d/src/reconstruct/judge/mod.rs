@@ -5,6 +5,7 @@ mod response;
 use nelu3d_scan::statistics::median;
 
 use super::scene::Scene;
+use crate::color_field::LightMotion;
 use crate::sensor::{CodewordStatistics, judge_clipping, judge_codewords, judge_explained};
 use crate::verdict::{Code, Finding, Judgment, Verdict};
 
@@ -26,13 +27,24 @@ pub(super) fn judge(scene: &Scene<'_>, depth: &[f32], chi2: Option<&[f32]>) -> J
     judgment.extend(chi2.and_then(|chi2| residual(depth, chi2)));
     judgment.extend(judge_explained(&m.status));
     judgment.extend(of_field(&metadata.warnings));
-    judgment.add(Finding::new(
-        Code::DriftNotChecked,
-        Verdict::Good,
-        "whether camera or projector moved since the sweep was not checked, as no board is in view",
-        "scan something whose place or size is known from time to time, and sweep again when it comes out elsewhere",
-    ));
+    judgment.extend(of_corrected_field(&metadata.corrected));
     judgment
+}
+
+/// Notes that a field was corrected.
+fn of_corrected_field(corrected: &[LightMotion]) -> Option<Finding> {
+    (!corrected.is_empty()).then(|| {
+        let sentence = "the color field is corrected for a motion of camera or light since the sweep";
+        Finding::new(Code::Drift, Verdict::Good, sentence, "calibrate again when there is time")
+            .with("motions", serde_json::to_value(corrected).unwrap_or_default())
+    })
+}
+
+/// Notes that nothing told whether camera or light moved since the sweep; `why` is a part of a sentence.
+pub(crate) fn drift_not_checked(why: &str) -> Finding {
+    let sentence = format!("whether camera or projector moved since the sweep was not checked, as {why}");
+    let remedy = "leave the board at the edge of the view, or let `nelu3d check --drift` look at it from time to time";
+    Finding::new(Code::DriftNotChecked, Verdict::Good, sentence, remedy)
 }
 
 /// What codewords the field has along the rays of `pixels`; `None` where no ray meets its volume.

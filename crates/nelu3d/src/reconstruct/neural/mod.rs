@@ -67,8 +67,8 @@ pub(super) fn reconstruct(
 ) -> Result<(Surface, RecipeDiagnostics, Judgment), Failure> {
     let n_steps = opts.steps.unwrap_or(ITERATIONS);
     let mut scene = Scene::measure(capture, camera, field, MIN_MODEL_SIGMA, cx)?;
-    let pixels = TrainingPixels::new(&scene.measurements, &scene.rays, &opts.paper)
-        .ok_or_else(|| nothing_left(&scene.measurements.status))?;
+    let pixels =
+        TrainingPixels::new(&scene.measurements, &scene.rays, &opts.paper).ok_or_else(|| nothing_left(&scene))?;
 
     let decoded = if opts.paper.start == PaperStart::Lookup { Some(decode(&mut scene, opts, cx)?) } else { None };
     cx.clock.begin("give the field its start");
@@ -112,7 +112,7 @@ fn reject_transparent(scene: &mut Scene<'_>, view: &RenderedView) -> Result<(), 
             m.status[i] = if near > far { PixelStatus::OutsideVolume } else { PixelStatus::Ambiguous };
         }
     }
-    if view.depth.iter().all(|z| z.is_nan()) { Err(nothing_left(&m.status)) } else { Ok(()) }
+    if view.depth.iter().all(|z| z.is_nan()) { Err(nothing_left(scene)) } else { Ok(()) }
 }
 
 /// Returns the RMS residual of the normalized intensities, and the ambient fraction, mean over channels, per pixel; NaN
