@@ -37,7 +37,7 @@ def codes(rig):
 @pytest.fixture(scope="module")
 def arrays(rig):
     """The rig made of arrays."""
-    import tomllib
+    tomllib = pytest.importorskip("tomllib")
 
     mode, sweep, scenes, sequences = codes(rig)
     assert mode == np.uint16 or mode == np.int32, mode
