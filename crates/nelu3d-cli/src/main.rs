@@ -15,7 +15,6 @@ mod context;
 mod errors;
 mod experiment;
 mod paths;
-mod report;
 mod signals;
 mod verdict;
 
@@ -87,5 +86,6 @@ fn run(args: Args, console: &Arc<Console>, cancel: &Arc<AtomicBool>) -> anyhow::
         Command::Table(a) => commands::table::run(a, &context),
         Command::Bench(a) => commands::bench::run(a, &context),
         Command::Devices => commands::devices::run(&context),
+        Command::Manual(a) => commands::manual::run(a, &context),
     }
 }

@@ -20,13 +20,22 @@ const CRATES: &[(&str, &[&str])] = &[
     ("nelu3d-evaluate", ABOVE_THE_METHOD_MAY_USE),
     ("nelu3d-sim", ABOVE_THE_METHOD_MAY_USE),
     ("nelu3d-capture", ABOVE_THE_METHOD_MAY_USE),
+    ("nelu3d-report", &["nelu3d-scan", "nelu3d", "nelu3d-evaluate"]),
     ("nelu3d-cli", FACES_MAY_USE),
     ("nelu3d-py", FACES_MAY_USE),
 ];
 const METHOD_MAY_USE: &[&str] = &["nelu3d-scan", "nelu3d-field"];
 const ABOVE_THE_METHOD_MAY_USE: &[&str] = &["nelu3d-scan", "nelu3d-field", "nelu3d"];
-const FACES_MAY_USE: &[&str] =
-    &["nelu3d-scan", "nelu3d-field", "nelu3d", "nelu3d-baselines", "nelu3d-evaluate", "nelu3d-sim", "nelu3d-capture"];
+const FACES_MAY_USE: &[&str] = &[
+    "nelu3d-scan",
+    "nelu3d-field",
+    "nelu3d",
+    "nelu3d-baselines",
+    "nelu3d-evaluate",
+    "nelu3d-sim",
+    "nelu3d-capture",
+    "nelu3d-report",
+];
 
 /// The layers of `crates/nelu3d/src`, lowest first: a folder uses itself and lower layers, never its neighbor.
 const LAYERS: &[&[&str]] = &[

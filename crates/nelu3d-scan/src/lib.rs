@@ -10,6 +10,7 @@
 
 pub mod board;
 pub mod camera;
+pub mod cloud;
 pub mod image;
 pub mod import;
 pub mod input;

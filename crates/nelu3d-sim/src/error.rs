@@ -26,4 +26,7 @@ pub enum SimulationError {
     /// The true mesh cannot be written; the message names the file.
     #[error(transparent)]
     Mesh(#[from] MeshFileError),
+    /// The caller stopped the work.
+    #[error("stopped before the rig was finished; nothing was written")]
+    Stopped,
 }

@@ -48,6 +48,6 @@ mod sweep;
 pub use error::SimulationError;
 pub use ground_truth::GroundTruth;
 pub use sequence::object_at;
-pub use simulate::simulate;
+pub use simulate::{simulate, simulate_until};
 pub use spec::Spec;
 pub use sweep::sweep_poses;

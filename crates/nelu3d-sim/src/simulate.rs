@@ -33,6 +33,21 @@ const FIRST_SEQUENCE_SHOT: u64 = 1 << 33;
 /// Is told the stage, how many of its shots are done, and how many there are.
 type Progress<'a> = &'a (dyn Fn(&str, usize, usize) + Sync);
 
+/// The caller's side of a simulation.
+#[derive(Clone, Copy)]
+struct Caller<'a> {
+    progress: Progress<'a>,
+    stop: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl Caller<'_> {
+    /// Tells how far the work is, and fails if it is to stop.
+    fn tell(&self, stage: &str, done: usize, total: usize) -> Result<(), SimulationError> {
+        (self.progress)(stage, done, total);
+        if (self.stop)() { Err(SimulationError::Stopped) } else { Ok(()) }
+    }
+}
+
 /// Captures everything a spec describes and writes the rig folder `out`: patterns, sweep, scenes and sequences with
 /// their ground truth, and the spec itself as `simulation.toml` (with a film's picture beside it). The folder is
 /// written whole or not at all; an earlier simulation in its place is replaced, anything else is not.
@@ -43,6 +58,22 @@ type Progress<'a> = &'a (dyn Fn(&str, usize, usize) + Sync);
 ///
 /// A value of the spec makes no sense, the board cannot be printed, or a file cannot be written.
 pub fn simulate(spec: &Spec, out: &Path, progress: Progress) -> Result<(), SimulationError> {
+    simulate_until(spec, out, progress, &|| false)
+}
+
+/// Captures everything a spec describes as [`simulate`] does, until `stop` says true, which it is asked before every
+/// shot; then nothing is left behind.
+///
+/// # Errors
+///
+/// As [`simulate`], or the caller stopped the work.
+pub fn simulate_until(
+    spec: &Spec,
+    out: &Path,
+    progress: Progress,
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Result<(), SimulationError> {
+    let caller = Caller { progress, stop };
     spec.check()?;
     let board = spec.board.board();
     let printed = PrintedBoard::of_spec(spec)?;
@@ -63,9 +94,9 @@ pub fn simulate(spec: &Spec, out: &Path, progress: Progress) -> Result<(), Simul
     rig.save()?;
 
     let camera = VirtualCamera { spec, renderer: &renderer, light: &light, sensor: Sensor::new(&spec.camera) };
-    capture_sweep(&camera, &rig, &poses, &printed, &displayed, progress)?;
-    capture_scenes(&camera, &rig, &printed, &displayed, &images, progress)?;
-    capture_sequences(&camera, &rig, &displayed, progress)?;
+    capture_sweep(&camera, &rig, &poses, &printed, &displayed, caller)?;
+    capture_scenes(&camera, &rig, &printed, &displayed, &images, caller)?;
+    capture_sequences(&camera, &rig, &displayed, caller)?;
     folder.commit()?;
     Ok(())
 }
@@ -95,6 +126,7 @@ fn rig(
         board: Some(board.clone()),
         poses: if spec.sweep.write_poses() { poses.to_vec() } else { Vec::new() },
         projector: light.projector(),
+        memory: None,
     }
 }
 
@@ -104,16 +136,16 @@ fn capture_sweep(
     poses: &[KnownPose],
     printed: &PrintedBoard,
     displayed: &DisplayedImages,
-    progress: Progress,
+    caller: Caller<'_>,
 ) -> Result<(), SimulationError> {
     // The sweep needs no inverse images: only decoders of scenes do.
     let frames = displayed.shot_images(true, false);
     for (i, pose) in poses.iter().enumerate() {
-        progress("sweep", i, poses.len());
+        caller.tell("sweep", i, poses.len())?;
         let scene = VirtualScene::of_board(printed, &pose.cam_from_board, &hands_at(camera.spec, i));
         camera.capture(&scene, &frames, i as u64, &rig.root.join("calibration").join(&pose.position))?;
     }
-    progress("sweep", poses.len(), poses.len());
+    caller.tell("sweep", poses.len(), poses.len())?;
     Ok(())
 }
 
@@ -123,11 +155,11 @@ fn capture_scenes(
     printed: &PrintedBoard,
     displayed: &DisplayedImages,
     images: &[Image],
-    progress: Progress,
+    caller: Caller<'_>,
 ) -> Result<(), SimulationError> {
     let scenes = &camera.spec.scenes;
     for (i, spec) in scenes.iter().enumerate() {
-        progress("scenes", i, scenes.len());
+        caller.tell("scenes", i, scenes.len())?;
         let scene = stage(camera.spec, spec, printed)?;
         let mut light = LightSource::new(camera.spec, images);
         light.move_by(&light_motion(camera.spec, spec));
@@ -138,7 +170,7 @@ fn capture_scenes(
         let truth = GroundTruth::new(camera.renderer.camera(), &scene, camera.light);
         write_truth(&dir.join("truth"), rig, &truth)?;
     }
-    progress("scenes", scenes.len(), scenes.len());
+    caller.tell("scenes", scenes.len(), scenes.len())?;
     Ok(())
 }
 
@@ -146,18 +178,18 @@ fn capture_sequences(
     camera: &VirtualCamera,
     rig: &Rig,
     displayed: &DisplayedImages,
-    progress: Progress,
+    caller: Caller<'_>,
 ) -> Result<(), SimulationError> {
     for (i, sequence) in camera.spec.sequences.iter().enumerate() {
         let patterns = displayed.set_images(sequence.pattern_set.as_deref());
         for frame in 0..sequence.frames {
-            progress(&sequence.name, frame, sequence.frames);
+            caller.tell(&sequence.name, frame, sequence.frames)?;
             let shot = FIRST_SEQUENCE_SHOT + ((i as u64) << 20) + frame as u64;
             let dir = rig.root.join("sequences").join(&sequence.name).join(frame_name(frame, sequence.frames));
             let truth = capture_frame(camera, sequence, frame, &patterns, shot, &dir)?;
             write_truth(&dir.join("truth"), rig, &truth)?;
         }
-        progress(&sequence.name, sequence.frames, sequence.frames);
+        caller.tell(&sequence.name, sequence.frames, sequence.frames)?;
     }
     Ok(())
 }

@@ -9,7 +9,7 @@ use nelu3d_scan::pattern::{Axis, Gray, Pattern, Ramp, Rgb, Sinusoid, decode_gray
 use nelu3d_scan::rig::{Need, Rig};
 use nelu3d_scan::{Image, Mesh, Projector, npy};
 use nelu3d_sim::spec::{AxisSpec, BlackImage, BoardBendSpec, LightSpec, PatternSetSpec, ShapeSpec, SweepSpec};
-use nelu3d_sim::{GroundTruth, SimulationError, Spec, simulate, sweep_poses};
+use nelu3d_sim::{GroundTruth, SimulationError, Spec, simulate, simulate_until, sweep_poses};
 
 /// The `shapes` preset at half the resolution and quick to render.
 fn small() -> Spec {
@@ -533,4 +533,15 @@ fn a_sweep_by_hand_is_the_same_for_the_same_seed_only() {
     // Keys that are not given are not written: rigs made before these keys existed keep their bytes.
     let text = Spec::preset("demo").unwrap().to_toml();
     assert!(!text.contains("bend") && !text.contains("hands"), "{text}");
+}
+
+/// What is stopped in the middle of the sweep leaves neither a rig nor a part of one.
+#[test]
+fn a_stopped_simulation_leaves_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let asked = std::sync::atomic::AtomicUsize::new(0);
+    let stop = || asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) >= 2;
+    let stopped = simulate_until(&small(), &dir.path().join("rig"), &|_, _, _| (), &stop);
+    assert!(matches!(stopped, Err(SimulationError::Stopped)), "{stopped:?}");
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
 }

@@ -7,7 +7,7 @@
 //! The whole path:
 //!
 //! ```no_run
-//! use nelu3d::result::{MeshFiles, ResultMetadata, Summary, write};
+//! use nelu3d::result::{ExtraFiles, ResultMetadata, Summary, write};
 //! use nelu3d::{CalibrationOptions, Progress, ReconstructionOptions, Rig, calibrate, reconstruct};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -26,7 +26,7 @@
 //! println!("{} pixels have a depth", cup.surface.n_valid());
 //! let metadata = ResultMetadata { scene: scene.name, set: set.name.clone(), ..Default::default() };
 //! let summary = Summary::new(&cup.surface, &cup.diagnostics, &cup.stages, &rig.camera, &metadata);
-//! write(&cup.surface, &summary, MeshFiles::default(), "cup".as_ref())?;
+//! write(&cup.surface, &summary, ExtraFiles::default(), "cup".as_ref())?;
 //! # Ok(())
 //! # }
 //! ```

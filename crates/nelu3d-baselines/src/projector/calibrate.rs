@@ -132,7 +132,7 @@ fn view_boards(
             Ok(corners) => {
                 // A sweep rarely has inverses; use them if this position does.
                 let mut here = set.clone();
-                if !here.inverse.iter().all(|name| shot.dir.join(name).exists()) {
+                if !here.inverse.iter().all(|name| rig.has_image(&shot.dir.join(name))) {
                     here.inverse.clear();
                 }
                 let images = Images::read_position(rig, shot, &here)?;

@@ -41,7 +41,7 @@ pub(super) fn measure_response(
     names.dedup();
     let at: Vec<&(usize, Isometry3<f64>)> =
         positions.iter().step_by(positions.len().div_ceil(POSITIONS).max(1)).collect();
-    names.retain(|name| rig.projected(name).exists() && at.iter().all(|p| shots[p.0].dir.join(name).exists()));
+    names.retain(|name| rig.projected(name).exists() && at.iter().all(|p| rig.has_image(&shots[p.0].dir.join(name))));
     // Only images of several values that one axis explains; what cannot be read is no reason to fail here.
     let set_of = |images: Vec<String>| PatternSet { name: "response".into(), images, inverse: Vec::new() };
     let size = Some([projector.optics.width, projector.optics.height]);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Subcommand;
 use nelu3d_baselines::lookup3d::Rank;
 
-use super::mesh_format::MeshFormat;
+use super::mesh_format::{MeshFormat, OtherFormat};
 
 /// Arguments of `nelu3d decode`.
 #[derive(Debug, clap::Args)]
@@ -27,6 +27,9 @@ pub(crate) struct DecodeArgs {
     /// Write the surface in these formats too.
     #[arg(long, value_name = "FORMAT", value_delimiter = ',')]
     pub mesh: Vec<MeshFormat>,
+    /// Write points and depth in these formats too.
+    #[arg(long, value_name = "FORMAT", value_delimiter = ',')]
+    pub also: Vec<OtherFormat>,
     /// Write the result even if it is judged bad.
     #[arg(long)]
     pub accept: bool,

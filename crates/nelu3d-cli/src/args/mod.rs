@@ -11,6 +11,7 @@ mod capture;
 mod demo;
 mod evaluate;
 mod machine;
+mod manual;
 mod mesh_format;
 mod patterns;
 mod reconstruct;
@@ -30,7 +31,8 @@ pub(crate) use capture::{CaptureArgs, NewRigArgs};
 pub(crate) use demo::{DemoArgs, SimulateArgs};
 pub(crate) use evaluate::{EvaluateArgs, ExperimentArgs};
 pub(crate) use machine::BenchArgs;
-pub(crate) use mesh_format::MeshFormat;
+pub(crate) use manual::ManualArgs;
+pub(crate) use mesh_format::{MeshFormat, OtherFormat};
 pub(crate) use patterns::{AxisChoice, PatternImageArgs, PatternScoreArgs, PatternsCommand, RgbArgs};
 pub(crate) use reconstruct::ReconstructArgs;
 pub(crate) use rig::{CheckArgs, ImportArgs};
@@ -130,6 +132,9 @@ pub(crate) enum Command {
     Bench(BenchArgs),
     /// List the GPUs that were found, and why one is not used.
     Devices,
+    /// Write manual pages and completions for shells, for packages of this program.
+    #[command(hide = true)]
+    Manual(ManualArgs),
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::mesh_format::MeshFormat;
+use super::mesh_format::{MeshFormat, OtherFormat};
 
 /// Arguments of `nelu3d reconstruct`.
 #[derive(Debug, clap::Args)]
@@ -30,6 +30,9 @@ pub(crate) struct ReconstructArgs {
     /// Write the surface in these formats too.
     #[arg(long, value_name = "FORMAT", value_delimiter = ',')]
     pub mesh: Vec<MeshFormat>,
+    /// Write points and depth in these formats too.
+    #[arg(long, value_name = "FORMAT", value_delimiter = ',')]
+    pub also: Vec<OtherFormat>,
     /// Correct the color field for a motion of camera or light since the sweep, as the board in view tells it.
     #[arg(long)]
     pub correct: bool,

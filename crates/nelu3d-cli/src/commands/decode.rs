@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use nelu3d_scan::Rig;
 
-use super::job::{ResultJob, ResultMethod, answer, mesh_files};
+use super::job::{ResultJob, ResultMethod, answer, extra_files};
 use crate::args::DecodeArgs;
 use crate::context::CommandContext;
 use crate::paths::default_result;
@@ -20,7 +20,7 @@ pub(crate) fn run(args: DecodeArgs, context: &CommandContext) -> Result<ExitCode
             default_result(&rig, &shot.name, &format!("{}-{}", set.name, args.options.method.name()))
         }),
         ground_truth: args.truth,
-        mesh_files: mesh_files(&args.mesh),
+        extra: extra_files(&args.mesh, &args.also),
         accept: args.accept,
         method: ResultMethod::Decode(args.options),
         rig: &rig,

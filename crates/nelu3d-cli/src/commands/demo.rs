@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail};
-use nelu3d::result::MeshFiles;
+use nelu3d::result::ExtraFiles;
 use nelu3d::{CalibrationOptions, ReconstructionOptions};
 use nelu3d_scan::Rig;
 
@@ -38,7 +38,7 @@ pub(crate) fn run(args: DemoArgs, context: &CommandContext) -> Result<ExitCode> 
             output: default_result(&rig, &shot.name, &set.name),
             ground_truth: Some(shot.dir.join("truth")),
             shot,
-            mesh_files: MeshFiles::default(),
+            extra: ExtraFiles::default(),
             accept: false,
             method: ResultMethod::Reconstruct {
                 field: field.clone(),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
 use nelu3d::reconstruct::{Observer, reconstruct_observed};
-use nelu3d::result::{self, Input, MeshFiles, ResultMetadata, Summary};
+use nelu3d::result::{self, ExtraFiles, Input, ResultMetadata, Summary};
 use nelu3d::sensor::judge_capture;
 use nelu3d::verdict::Judgment;
 use nelu3d::{Reconstruction, ReconstructionOptions, Surface};
@@ -14,11 +14,11 @@ use nelu3d_scan::Rig;
 use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
 
-use crate::args::MeshFormat;
+use crate::args::{MeshFormat, OtherFormat};
 use crate::context::CommandContext;
 use crate::paths::{load_field, shown};
-use crate::report::ResultReport;
 use crate::verdict;
+use nelu3d_report::ResultReport;
 
 /// The method that makes a result, with what only that method needs.
 pub(super) enum ResultMethod {
@@ -49,8 +49,8 @@ pub(super) struct ResultJob<'a> {
     pub output: PathBuf,
     /// Folder of the ground truth that the result is evaluated against.
     pub ground_truth: Option<PathBuf>,
-    /// Mesh files to write besides mesh.ply.
-    pub mesh_files: MeshFiles,
+    /// Files to write besides those of every result.
+    pub extra: ExtraFiles,
     /// Whether a bad result is written all the same.
     pub accept: bool,
     /// The method.
@@ -157,7 +157,7 @@ impl ResultJob<'_> {
         if refused {
             return Ok(WrittenResult { summary, metrics, written: false });
         }
-        result::write_into(folder.path(), surface, &summary, self.mesh_files)?;
+        result::write_into(folder.path(), surface, &summary, self.extra)?;
         let (captures, black) = self.captures(capture);
         let page = ResultReport {
             surface,
@@ -213,10 +213,16 @@ fn hash(path: &Path) -> Result<Input> {
     Input::of(path).with_context(|| format!("{}: cannot be read", shown(path)))
 }
 
-/// Returns the mesh files that were asked for.
-pub(super) fn mesh_files(formats: &[MeshFormat]) -> MeshFiles {
-    let has = |format| formats.contains(&format);
-    MeshFiles { obj: has(MeshFormat::Obj), stl: has(MeshFormat::Stl), glb: has(MeshFormat::Glb) }
+/// Returns the files that were asked for.
+pub(super) fn extra_files(meshes: &[MeshFormat], others: &[OtherFormat]) -> ExtraFiles {
+    let mut extra = ExtraFiles::default();
+    for mesh in meshes {
+        *mesh.file_in(&mut extra) = true;
+    }
+    for other in others {
+        *other.file_in(&mut extra) = true;
+    }
+    extra
 }
 
 /// Runs a job and prints its answer. A bad result that was not written is an error.

@@ -13,6 +13,7 @@ pub(crate) mod devices;
 pub(crate) mod evaluate;
 pub(crate) mod import;
 mod job;
+pub(crate) mod manual;
 pub(crate) mod patterns;
 pub(crate) mod projector;
 pub(crate) mod reconstruct;

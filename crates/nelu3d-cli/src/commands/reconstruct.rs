@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use nelu3d_scan::Rig;
 
-use super::job::{ResultJob, ResultMethod, answer, mesh_files};
+use super::job::{ResultJob, ResultMethod, answer, extra_files};
 use crate::args::ReconstructArgs;
 use crate::context::CommandContext;
 use crate::paths::{default_field, default_result};
@@ -19,7 +19,7 @@ pub(crate) fn run(args: ReconstructArgs, context: &CommandContext) -> Result<Exi
     let job = ResultJob {
         output: args.output.unwrap_or_else(|| default_result(&rig, &shot.name, &set.name)),
         ground_truth: args.truth,
-        mesh_files: mesh_files(&args.mesh),
+        extra: extra_files(&args.mesh, &args.also),
         accept: args.accept,
         method: ResultMethod::Reconstruct {
             field: args.field.unwrap_or_else(|| default_field(&rig, &set.name)),

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Mutex;
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Result, anyhow};
 use nelu3d_sim::Spec;
 use nelu3d_sim::spec::PRESETS;
 
@@ -37,16 +37,14 @@ fn spec(name: &str) -> Result<Spec> {
 pub(crate) fn write(spec: &Spec, output: &Path, context: &CommandContext) -> Result<()> {
     let progress = &context.progress;
     let stage = Mutex::new(String::new());
-    nelu3d_sim::simulate(spec, output, &|name, done, total| {
+    let report = |name: &str, done, total| {
         let mut stage = stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if *stage != name {
             name.clone_into(&mut stage);
             progress.stage(name);
         }
         progress.tick(done, total);
-    })?;
-    if progress.cancelled() {
-        bail!("stopped");
-    }
+    };
+    nelu3d_sim::simulate_until(spec, output, &report, &|| progress.cancelled())?;
     Ok(())
 }

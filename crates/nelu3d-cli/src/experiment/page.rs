@@ -10,8 +10,8 @@ use nelu3d_scan::statistics::percentile;
 
 use super::cell::ExperimentCell;
 use super::table::{ExperimentNumbers, TableCell};
-use crate::report::html::{color_bar, escape, img, table};
-use crate::report::page::{details, page, section};
+use nelu3d_report::html::{color_bar, escape, img, table};
+use nelu3d_report::page::{details, page, section};
 
 /// Maximum width of pictures side by side, px.
 const MAX_WIDTH: usize = 260;

@@ -2,7 +2,7 @@
 //! method.
 
 use super::table::ExperimentNumbers;
-use crate::report::chart::{AxisScale, Chart, ChartAxis, ChartMark, ChartSeries};
+use nelu3d_report::chart::{AxisScale, Chart, ChartAxis, ChartMark, ChartSeries};
 
 /// Returns the chart of a column; `None` if there is nothing to show.
 pub(super) fn chart(numbers: &ExperimentNumbers<'_>, column: usize) -> Option<Chart> {

@@ -12,6 +12,7 @@ mod decode;
 mod gaussian_blur;
 mod response;
 mod write;
+mod write_float;
 
 pub use apng::Apng;
 pub use bayer::demosaic;
@@ -23,6 +24,7 @@ pub use gaussian_blur::gaussian_blur;
 pub use response::Response;
 pub(crate) use write::{Codes, write_png};
 pub use write::{encode_rgb8, write_gray8, write_png8, write_png16, write_raw_png, write_rgb8};
+pub use write_float::{write_exr_f32, write_tiff_f32};
 
 /// How the sensor delivers color.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -92,6 +92,7 @@ impl Destination {
                     board: None,
                     poses: Vec::new(),
                     projector: None,
+                    memory: None,
                 };
                 Ok(Plan { rig, slots })
             }

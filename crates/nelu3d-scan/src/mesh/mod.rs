@@ -6,8 +6,9 @@
 //! | `.obj` | yes | yes, with vertex colors | mm, camera frame |
 //! | `.stl` | ASCII, binary | binary, no colors | mm, camera frame |
 //! | `.glb` | yes | yes | **meters, y up**: (x, −y, −z) / 1000, as glTF 2.0 demands |
+//! | `.3mf` | no | yes, without normals and colors | mm, as the file states; camera frame |
 //!
-//! [`AnimatedGlb`] writes a sequence of meshes as one `.glb`.
+//! [`AnimatedGlb`] writes a sequence of meshes as one `.glb`, [`TexturedMesh`] a mesh with a picture on it.
 
 mod error;
 mod glb;
@@ -15,6 +16,8 @@ mod model;
 mod obj;
 mod ply;
 mod stl;
+mod textured;
+mod threemf;
 
 use std::io;
 use std::path::Path;
@@ -22,6 +25,7 @@ use std::path::Path;
 pub use error::MeshFileError;
 pub use glb::AnimatedGlb;
 pub use model::Mesh;
+pub use textured::{TexturedMesh, write_textured_glb, write_textured_obj};
 
 use self::model::normalized;
 use crate::input::{MAX_DATA, read_file, shortened};
@@ -89,7 +93,7 @@ impl Mesh {
     }
 }
 
-/// Writes a mesh in the format of the name's ending (`.ply`, `.obj`, `.stl`, `.glb`; see the module). Normals and
+/// Writes a mesh in the format of the name's ending (`.ply`, `.obj`, `.stl`, `.glb`, `.3mf`; see the module). Normals and
 /// colors are written where there are any and the format has them; `.glb` computes missing normals.
 ///
 /// # Errors
@@ -106,15 +110,18 @@ pub fn write(path: &Path, mesh: &Mesh) -> io::Result<()> {
         "obj" => obj::write,
         "stl" => stl::write,
         "glb" => glb::write,
+        "3mf" => threemf::write,
         _ => {
-            let problem = format!("{}: is of no known mesh format; name it .ply, .obj, .stl or .glb", path.display());
+            let problem =
+                format!("{}: is of no known mesh format; name it .ply, .obj, .stl, .glb, or .3mf", path.display());
             return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
         }
     };
     write_atomic(path, |w| write(mesh, w))
 }
 
-/// Writes a point cloud as binary PLY (mm, camera frame). `normals` and `colors` are empty or one per point.
+/// Writes a point cloud as binary PLY (mm, camera frame). `normals`, `colors`, and `sigma` (one standard deviation, mm)
+/// are empty or one per point.
 ///
 /// # Errors
 ///
@@ -122,11 +129,18 @@ pub fn write(path: &Path, mesh: &Mesh) -> io::Result<()> {
 ///
 /// # Panics
 ///
-/// If there are some normals or colors but not one per point.
-pub fn write_points(path: &Path, positions: &[[f32; 3]], normals: &[[f32; 3]], colors: &[[u8; 3]]) -> io::Result<()> {
+/// If there are some normals, colors, or deviations, but not one per point.
+pub fn write_points(
+    path: &Path,
+    positions: &[[f32; 3]],
+    normals: &[[f32; 3]],
+    colors: &[[u8; 3]],
+    sigma: &[f32],
+) -> io::Result<()> {
     assert!(normals.is_empty() || normals.len() == positions.len(), "one normal per point");
     assert!(colors.is_empty() || colors.len() == positions.len(), "one color per point");
-    write_atomic(path, |w| ply::write_parts(positions, normals, colors, &[], w))
+    assert!(sigma.is_empty() || sigma.len() == positions.len(), "one deviation per point");
+    write_atomic(path, |w| ply::write_parts(positions, normals, colors, sigma, &[], w))
 }
 
 fn extension(path: &Path) -> String {

@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use super::model::{Mesh, push_polygon};
 
 pub(super) fn write(mesh: &Mesh, w: &mut dyn Write) -> io::Result<()> {
-    write_parts(&mesh.vertices, &mesh.normals, &mesh.colors, &mesh.faces, w)
+    write_parts(&mesh.vertices, &mesh.normals, &mesh.colors, &[], &mesh.faces, w)
 }
 
 /// Writes binary little-endian PLY. Without faces there is no face element: a point cloud.
@@ -14,6 +14,7 @@ pub(super) fn write_parts(
     vertices: &[[f32; 3]],
     normals: &[[f32; 3]],
     colors: &[[u8; 3]],
+    sigma: &[f32],
     faces: &[[u32; 3]],
     w: &mut dyn Write,
 ) -> io::Result<()> {
@@ -25,6 +26,9 @@ pub(super) fn write_parts(
     if !colors.is_empty() {
         writeln!(w, "property uchar red\nproperty uchar green\nproperty uchar blue")?;
     }
+    if !sigma.is_empty() {
+        writeln!(w, "property float sigma")?;
+    }
     if !faces.is_empty() {
         writeln!(w, "element face {}\nproperty list uchar int vertex_indices", faces.len())?;
     }
@@ -35,6 +39,9 @@ pub(super) fn write_parts(
         }
         if let Some(color) = colors.get(i) {
             w.write_all(color)?;
+        }
+        if let Some(sigma) = sigma.get(i) {
+            w.write_all(&sigma.to_le_bytes())?;
         }
     }
     for face in faces {

@@ -61,10 +61,10 @@ fn point_clouds_round_trip() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("points.ply");
     let m = tetrahedron();
-    write_points(&path, &m.vertices, &m.normals, &m.colors).unwrap();
+    write_points(&path, &m.vertices, &m.normals, &m.colors, &[]).unwrap();
     let back = Mesh::read(&path).unwrap();
     assert_eq!((back.vertices, back.colors, back.faces.len()), (m.vertices, m.colors, 0));
-    write_points(&path, &[], &[], &[]).unwrap();
+    write_points(&path, &[], &[], &[], &[]).unwrap();
     assert_eq!(Mesh::read(&path).unwrap(), Mesh::default());
 }
 
@@ -203,7 +203,7 @@ fn bad_files_are_named() {
     assert!(complaint(&path("none.ply")).contains("cannot be read"));
     assert!(complaint(&path("a.step")).contains("give a .ply, .obj, .stl or .glb file"));
     let e = tetrahedron().write(&path("a.step")).unwrap_err().to_string();
-    assert!(e.contains("a.step") && e.contains("name it .ply, .obj, .stl or .glb"), "{e}");
+    assert!(e.contains("a.step") && e.contains("name it .ply, .obj, .stl, .glb, or .3mf"), "{e}");
     assert!(tetrahedron().write(&path("no/folder/a.ply")).unwrap_err().to_string().contains("a.ply"));
     let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                   element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n";
@@ -330,4 +330,67 @@ fn glb_nodes_are_placed() {
 
     write(serde_json::json!([{"mesh": 0, "children": [1]}, {"children": [0]}]));
     assert!(complaint(&path).contains("hangs from two others"));
+}
+
+/// The archive is read by its own rules: stated millimeters, the same numbers, the same triangles.
+#[test]
+fn threemf_has_the_same_mesh_in_millimeters() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("mesh.3mf");
+    let mesh = Mesh {
+        vertices: vec![[0.1, -2.5, 700.25], [1e-7, 3.0, 699.0], [-4.0, 0.3, 1e4]],
+        faces: vec![[0, 1, 2], [2, 1, 0]],
+        ..Mesh::default()
+    };
+    mesh.write(&path).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    assert_eq!(threemf::read_own(&bytes), mesh);
+    mesh.write(&path).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), bytes, "the same mesh is the same file");
+}
+
+/// The picture comes back as it was, and places in it count from its upper left corner in .glb, from below in .obj.
+#[test]
+fn textured_meshes_carry_their_picture() {
+    let dir = tempfile::tempdir().unwrap();
+    let mesh = Mesh {
+        vertices: vec![[0.0, 0.0, 700.0], [10.0, 0.0, 700.0], [0.0, 10.0, 710.0]],
+        normals: vec![[0.0, 0.0, -1.0]; 3],
+        colors: vec![[9, 9, 9]; 3],
+        faces: vec![[0, 2, 1]],
+    };
+    let (uv, png) =
+        ([[0.125, 0.25], [0.5, 0.25], [0.125, 1.0]], crate::image::encode_rgb8(2, 1, &[1, 2, 3, 200, 100, 50]));
+    let textured = TexturedMesh { mesh: &mesh, uv: &uv, png: &png };
+
+    let path = dir.path().join("t.glb");
+    write_textured_glb(&path, &textured).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let file = gltf::Gltf::from_slice(&bytes).unwrap();
+    let blob = file.blob.as_deref().unwrap();
+    let image = file.images().next().unwrap();
+    let gltf::image::Source::View { view, mime_type } = image.source() else { panic!("inside the file") };
+    assert_eq!((mime_type, &blob[view.offset()..view.offset() + view.length()]), ("image/png", &png[..]));
+    let primitive = file.meshes().next().unwrap().primitives().next().unwrap();
+    assert!(primitive.material().pbr_metallic_roughness().base_color_texture().is_some());
+    let read = primitive.reader(|_| Some(blob));
+    assert_eq!(read.read_tex_coords(0).unwrap().into_f32().collect::<Vec<_>>(), uv);
+    assert!(read.read_colors(0).is_none());
+    // Its shape is that of any .glb.
+    assert_eq!(Mesh::read(&path).unwrap().faces, mesh.faces);
+
+    let path = dir.path().join("t.obj");
+    write_textured_obj(&path, &textured).unwrap();
+    assert_eq!(std::fs::read(dir.path().join("t.png")).unwrap(), png);
+    let load = |p: &Path| tobj::load_mtl(dir.path().join(p));
+    let (models, materials) =
+        tobj::load_obj_buf(&mut &std::fs::read(&path).unwrap()[..], &tobj::GPU_LOAD_OPTIONS, load).unwrap();
+    assert_eq!(materials.unwrap()[0].diffuse_texture.as_deref(), Some("t.png"));
+    let found = &models[0].mesh;
+    assert_eq!(found.positions.as_chunks::<3>().0.len(), 3);
+    for (corner, place) in found.texcoords.as_chunks::<2>().0.iter().enumerate() {
+        let vertex = found.positions.as_chunks::<3>().0[corner];
+        let i = mesh.vertices.iter().position(|v| *v == vertex).unwrap();
+        assert_eq!([place[0], 1.0 - place[1]], uv[i]);
+    }
 }

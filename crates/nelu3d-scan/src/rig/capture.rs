@@ -100,7 +100,11 @@ impl Rig {
 
     /// Reads an image; a mosaic stays one if `channels` says that there is one channel.
     fn read_as(&self, path: &Path, channels: Channels, what: What) -> Result<(Image, Depth), RigError> {
-        let raw = decode(path, Some((self.camera.width, self.camera.height)))?;
+        let size = (self.camera.width, self.camera.height);
+        let raw = match &self.memory {
+            Some(memory) => memory.read(path, size)?,
+            None => decode(path, Some(size))?,
+        };
         let stored = self.stored_as(&raw, what);
         let channels = if stored == self.channels { channels } else { stored };
         raw.check_kind(path, stored, self.saturation)?;
@@ -121,7 +125,7 @@ impl Rig {
 
     /// Complains about a JPEG file unless rig.toml says how its codes follow light: they are hardly ever linear.
     pub(super) fn check_response(&self, path: &Path) -> Result<(), ImageFileError> {
-        if self.response.is_some() || !is_jpeg(path) {
+        if self.response.is_some() || self.memory.is_some() || !is_jpeg(path) {
             return Ok(());
         }
         Err(ImageFileError::Kind {
@@ -146,7 +150,7 @@ impl Rig {
         };
         let mut read = |name: &str, what| self.read_agreeing(&shot.dir.join(name), channels, what, &mut depth);
         let mut white = read(&self.white, What::Flash)?;
-        let wanted = need == Need::Calibration || shot.dir.join(&self.black).exists();
+        let wanted = need == Need::Calibration || self.has_image(&shot.dir.join(&self.black));
         let mut black = wanted.then(|| read(&self.black, What::Flash)).transpose()?;
         let mut patterns = set.images.iter().map(|name| read(name, What::Pattern)).collect::<Result<Vec<_>, _>>()?;
         let mut mono = vec![false; patterns.len()];
@@ -181,7 +185,7 @@ impl Rig {
         if inverse.iter().any(|image| image.channels < self.channels.count()) {
             let mut reader = self.reader(shot);
             let white = reader.read(&self.white)?;
-            let black = shot.dir.join(&self.black).exists().then(|| reader.read(&self.black)).transpose()?;
+            let black = self.has_image(&shot.dir.join(&self.black)).then(|| reader.read(&self.black)).transpose()?;
             inverse = inverse.into_iter().map(|image| colored(image, &white, black.as_ref()).0).collect();
         }
         Ok(inverse)

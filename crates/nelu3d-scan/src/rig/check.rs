@@ -149,7 +149,7 @@ fn list_shots(rig: &Rig, has_target: bool, findings: &mut Vec<Finding>) -> Vec<(
     match rig.sequences() {
         Ok(all) => {
             for sequence in all {
-                keep(Role::Frame, sequence.frames(), findings);
+                keep(Role::Frame, rig.frames(sequence), findings);
             }
         }
         Err(e) => findings.push(rig_finding(&rig.root, &e)),

@@ -4,17 +4,19 @@ mod capture;
 mod check;
 mod error;
 mod file;
+mod memory;
 mod mono;
 mod mosaic;
 mod names;
 mod shots;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 pub use capture::{Capture, Need, ShotReader};
 pub use check::{Finding, Severity, check};
 pub use error::RigError;
 pub use file::{board_lines, read_board};
+pub use memory::{MemoryImages, StoredImage};
 pub use mono::LUMA;
 pub(crate) use names::{NAME_RULE, is_name};
 pub use shots::natural_order;
@@ -75,6 +77,8 @@ pub struct Rig {
     pub poses: Vec<KnownPose>,
     /// The calibrated projector, when there is one.
     pub projector: Option<Projector>,
+    /// Images in memory; where there are some, no image is read from a file.
+    pub memory: Option<MemoryImages>,
 }
 
 /// One folder of images taken under the same conditions: a board position, a scene or a frame.
@@ -117,6 +121,14 @@ impl Rig {
     /// Returns where the projected form of a pattern is, if the rig keeps it. The file may be absent.
     pub fn projected(&self, pattern: &str) -> PathBuf {
         self.root.join("patterns").join(pattern)
+    }
+
+    /// Returns whether the image of a shot is there, as a file or in memory.
+    pub fn has_image(&self, path: &Path) -> bool {
+        match &self.memory {
+            Some(memory) => memory.get(path).is_some(),
+            None => path.exists(),
+        }
     }
 
     /// Returns the pose of the board at a position, if it is known without detecting the board.

@@ -14,7 +14,7 @@ impl Rig {
     /// The rig has no `calibration/`, or it has no folders.
     pub fn positions(&self) -> Result<Vec<Shot>, RigError> {
         let dir = self.root.join("calibration");
-        let shots = folders(&dir)?;
+        let shots = self.folders(&dir)?;
         if shots.is_empty() {
             return Err(RigError::Empty {
                 path: dir,
@@ -31,7 +31,7 @@ impl Rig {
     ///
     /// `scenes/` exists and cannot be read.
     pub fn scenes(&self) -> Result<Vec<Shot>, RigError> {
-        folders(&self.root.join("scenes"))
+        self.folders(&self.root.join("scenes"))
     }
 
     /// Returns all sequences' folders, sorted by name.
@@ -40,7 +40,7 @@ impl Rig {
     ///
     /// `sequences/` exists and cannot be read.
     pub fn sequences(&self) -> Result<Vec<Shot>, RigError> {
-        folders(&self.root.join("sequences"))
+        self.folders(&self.root.join("sequences"))
     }
 
     /// Returns a scene: a name under `scenes/`, or the path of any folder with the same files.
@@ -49,7 +49,7 @@ impl Rig {
     ///
     /// There is no such folder; the message lists the scenes there are.
     pub fn scene(&self, name: &str) -> Result<Shot, RigError> {
-        find(&self.root, self.scenes()?, "scene", name)
+        self.find(self.scenes()?, "scene", name)
     }
 
     /// Returns the frames of a sequence, in order (as [`Rig::positions`] sorts): a name under `sequences/`, or the path
@@ -59,33 +59,46 @@ impl Rig {
     ///
     /// There is no such folder, or it has no frames; the message lists the sequences there are.
     pub fn sequence(&self, name: &str) -> Result<Vec<Shot>, RigError> {
-        find(&self.root, self.sequences()?, "sequence", name)?.frames()
+        self.frames(self.find(self.sequences()?, "sequence", name)?)
     }
-}
 
-impl Shot {
     /// Returns the frames of a sequence's folder, in order.
     ///
     /// # Errors
     ///
     /// The folder cannot be read or has no frames.
-    pub(super) fn frames(self) -> Result<Vec<Shot>, RigError> {
-        let frames = folders(&self.dir)?;
+    pub(super) fn frames(&self, sequence: Shot) -> Result<Vec<Shot>, RigError> {
+        let frames = self.folders(&sequence.dir)?;
         if frames.is_empty() {
             return Err(RigError::Empty {
-                path: self.dir,
+                path: sequence.dir,
                 problem: "the sequence has no frames",
                 remedy: "put one folder per frame there",
             });
         }
         Ok(frames)
     }
+
+    /// Returns the folders in `dir`, sorted. There are none if `dir` is missing.
+    fn folders(&self, dir: &Path) -> Result<Vec<Shot>, RigError> {
+        let Some(memory) = &self.memory else { return folders(dir) };
+        let names = memory.folders(dir).into_iter();
+        let mut shots: Vec<Shot> = names.map(|name| Shot { dir: dir.join(&name), name }).collect();
+        shots.sort_by(|a, b| natural_order(&a.name, &b.name));
+        Ok(shots)
+    }
+
+    /// Returns one of the folders `known` by its name, or any folder of files by its path.
+    fn find(&self, known: Vec<Shot>, what: &'static str, name: &str) -> Result<Shot, RigError> {
+        match known.iter().find(|s| s.name == name) {
+            Some(shot) => Ok(shot.clone()),
+            None if self.memory.is_some() => Err(no_shot(&self.root, known, what, name)),
+            None => find(&self.root, known, what, name),
+        }
+    }
 }
 
 fn find(root: &Path, known: Vec<Shot>, what: &'static str, name: &str) -> Result<Shot, RigError> {
-    if let Some(shot) = known.iter().find(|s| s.name == name) {
-        return Ok(shot.clone());
-    }
     let dir = Path::new(name);
     if !name.is_empty() && dir.is_dir() {
         // `.` and `..` have no name of their own.
@@ -93,8 +106,12 @@ fn find(root: &Path, known: Vec<Shot>, what: &'static str, name: &str) -> Result
         let name = full.file_name().map_or_else(|| what.to_owned(), |n| n.to_string_lossy().into_owned());
         return Ok(Shot { name, dir: dir.to_path_buf() });
     }
+    Err(no_shot(root, known, what, name))
+}
+
+fn no_shot(root: &Path, known: Vec<Shot>, what: &'static str, name: &str) -> RigError {
     let known = known.into_iter().map(|s| s.name).collect();
-    Err(RigError::NoShot { path: root.to_path_buf(), what, name: name.into(), known })
+    RigError::NoShot { path: root.to_path_buf(), what, name: name.into(), known }
 }
 
 /// Returns the folders in `dir`, sorted; hidden ones (a result under construction, say) are skipped. There are none if

@@ -189,6 +189,7 @@ proptest! {
             board: Some(Board { kind, extent_mm, scale: [1.0, 1.0] }),
             poses: Vec::new(),
             projector: None,
+            memory: None,
         };
         rig.save().unwrap();
         prop_assert_eq!(Rig::open(dir.path()).unwrap(), rig);

@@ -75,7 +75,7 @@ impl<'a> Sweep<'a> {
             }
             let mut reader = self.rig.reader(shot);
             for name in &self.set.images {
-                if !shot.dir.join(name).exists() {
+                if !self.rig.has_image(&shot.dir.join(name)) {
                     reader.read(name)?;
                 }
             }
@@ -239,6 +239,7 @@ mod tests {
             board: None,
             poses: Vec::new(),
             projector: None,
+            memory: None,
         };
         (rig, set)
     }

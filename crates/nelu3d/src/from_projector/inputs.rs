@@ -50,7 +50,7 @@ pub(super) fn read_patterns(
 
 /// Finds the scenes whose captures tell blur and response: the first few that have the set's images.
 pub(super) fn find_scenes(rig: &Rig, set: &PatternSet) -> Result<Vec<Shot>, CalibrationError> {
-    let has_all = |s: &Shot| set.images.iter().chain([&rig.white]).all(|n| s.dir.join(n).exists());
+    let has_all = |s: &Shot| set.images.iter().chain([&rig.white]).all(|n| rig.has_image(&s.dir.join(n)));
     let found: Vec<Shot> = rig.scenes()?.into_iter().filter(has_all).take(MAX_SCENES).collect();
     if found.is_empty() {
         let reason = format!(

@@ -6,8 +6,8 @@ use std::path::Path;
 use nelu3d_scan::mesh::{MeshFileError, write_points};
 use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::{image, npy};
-use rayon::prelude::*;
 
+use super::extra::{ExtraFiles, positions};
 use super::picture::{Picture, preview};
 use super::summary::Summary;
 use crate::surface::Surface;
@@ -23,17 +23,6 @@ pub enum WriteError {
     Mesh(#[from] MeshFileError),
 }
 
-/// Mesh files to write besides mesh.ply.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct MeshFiles {
-    /// Wavefront, mesh.obj.
-    pub obj: bool,
-    /// Stereolithography, mesh.stl.
-    pub stl: bool,
-    /// Binary glTF, mesh.glb.
-    pub glb: bool,
-}
-
 /// Writes a result folder, whole or not at all; an earlier result of that name is replaced. The folder then holds, but
 /// for `report.html`, which the program adds:
 ///
@@ -43,8 +32,9 @@ pub struct MeshFiles {
 /// | `normals.npy` | float32, height × width × 3, facing the camera, NaN = none |
 /// | `sigma.npy` | float32, height × width, 1σ of the depth in mm, NaN = none |
 /// | `mask.png` | 255 where there is depth |
-/// | `points.ply` | one point per pixel that has depth, with normal and color |
-/// | `mesh.ply` | the surface; `mesh.obj`, `mesh.stl`, `mesh.glb` on request |
+/// | `points.ply` | one point per pixel that has depth, with normal, color, and σ |
+/// | `mesh.ply` | the surface |
+/// | others | on request: [`ExtraFiles`] |
 /// | `ambient.png` | 16 bit, 65535 = all light is ambient, 0 where there is none |
 /// | `preview.png` | capture, shaded surface, colored depth |
 /// | `result.json` | [`Summary`] |
@@ -52,9 +42,9 @@ pub struct MeshFiles {
 /// # Errors
 ///
 /// A file cannot be written, or `dir` exists and is no result.
-pub fn write(r: &Surface, summary: &Summary, mesh_files: MeshFiles, dir: &Path) -> Result<(), WriteError> {
+pub fn write(r: &Surface, summary: &Summary, extra: ExtraFiles, dir: &Path) -> Result<(), WriteError> {
     let folder = OutputDir::create(dir, "result.json")?;
-    write_into(folder.path(), r, summary, mesh_files)?;
+    write_into(folder.path(), r, summary, extra)?;
     Ok(folder.commit()?)
 }
 
@@ -68,7 +58,7 @@ pub fn write(r: &Surface, summary: &Summary, mesh_files: MeshFiles, dir: &Path) 
 /// # Panics
 ///
 /// If the maps differ in size.
-pub fn write_into(dir: &Path, r: &Surface, summary: &Summary, mesh_files: MeshFiles) -> Result<(), WriteError> {
+pub fn write_into(dir: &Path, r: &Surface, summary: &Summary, extra: ExtraFiles) -> Result<(), WriteError> {
     let (w, h) = (r.width, r.height);
     let lengths = [r.depth.len(), r.normals.len(), r.sigma.len(), r.status.len(), r.residual.len(), r.ambient.len()];
     assert!(lengths.iter().all(|&n| n == w * h), "maps of {lengths:?} values for {w} × {h} pixels");
@@ -86,30 +76,23 @@ pub fn write_into(dir: &Path, r: &Surface, summary: &Summary, mesh_files: MeshFi
     image::write_png16(&dir.join("ambient.png"), &ambient, 0.0, 65535.0)?;
     write_point_cloud(&dir.join("points.ply"), r, summary)?;
     r.mesh.write(&dir.join("mesh.ply"))?;
-    for (wanted, name) in [(mesh_files.obj, "mesh.obj"), (mesh_files.stl, "mesh.stl"), (mesh_files.glb, "mesh.glb")] {
-        if wanted {
-            r.mesh.write(&dir.join(name))?;
-        }
-    }
+    let camera = summary.camera.camera().expect("made from a camera");
+    extra.write(dir, r, &camera)?;
     write_atomic(&dir.join("preview.png"), |w| w.write_all(&preview(r).png()))?;
     write_atomic(&dir.join("result.json"), |w| Ok(serde_json::to_writer_pretty(w, summary)?))?;
     Ok(())
 }
 
-/// Writes one point per pixel that has depth: position, normal, and its color in the white image.
+/// Writes one point per pixel that has depth: position, normal, its color in the white image, and σ.
 fn write_point_cloud(path: &Path, r: &Surface, summary: &Summary) -> io::Result<()> {
     let camera = summary.camera.camera().expect("made from a camera");
-    let color = Picture::of_image(&r.white);
+    let (color, all) = (Picture::of_image(&r.white), positions(r, &camera));
     let valid: Vec<usize> = (0..r.depth.len()).filter(|&i| r.depth[i].is_finite()).collect();
-    let position = |&i: &usize| {
-        let ray = camera.ray([(i % r.width) as f64, (i / r.width) as f64]);
-        let p = ray.at(f64::from(r.depth[i]) / ray.dir.z);
-        [p.x as f32, p.y as f32, p.z as f32]
-    };
-    let positions: Vec<[f32; 3]> = valid.par_iter().map(position).collect();
+    let positions: Vec<[f32; 3]> = valid.iter().map(|&i| all[i]).collect();
     let normals: Vec<[f32; 3]> = valid.iter().map(|&i| r.normals[i]).collect();
     let colors: Vec<[u8; 3]> = valid.iter().map(|&i| color.rgb(i)).collect();
-    write_points(path, &positions, &normals, &colors)
+    let sigma: Vec<f32> = valid.iter().map(|&i| r.sigma[i]).collect();
+    write_points(path, &positions, &normals, &colors, &sigma)
 }
 
 #[cfg(test)]
@@ -164,11 +147,9 @@ mod tests {
         let target = dir.path().join("results/plane");
         let metadata = ResultMetadata { scene: "plane".into(), ..ResultMetadata::default() };
         // Twice: an earlier result is replaced.
-        for mesh_files in [MeshFiles { obj: true, stl: true, glb: true }, MeshFiles::default()] {
-            write(&result, &summary(&result, &camera, &metadata), mesh_files, &target).unwrap();
-            for (name, wanted) in
-                [("mesh.obj", mesh_files.obj), ("mesh.stl", mesh_files.stl), ("mesh.glb", mesh_files.glb)]
-            {
+        for extra in [ExtraFiles { obj: true, stl: true, glb: true, ..ExtraFiles::default() }, ExtraFiles::default()] {
+            write(&result, &summary(&result, &camera, &metadata), extra, &target).unwrap();
+            for (name, wanted) in [("mesh.obj", extra.obj), ("mesh.stl", extra.stl), ("mesh.glb", extra.glb)] {
                 assert_eq!(target.join(name).exists(), wanted, "{name}");
             }
         }
@@ -220,7 +201,7 @@ mod tests {
         let (result, camera) = plane();
         let metadata = ResultMetadata::default();
         let target = dir.path().join("r");
-        write(&result, &summary(&result, &camera, &metadata), MeshFiles::default(), &target).unwrap();
+        write(&result, &summary(&result, &camera, &metadata), ExtraFiles::default(), &target).unwrap();
         npy::write(&target.join("sigma.npy"), &[3, 2], &[0.0; 6]).unwrap();
         let e = SavedResult::read(&target).unwrap_err().to_string();
         assert!(e.contains("sigma.npy") && e.contains("[3, 2]"), "{e}");

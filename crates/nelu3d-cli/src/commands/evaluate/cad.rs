@@ -14,7 +14,7 @@ use super::folder::{self, ComparisonFolder};
 use crate::args::EvaluateArgs;
 use crate::context::CommandContext;
 use crate::paths::shown;
-use crate::report::ComparisonReport;
+use nelu3d_report::ComparisonReport;
 
 /// Compares a result with a mesh of the part.
 pub(super) fn run(args: &EvaluateArgs, path: &Path, result: &SavedResult, context: &CommandContext) -> Result<()> {

@@ -19,7 +19,7 @@ use serde_json::Value;
 
 use crate::context::CommandContext;
 use crate::paths::shown;
-use crate::report::{ComparisonReport, DIFFERENCE_COLORS};
+use nelu3d_report::{ComparisonReport, DIFFERENCE_COLORS};
 
 /// What goes into the folder of a comparison.
 pub(super) struct ComparisonFolder<'a> {

@@ -11,7 +11,7 @@ use super::folder::{self, ComparisonFolder};
 use crate::args::EvaluateArgs;
 use crate::context::CommandContext;
 use crate::paths::shown;
-use crate::report::ComparisonReport;
+use nelu3d_report::ComparisonReport;
 
 /// Compares the depth of two results.
 pub(super) fn run(

@@ -7,7 +7,7 @@ use std::thread::ScopedJoinHandle;
 use anyhow::{Context as _, Result};
 use nelu3d::color_field::check_mono;
 use nelu3d::reconstruct::Context as ReconstructionContext;
-use nelu3d::result::{self, Input, MeshFiles, ResultMetadata, Summary};
+use nelu3d::result::{self, ExtraFiles, Input, ResultMetadata, Summary};
 use nelu3d::sequence::{FrameInput, FrameReconstruction, FrameState, Plan, reconstruct_frame};
 use nelu3d::{ColorField, Progress};
 use nelu3d_evaluate::{EvaluatedMaps, GroundTruth, evaluate};
@@ -188,7 +188,7 @@ impl SequenceRun<'_> {
         }
         .with_evaluation(metrics.as_ref(), None::<&()>);
         let summary = Summary::new(surface, &result.diagnostics, &result.stages, camera, &metadata);
-        result::write_into(output.path(), surface, &summary, MeshFiles::default())?;
+        result::write_into(output.path(), surface, &summary, ExtraFiles::default())?;
         output.commit()?;
         self.folder.forget_failure(shot)
     }

@@ -167,6 +167,7 @@ fn an_old_rig_says_what_the_frames_are() {
         board: None,
         poses: vec![],
         projector: None,
+        memory: None,
     };
     rig.save().unwrap();
     let by_set = ImportRequest {

@@ -68,13 +68,49 @@ pub(super) fn write(mesh: &Mesh, w: &mut dyn Write) -> io::Result<()> {
     write_file(scene, buffers, w)
 }
 
+/// Writes a mesh with a picture, a PNG file, on it. `uv` is where in the picture each vertex is, from its upper left
+/// corner.
+pub(super) fn write_textured(mesh: &Mesh, uv: &[[f32; 2]], png: &[u8], w: &mut dyn Write) -> io::Result<()> {
+    if mesh.vertices.is_empty() {
+        return write(mesh, w);
+    }
+    let mut buffers = Buffers::default();
+    // The picture has the colors.
+    let bare = Mesh { colors: Vec::new(), ..mesh.clone() };
+    let mut primitive = push_mesh(&bare, &mut buffers);
+    let bytes = uv.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
+    primitive["attributes"]["TEXCOORD_0"] = json!(buffers.push(bytes, uv.len(), FLOAT, "VEC2", Value::Null));
+    let view = json!({"buffer": 0, "byteOffset": buffers.bytes.len(), "byteLength": png.len()});
+    buffers.bytes.extend(png);
+    buffers.bytes.resize(buffers.bytes.len().next_multiple_of(4), 0);
+    buffers.views.push(view);
+    let scene = json!({
+        "asset": {"version": "2.0", "generator": "nelu3d"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [primitive]}],
+        "images": [{"bufferView": buffers.views.len() - 1, "mimeType": "image/png"}],
+        // Nothing beyond the picture's edge is ever looked up.
+        "samplers": [{"wrapS": 33071, "wrapT": 33071}],
+        "textures": [{"source": 0, "sampler": 0}],
+        "materials": [{
+            "doubleSided": true,
+            "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0, "roughnessFactor": 0.9},
+        }],
+    });
+    write_file(scene, buffers, w)
+}
+
 /// Writes a scene and what it refers to as one file.
 fn write_file(mut scene: Value, buffers: Buffers, w: &mut dyn Write) -> io::Result<()> {
     if !buffers.bytes.is_empty() {
-        scene["materials"] = json!([{
-            "doubleSided": true,
-            "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9},
-        }]);
+        if scene["materials"].is_null() {
+            scene["materials"] = json!([{
+                "doubleSided": true,
+                "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9},
+            }]);
+        }
         scene["buffers"] = json!([{"byteLength": buffers.bytes.len()}]);
         scene["bufferViews"] = Value::Array(buffers.views);
         scene["accessors"] = Value::Array(buffers.accessors);

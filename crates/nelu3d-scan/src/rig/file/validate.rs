@@ -51,6 +51,7 @@ pub(in crate::rig) fn from_toml(
         board,
         poses: toml.poses.into_iter().map(known_pose).collect(),
         projector,
+        memory: None,
     };
     (rig, problems.found)
 }

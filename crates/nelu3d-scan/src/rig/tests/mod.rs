@@ -62,6 +62,7 @@ fn rig_at(root: &Path) -> Rig {
         board: Some(boards()[0].clone()),
         poses: vec![],
         projector: None,
+        memory: None,
     }
 }
 
