@@ -134,10 +134,13 @@ def test_other_threads_go_on(rig):
 
 @pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
 def test_ctrl_c_stops_a_long_work_soon_and_leaves_nothing(rig, field, tmp_path):
+    # What a shell starts in the background inherits a SIGINT that is ignored, and Python leaves it so.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     field.save(tmp_path / "f.safetensors")
     script = textwrap.dedent(
         f"""
-        import nelu3d, sys
+        import nelu3d, signal
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         rig = nelu3d.Rig.open({str(rig.root)!r})
         say = lambda stage, done, total: print(stage, done, flush=True)
         try:
@@ -151,6 +154,9 @@ def test_ctrl_c_stops_a_long_work_soon_and_leaves_nothing(rig, field, tmp_path):
         """
     )
     process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    # A work that does not stop is to fail the test, not to hang it.
+    watchdog = threading.Timer(120, process.kill)
+    watchdog.start()
     for line in process.stdout:
         if not line.startswith("read"):
             break
@@ -162,6 +168,7 @@ def test_ctrl_c_stops_a_long_work_soon_and_leaves_nothing(rig, field, tmp_path):
         rest.append(line.strip())
         if line.startswith("stopped"):
             assert time.perf_counter() - asked < 60, "machines may be busy; one that is not takes a second"
+    watchdog.cancel()
     assert process.wait(60) == 0
     assert rest[-1] == "and went on" and "stopped" in rest, rest[-5:]
     with pytest.raises(KeyboardInterrupt):
