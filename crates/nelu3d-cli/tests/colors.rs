@@ -42,14 +42,20 @@ fn cross_talk_is_found_and_taken_out() {
     let field = path("plain.safetensors");
     assert!(ok(&["calibrate", rig, "-o", &field])["mixing"].is_null());
     let truth = Path::new(rig).join("scenes/balls/truth");
-    let median = |field: &str, cross_talk: &str| -> f64 {
+    let out = path("result");
+    let reconstruct = |field: &str, cross_talk: &str| {
         let args = ["--field", field, "--cross-talk", cross_talk, "--truth", truth.to_str().unwrap()];
-        let out = path("result");
-        let answer = ok(&[&["reconstruct", rig, "balls", "-o", &out][..], &args].concat());
+        nelu3d(&[&["reconstruct", rig, "balls", "-o", &out, "--quiet", "--json"][..], &args].concat())
+    };
+    let median = |out: &std::process::Output| -> f64 {
+        assert!(out.status.success(), "{}", stderr(out));
+        let answer: Value = serde_json::from_slice(&out.stdout).expect("one JSON value");
         answer["summary"]["metrics"]["body"]["depth_mm"]["median"].as_f64().unwrap()
     };
-    let (with, without) = (median(&field, "auto"), median(&field, "off"));
-    assert!(with < 0.5 && with < 0.5 * without, "{with} with the model, {without} without");
+    let (with, without) = (median(&reconstruct(&field, "auto")), reconstruct(&field, "off"));
+    // Without the model the saturated balls are off by more than a millimeter, or refused.
+    let refused = stderr(&without).contains("without a consistent code");
+    assert!(with < 0.5 && (refused || with < 0.5 * median(&without)), "{with} with the model");
 
     // Kept with the field, and close to the truth.
     let kept = path("kept.safetensors");
@@ -60,7 +66,7 @@ fn cross_talk_is_found_and_taken_out() {
             assert!((value - truth).abs() < 0.06, "{i},{j}: {value} of {truth}");
         }
     }
-    let again = median(&kept, "auto");
+    let again = median(&reconstruct(&kept, "auto"));
     assert!((again - with).abs() < 0.1 * with, "{again} {with}");
 }
 
