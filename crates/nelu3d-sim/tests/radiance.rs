@@ -377,7 +377,7 @@ fn files_are_found_beside_the_spec_and_named_when_they_are_not() {
         ..Mesh::default()
     };
     mesh.write(&dir.path().join("a.ply")).unwrap();
-    let mut spec = spec(Vec::new());
+    let mut spec = spec(vec![object(ShapeSpec::Sphere { radius_mm: 20.0 }, [0.0, 0.0, MIDDLE], [0.0; 3], 0.5)]);
     let shape = ShapeSpec::Mesh { file: "a.ply".into(), scale: 1.0 };
     let albedo = AlbedoSpec::VertexColors { srgb: true };
     spec.scenes[0].objects = vec![ObjectSpec { albedo, ..object(shape, [0.0, 0.0, MIDDLE], [0.0; 3], 0.0) }];
