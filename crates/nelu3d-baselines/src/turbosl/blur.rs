@@ -45,7 +45,7 @@ impl Blur {
         Self { free, ..Self::new() }
     }
 
-    /// Its free taps.
+    /// Returns the free taps of a blur: those left of the middle, then those right of it.
     #[cfg(test)]
     pub(crate) fn free(&self) -> [f32; 2 * HALF] {
         self.free

@@ -54,9 +54,9 @@ impl SharedCause {
 pub struct Explanation {
     /// The cause.
     pub cause: SharedCause,
-    /// Fraction of the sum of squares that it takes away.
+    /// Fraction of the corners' sum of squared residuals that the cause takes away.
     pub share: f64,
-    /// What it takes away per parameter, in units of the variance that it leaves (an F statistic).
+    /// F statistic of the cause: sum of squares that it takes away per parameter, over the variance that is left.
     pub f: f64,
     /// Bayesian information criterion (Schwarz 1978): the least of several causes is the likeliest.
     pub bic: f64,

@@ -26,7 +26,7 @@ pub struct DriftReport {
     pub moved: Moved,
     /// How far the light's pattern moved on the boards as the camera sees it, root mean square, px.
     pub shift_px: f64,
-    /// The same, its mean along x and y, px.
+    /// Mean shift of the light's pattern on the boards as the camera sees it, along the image's x and y, px.
     pub direction_px: [f64; 2],
     /// The motion of the light in the camera's frame that explains the codewords.
     pub motion: LightMotion,

@@ -23,13 +23,13 @@ const MAX_RMS_PX: f64 = 1.5;
 
 /// A board in view.
 pub(super) struct BoardView {
-    /// Its pixels.
+    /// Pixels that see the board, and what they measured.
     pub(super) samples: BoardSamples,
-    /// Its pose, camera from board, mm.
+    /// Pose of the board, camera from board, mm.
     pub(super) pose: Isometry3<f64>,
-    /// Root mean square reprojection error of its corners, px.
+    /// Root mean square reprojection error of the board's corners, px.
     pub(super) rms_px: f64,
-    /// The place of the sweep where it may stand.
+    /// Place of the sweep where the board may stand.
     pub(super) place: Option<Place>,
 }
 

@@ -136,7 +136,8 @@ impl ProjectedPlanes {
         sum
     }
 
-    /// The same for one image that changes along both axes.
+    /// Adds to `out` the gradients by the free taps of both axes that one pattern of two dimensions contributes. `image`
+    /// is the pattern and `d` the gradient by its blurred plane, row by row.
     fn image_backward(&self, image: &[f32], blur: &[Blur; 2], d: &[f32], out: &mut BlurGradient) {
         let (size, taps) = (self.size, blur.each_ref().map(Blur::taps));
         let along = along_x(image, size, &taps[0]);
