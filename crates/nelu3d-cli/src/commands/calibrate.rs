@@ -143,6 +143,13 @@ fn text(report: &CalibrationReport) -> String {
     text += &format!("frame     {}\n", report.frame);
     let [a, b, w] = report.cells;
     text += &format!("cells     {a} × {b} × {w}\n");
+    if let Some(carried) = &report.carried {
+        text += &format!(
+            "stripes   {:.0} % of the rays met no bright sample: their codewords come from beside them (error {:.3})\n",
+            100.0 * carried.share,
+            carried.rms
+        );
+    }
     if let Some(q) = &report.quality {
         text += &format!(
             "held out  {} positions: {:.1} dB (noise alone: about {:.1} dB), median depth error {:.3} mm\n",

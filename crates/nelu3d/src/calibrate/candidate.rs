@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use super::error::CalibrationError;
+use super::fringes::{CarriedReport, carry};
 use super::held_out::HeldOutErrors;
 use super::options::{CalibrationOptions, FormKind};
 use super::pass::{Pass, gathered};
@@ -63,6 +64,10 @@ pub(super) struct Candidate {
     pub(super) is_limited: bool,
     /// Steps that the final fit takes.
     final_steps: usize,
+    /// The part along the light's rays that holds, in unit coordinates.
+    reached: [f32; 2],
+    /// What the final fit carried along the stripes of the code.
+    pub(super) carried: Option<CarriedReport>,
 }
 
 impl Candidate {
@@ -150,6 +155,8 @@ impl Candidate {
             is_limited: is_limited(placed, &frame, cells),
             // The last fold's position is new to the field.
             final_steps: if in_turn { 20 } else { 8 },
+            reached,
+            carried: None,
         })
     }
 
@@ -161,7 +168,7 @@ impl Candidate {
     /// Fits the field to all positions, from where it is.
     pub(super) fn fit_all_positions(&mut self, cx: &FitContext<'_, '_>) -> Result<Form, CalibrationError> {
         let FitContext { placed, opts, progress, .. } = *cx;
-        let bins = match self.bins.take() {
+        let mut bins = match self.bins.take() {
             Some(bins) => bins,
             None => {
                 let mut bins = empty_bins(placed, self.cells, self.center, opts.form);
@@ -174,6 +181,18 @@ impl Candidate {
         };
         let empty = Form::Grid(Grid::new([1, 1, 1], 1));
         let mut form = std::mem::replace(&mut self.form, empty);
+        if self.center == Center::Light
+            && let Some(carried) = carry(&bins, &self.validity)
+        {
+            bins.add_all(&[carried.samples]);
+            self.carried = Some(carried.report);
+            carried.places.iter().for_each(|q| self.validity.light(*q));
+            self.validity.fill_holes();
+            self.validity.extend(self.reached);
+            find_ranges(placed, &self.frame, &mut self.validity);
+            // From nothing: where carried samples lie there was nothing to go on from.
+            return Ok(fit_form(cx, &bins, self.cells, self.center, STEPS));
+        }
         match &mut form {
             Form::Grid(grid) => fit(grid, &bins, smoothness(self.center), self.final_steps, progress),
             Form::Hash(hash) => {

@@ -6,6 +6,7 @@ mod candidate;
 mod error;
 mod excluded;
 mod frame_choice;
+mod fringes;
 mod held_out;
 mod judge;
 mod light;
@@ -30,6 +31,7 @@ use crate::progress::{Progress, StageClock};
 pub use board_poses::{SweepFacts, SweepGeometry, solve_board_poses};
 use candidate::Candidate;
 pub use error::CalibrationError;
+pub use fringes::CarriedReport;
 pub use judge::DepthSpan;
 use judge::{Evidence, HeldOut, judge};
 pub use options::{CalibrationOptions, FormKind, FrameKind, TrajectoryKind};
@@ -100,7 +102,7 @@ pub fn calibrate(
         settings: serde_json::to_value(opts).expect("plain data serializes"),
     };
     let shortfall = frame_choice::shortfall(&best, light.as_ref());
-    let Candidate { frame, center, cells, validity, quality, variance, .. } = best;
+    let Candidate { frame, center, cells, validity, quality, variance, carried, .. } = best;
     let mut field = ColorField { frame, form, validity, metadata };
 
     clock.begin("judge the field");
@@ -119,6 +121,7 @@ pub fn calibrate(
         frame: frame_choice::reason(center, light.as_ref(), opts.frame),
         shortfall,
         excluded,
+        carried,
         cells,
         stages: clock.finish(),
     };

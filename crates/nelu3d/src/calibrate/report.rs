@@ -3,6 +3,7 @@
 use nelu3d_scan::pose::Trajectory;
 use serde::Serialize;
 
+use super::fringes::CarriedReport;
 use super::judge::DepthSpan;
 use crate::color_field::Quality;
 use crate::progress::StageTime;
@@ -33,6 +34,9 @@ pub struct CalibrationReport {
     /// image.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub excluded: Vec<(String, f64)>,
+    /// Rays of light that no bright sample has met, and whose codeword is that of the same stripe beside them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub carried: Option<CarriedReport>,
     /// Number of cells of the field along a, b and w.
     pub cells: [usize; 3],
     /// Wall and CPU time of each stage, in order.

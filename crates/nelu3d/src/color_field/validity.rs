@@ -47,6 +47,11 @@ impl Validity {
         let tile = |v: f64, n: usize| ((v.max(0.0) as usize) / s.tile_px).min(n - 1);
         let range = &mut self.t_range[tile(px[1], s.tiles[1]) * s.tiles[0] + tile(px[0], s.tiles[0])];
         *range = [range[0].min(t), range[1].max(t)];
+        self.light(q);
+    }
+
+    /// Lights the cell at unit coordinates.
+    pub fn light(&mut self, q: [f32; 3]) {
         if let Some(i) = self.cell(q) {
             self.lit[i] = 1;
         }

@@ -1,0 +1,102 @@
+//! The samples of a sweep, ray of light by ray of light.
+
+use crate::color_field::bins::Bins;
+use crate::color_field::validity::Validity;
+
+/// Weight of a ray's samples from which they are its codeword: a standard deviation of 0.1. Ink has less.
+const MIN_WEIGHT: f32 = 100.0;
+
+/// The bins of a field in the light's frame, averaged along the rays: one codeword per column of bins.
+pub(in crate::calibrate) struct Columns {
+    /// Columns along a and b.
+    pub(super) n: [usize; 2],
+    /// Pattern channels.
+    pub(super) k: usize,
+    /// Codeword per column `[b][a][k]`; 0 where it is not known.
+    pub(super) values: Vec<f32>,
+    /// Where a column's samples are: a, b in columns, w in unit coordinates.
+    pub(super) places: Vec<[f32; 3]>,
+    /// Whether bright samples tell the codeword.
+    pub(super) is_known: Vec<bool>,
+    /// Whether a bright sample lit it, in the validity volume.
+    is_lit: Vec<bool>,
+}
+
+impl Columns {
+    /// Averages bins along the rays.
+    pub(super) fn new(bins: &Bins, validity: &Validity) -> Self {
+        let [na, nb, _] = bins.counts();
+        let k = bins.k();
+        let mut columns = Self {
+            n: [na, nb],
+            k,
+            values: vec![0.0; na * nb * k],
+            places: vec![[0.0; 3]; na * nb],
+            is_known: vec![false; na * nb],
+            is_lit: vec![false; na * nb],
+        };
+        let [va, vb, vw] = validity.shape.cells;
+        let mut weights = vec![0.0f32; na];
+        let mut omegas = vec![0.0f32; na * k];
+        for b in 0..nb {
+            weights.fill(0.0);
+            omegas.fill(0.0);
+            bins.for_each_in_row(b, |s| {
+                let a = ((s.q[0] * na as f32) as usize).min(na - 1);
+                let i = b * na + a;
+                weights[a] += s.mean;
+                let place = [s.q[0] * na as f32, s.q[1] * nb as f32, s.q[2]];
+                columns.places[i].iter_mut().zip(place).for_each(|(sum, x)| *sum += s.mean * x);
+                columns.values[i * k..][..k].iter_mut().zip(s.moments).for_each(|(sum, m)| *sum += m);
+                omegas[a * k..][..k].iter_mut().zip(s.omegas).for_each(|(sum, w)| *sum += w);
+            });
+            for a in 0..na {
+                let i = b * na + a;
+                let cell = (b * vb / nb) * va + a * va / na;
+                columns.is_lit[i] = validity.lit[cell * vw..][..vw].contains(&1);
+                let of = &omegas[a * k..][..k];
+                columns.is_known[i] = columns.is_lit[i] && weights[a] > MIN_WEIGHT && of.iter().all(|w| *w > 0.0);
+                if columns.is_known[i] {
+                    columns.places[i] = columns.places[i].map(|x| x / weights[a]);
+                    columns.values[i * k..][..k].iter_mut().zip(of).for_each(|(v, w)| *v /= w);
+                } else {
+                    columns.values[i * k..][..k].fill(0.0);
+                }
+            }
+        }
+        columns
+    }
+
+    /// Returns the index of the column at a place, in columns; `None` outside.
+    #[inline]
+    pub(super) fn at(&self, [a, b]: [f32; 2]) -> Option<usize> {
+        let [na, nb] = self.n;
+        (a >= 0.0 && b >= 0.0 && (a as usize) < na && (b as usize) < nb).then(|| b as usize * na + a as usize)
+    }
+
+    /// Returns the middle of a column.
+    #[inline]
+    pub(super) fn middle(&self, i: usize) -> [f32; 2] {
+        [(i % self.n[0]) as f32 + 0.5, (i / self.n[0]) as f32 + 0.5]
+    }
+
+    /// Returns the number of columns whose codeword is known.
+    pub(super) fn n_known(&self) -> usize {
+        self.is_known.iter().filter(|k| **k).count()
+    }
+
+    /// Returns the columns that nothing has lit.
+    pub(super) fn dark(&self) -> impl Iterator<Item = usize> {
+        (0..self.is_lit.len()).filter(|i| !self.is_lit[*i])
+    }
+
+    /// Returns the number of dark columns between lit ones of the same row.
+    pub(super) fn n_between(&self) -> usize {
+        let between = |row: &[bool]| {
+            let first = row.iter().position(|l| *l)?;
+            let last = row.iter().rposition(|l| *l)?;
+            Some(row[first..=last].iter().filter(|l| !**l).count())
+        };
+        self.is_lit.chunks_exact(self.n[0]).filter_map(between).sum()
+    }
+}

@@ -1,0 +1,168 @@
+//! Codewords of dark columns, from known columns on the same stripes.
+
+use rayon::prelude::*;
+
+use super::columns::Columns;
+use super::direction::Axis;
+
+/// Longest way along a stripe to a known column, as a fraction of the columns across.
+const REACH: f32 = 0.12;
+/// Donors on either side.
+const DONORS: usize = 3;
+/// Known columns that are skipped where a stripe leaves the dark: they may see the ink's edge.
+const SKIPPED: usize = 2;
+/// Largest distance across the stripes at which a donor's value is compared with a known one, columns.
+const SAME_STRIPE: f32 = 0.1;
+/// Fewest comparisons that tell how good carried samples are.
+const MIN_COMPARED: usize = 200;
+
+/// A known column on a stripe, and by how far its samples lie beside the stripe's middle line, columns.
+#[derive(Clone, Copy)]
+struct Donor {
+    column: usize,
+    beside: f32,
+}
+
+/// The donors of a dark column.
+pub(super) struct Fill {
+    column: usize,
+    /// Per axis, the donors of one side or of both, nearest first.
+    donors: Vec<Vec<Donor>>,
+    /// Per axis, the longest way to the first donor of a side, columns.
+    ways: Vec<f32>,
+}
+
+/// Columns and the directions of their stripes.
+pub(super) struct Known<'a> {
+    columns: &'a Columns,
+    axes: &'a [Axis],
+    reach: f32,
+}
+
+impl Fill {
+    /// Returns the number of samples that it stands for.
+    pub(super) fn samples(&self) -> usize {
+        self.donors.iter().map(Vec::len).max().unwrap_or(0)
+    }
+
+    /// Writes the codeword of sample `i` to `values`, and returns its unit coordinates: where the stripes of its donors
+    /// cross.
+    pub(super) fn write(&self, columns: &Columns, axes: &[Axis], i: usize, values: &mut [f32]) -> [f32; 3] {
+        let middle = columns.middle(self.column);
+        let mut w = 0.0;
+        let mut lines = Vec::with_capacity(2);
+        for (axis, donors) in axes.iter().zip(&self.donors) {
+            let donor = donors[i % donors.len()];
+            for j in &axis.channels {
+                values[*j] = columns.values[donor.column * columns.k + j];
+            }
+            w += columns.places[donor.column][2] / axes.len() as f32;
+            let [x, y] = axis.along(middle);
+            lines.push(([-y, x], donor.beside));
+        }
+        let offset = match lines[..] {
+            [(n, d), (m, e)] => {
+                let det = n[0] * m[1] - n[1] * m[0];
+                [(d * m[1] - e * n[1]) / det, (n[0] * e - m[0] * d) / det]
+            }
+            [(n, d)] => n.map(|n| n * d),
+            _ => [0.0; 2],
+        };
+        let [na, nb] = columns.n.map(|n| n as f32);
+        [(middle[0] + offset[0]) / na, (middle[1] + offset[1]) / nb, w]
+    }
+}
+
+impl<'a> Known<'a> {
+    /// Joins columns with the directions of their stripes.
+    pub(super) fn new(columns: &'a Columns, axes: &'a [Axis]) -> Self {
+        Self { columns, axes, reach: REACH * columns.n[0].max(columns.n[1]) as f32 }
+    }
+
+    /// Finds donors for dark columns; those that have none along some axis are left out.
+    pub(super) fn fill(&self) -> Vec<Fill> {
+        let dark: Vec<usize> = self.columns.dark().collect();
+        dark.into_par_iter()
+            .filter_map(|column| {
+                let (mut donors, mut ways) = (Vec::new(), Vec::new());
+                for axis in self.axes {
+                    let sides = [1.0, -1.0].map(|sense| self.donors(axis, column, sense, 0.0));
+                    let found = || sides.iter().flatten();
+                    ways.push(found().map(|(_, way)| *way).reduce(f32::max)?);
+                    let nth = |i: usize| found().map(move |(donors, _)| donors[i]);
+                    donors.push((0..DONORS).flat_map(nth).collect());
+                }
+                Some(Fill { column, donors, ways })
+            })
+            .collect()
+    }
+
+    /// Walks along the stripe through the middle of a column to the known columns beyond `skip`, and returns the first
+    /// of them with the way to it; `None` if there are too few within reach.
+    fn donors(&self, axis: &Axis, column: usize, sense: f32, skip: f32) -> Option<(Vec<Donor>, f32)> {
+        let (mut at, mut way) = (self.columns.middle(column), 0.0);
+        let (mut donors, mut first, mut passed, mut last) = (Vec::with_capacity(DONORS), 0.0, 0, column);
+        while way < self.reach + skip {
+            let t = axis.along(at);
+            at = [at[0] + sense * t[0], at[1] + sense * t[1]];
+            way += 1.0;
+            let here = self.columns.at(at)?;
+            if here == last || way <= skip {
+                continue;
+            }
+            last = here;
+            if !self.columns.is_known[here] {
+                passed = 0;
+                continue;
+            }
+            passed += 1;
+            if passed <= SKIPPED {
+                continue;
+            }
+            if donors.is_empty() {
+                first = way;
+            }
+            let place = self.columns.places[here];
+            let t = axis.along(at);
+            donors.push(Donor { column: here, beside: t[0] * (place[1] - at[1]) - t[1] * (place[0] - at[0]) });
+            if donors.len() == DONORS {
+                return Some((donors, first));
+            }
+        }
+        None
+    }
+
+    /// Mean square error of carried samples per channel, measured on known columns: over ways as long as those of
+    /// `fills`. `None` where too few can be compared.
+    pub(super) fn variance(&self, fills: &[Fill]) -> Option<Vec<f32>> {
+        let known: Vec<usize> = (0..self.columns.is_known.len()).filter(|i| self.columns.is_known[*i]).collect();
+        if fills.is_empty() || known.is_empty() {
+            return None;
+        }
+        let mut variance = vec![0.0; self.columns.k];
+        for (a, axis) in self.axes.iter().enumerate() {
+            let tests = 60_000.min(4 * known.len());
+            let one = |i: usize| {
+                let column = known[i * 7919 % known.len()];
+                let way = fills[i * 104_729 % fills.len()].ways[a];
+                let own = self.columns.places[column];
+                let middle = self.columns.middle(column);
+                let t = axis.along(middle);
+                let beside = t[0] * (own[1] - middle[1]) - t[1] * (own[0] - middle[0]);
+                let sense = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+                let (donors, _) = self.donors(axis, column, sense, way)?;
+                let donor = donors.into_iter().find(|d| (d.beside - beside).abs() < SAME_STRIPE)?;
+                let of = |column: usize, j: usize| f64::from(self.columns.values[column * self.columns.k + j]);
+                Some(axis.channels.iter().map(|j| (of(donor.column, *j) - of(column, *j)).powi(2)).collect::<Vec<_>>())
+            };
+            let errors: Vec<Vec<f64>> = (0..tests).into_par_iter().filter_map(one).collect();
+            if errors.len() < MIN_COMPARED {
+                return None;
+            }
+            for (c, j) in axis.channels.iter().enumerate() {
+                variance[*j] = (errors.iter().map(|e| e[c]).sum::<f64>() / errors.len() as f64) as f32;
+            }
+        }
+        Some(variance)
+    }
+}
