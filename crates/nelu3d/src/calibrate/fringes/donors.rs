@@ -5,16 +5,17 @@ use rayon::prelude::*;
 use super::columns::Columns;
 use super::direction::Axis;
 
-/// Longest way along a stripe to a known column, as a fraction of the columns across.
-const REACH: f32 = 0.12;
 /// Donors on either side.
 const DONORS: usize = 3;
 /// Known columns that are skipped where a stripe leaves the dark: they may see the ink's edge.
 const SKIPPED: usize = 2;
 /// Largest distance across the stripes at which a donor's value is compared with a known one, columns.
 const SAME_STRIPE: f32 = 0.1;
-/// Fewest comparisons that tell how good carried samples are.
+/// Fewest comparisons that tell how good carried samples are, and how many are made at most.
 const MIN_COMPARED: usize = 200;
+const MAX_COMPARED: usize = 30_000;
+/// How far beyond a way columns may be that are compared over it, columns.
+const COMPARED_BEYOND: f32 = 40.0;
 
 /// A known column on a stripe, and by how far its samples lie beside the stripe's middle line, columns.
 #[derive(Clone, Copy)]
@@ -28,15 +29,12 @@ pub(super) struct Fill {
     column: usize,
     /// Per axis, the donors of one side or of both, nearest first.
     donors: Vec<Vec<Donor>>,
-    /// Per axis, the longest way to the first donor of a side, columns.
-    ways: Vec<f32>,
 }
 
 /// Columns and the directions of their stripes.
 pub(super) struct Known<'a> {
     columns: &'a Columns,
     axes: &'a [Axis],
-    reach: f32,
 }
 
 impl Fill {
@@ -76,38 +74,40 @@ impl Fill {
 impl<'a> Known<'a> {
     /// Joins columns with the directions of their stripes.
     pub(super) fn new(columns: &'a Columns, axes: &'a [Axis]) -> Self {
-        Self { columns, axes, reach: REACH * columns.n[0].max(columns.n[1]) as f32 }
+        Self { columns, axes }
     }
 
-    /// Finds donors for dark columns; those that have none along some axis are left out.
-    pub(super) fn fill(&self) -> Vec<Fill> {
+    /// Finds donors for dark columns, at most `reach` columns away; those that have none along some axis are left out.
+    pub(super) fn fill(&self, reach: f32) -> Vec<Fill> {
         let dark: Vec<usize> = self.columns.dark().collect();
         dark.into_par_iter()
             .filter_map(|column| {
-                let (mut donors, mut ways) = (Vec::new(), Vec::new());
+                let mut donors = Vec::new();
                 for axis in self.axes {
-                    let sides = [1.0, -1.0].map(|sense| self.donors(axis, column, sense, 0.0));
-                    let found = || sides.iter().flatten();
-                    ways.push(found().map(|(_, way)| *way).reduce(f32::max)?);
-                    let nth = |i: usize| found().map(move |(donors, _)| donors[i]);
-                    donors.push((0..DONORS).flat_map(nth).collect());
+                    let sides = [1.0, -1.0].map(|sense| self.donors(axis, column, sense, [0.0, reach]));
+                    let nth = |i: usize| sides.iter().flatten().map(move |donors| donors[i]);
+                    let of_axis: Vec<Donor> = (0..DONORS).flat_map(nth).collect();
+                    if of_axis.is_empty() {
+                        return None;
+                    }
+                    donors.push(of_axis);
                 }
-                Some(Fill { column, donors, ways })
+                Some(Fill { column, donors })
             })
             .collect()
     }
 
-    /// Walks along the stripe through the middle of a column to the known columns beyond `skip`, and returns the first
-    /// of them with the way to it; `None` if there are too few within reach.
-    fn donors(&self, axis: &Axis, column: usize, sense: f32, skip: f32) -> Option<(Vec<Donor>, f32)> {
+    /// Walks along the stripe through the middle of a column to the known columns between `from` and `to` columns away,
+    /// and returns the first of them; `None` if there are too few.
+    fn donors(&self, axis: &Axis, column: usize, sense: f32, [from, to]: [f32; 2]) -> Option<Vec<Donor>> {
         let (mut at, mut way) = (self.columns.middle(column), 0.0);
-        let (mut donors, mut first, mut passed, mut last) = (Vec::with_capacity(DONORS), 0.0, 0, column);
-        while way < self.reach + skip {
+        let (mut donors, mut passed, mut last) = (Vec::with_capacity(DONORS), 0, column);
+        while way < to {
             let t = axis.along(at);
             at = [at[0] + sense * t[0], at[1] + sense * t[1]];
             way += 1.0;
             let here = self.columns.at(at)?;
-            if here == last || way <= skip {
+            if here == last || way <= from {
                 continue;
             }
             last = here;
@@ -119,42 +119,35 @@ impl<'a> Known<'a> {
             if passed <= SKIPPED {
                 continue;
             }
-            if donors.is_empty() {
-                first = way;
-            }
             let place = self.columns.places[here];
             let t = axis.along(at);
             donors.push(Donor { column: here, beside: t[0] * (place[1] - at[1]) - t[1] * (place[0] - at[0]) });
             if donors.len() == DONORS {
-                return Some((donors, first));
+                return Some(donors);
             }
         }
         None
     }
 
-    /// Mean square error of carried samples per channel, measured on known columns: over ways as long as those of
-    /// `fills`. `None` where too few can be compared.
-    pub(super) fn variance(&self, fills: &[Fill]) -> Option<Vec<f32>> {
+    /// Mean square error of carried samples per channel, measured on known columns from known columns `way` columns away
+    /// and beyond. `None` where too few can be compared.
+    pub(super) fn variance(&self, way: f32) -> Option<Vec<f32>> {
         let known: Vec<usize> = (0..self.columns.is_known.len()).filter(|i| self.columns.is_known[*i]).collect();
-        if fills.is_empty() || known.is_empty() {
-            return None;
-        }
         let mut variance = vec![0.0; self.columns.k];
-        for (a, axis) in self.axes.iter().enumerate() {
-            let tests = 60_000.min(4 * known.len());
+        for axis in self.axes {
             let one = |i: usize| {
                 let column = known[i * 7919 % known.len()];
-                let way = fills[i * 104_729 % fills.len()].ways[a];
                 let own = self.columns.places[column];
                 let middle = self.columns.middle(column);
                 let t = axis.along(middle);
                 let beside = t[0] * (own[1] - middle[1]) - t[1] * (own[0] - middle[0]);
                 let sense = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
-                let (donors, _) = self.donors(axis, column, sense, way)?;
+                let donors = self.donors(axis, column, sense, [way, way + COMPARED_BEYOND])?;
                 let donor = donors.into_iter().find(|d| (d.beside - beside).abs() < SAME_STRIPE)?;
                 let of = |column: usize, j: usize| f64::from(self.columns.values[column * self.columns.k + j]);
                 Some(axis.channels.iter().map(|j| (of(donor.column, *j) - of(column, *j)).powi(2)).collect::<Vec<_>>())
             };
+            let tests = if known.is_empty() { 0 } else { MAX_COMPARED.min(4 * known.len()) };
             let errors: Vec<Vec<f64>> = (0..tests).into_par_iter().filter_map(one).collect();
             if errors.len() < MIN_COMPARED {
                 return None;

@@ -22,8 +22,11 @@ use crate::color_field::validity::Validity;
 
 /// Fewest rays without samples, as a fraction of those with, for which the work is worth its while.
 const MIN_SHARE: f64 = 0.002;
-/// Largest error of carried samples, root mean square of the normalized intensity, that still tells a codeword.
-const MAX_RMS: f64 = 0.15;
+/// Largest error of carried samples, root mean square of the normalized intensity.
+const MAX_RMS: f64 = 0.08;
+/// Ways along a stripe that are tried, as fractions of the columns across: the longest over which carried samples are
+/// good is taken.
+const WAYS: [f32; 6] = [0.02, 0.04, 0.06, 0.08, 0.10, 0.12];
 
 /// Samples that were carried along the stripes, and the rays that they stand for.
 pub(super) struct Carried {
@@ -54,19 +57,20 @@ pub(super) fn carry(bins: &Bins, validity: &Validity) -> Option<Carried> {
     }
     let axes: Vec<Axis> = axes(&columns)?;
     let known = Known::new(&columns, &axes);
-    let fills: Vec<Fill> = known.fill();
-    let variance = known.variance(&fills)?;
-    let rms = (variance.iter().map(|v| f64::from(*v)).sum::<f64>() / variance.len() as f64).sqrt();
-    tracing::debug!(
-        rms,
-        axes = axes.len(),
-        filled = fills.len(),
-        known = columns.n_known(),
-        "carried along the stripes"
-    );
-    if rms > MAX_RMS {
-        return None;
+    let across = columns.n[0].max(columns.n[1]) as f32;
+    let mut best = None;
+    for reach in WAYS.map(|way| way * across) {
+        let Some(variance) = known.variance(reach) else { break };
+        let rms = (variance.iter().map(|v| f64::from(*v)).sum::<f64>() / variance.len() as f64).sqrt();
+        tracing::debug!(reach, rms, axes = axes.len(), "samples carried along the stripes");
+        if rms > MAX_RMS {
+            break;
+        }
+        best = Some((reach, variance, rms));
     }
+    let (reach, variance, rms) = best?;
+    let fills: Vec<Fill> = known.fill(reach);
+    tracing::debug!(filled = fills.len(), known = columns.n_known(), "carried along the stripes");
     let (mut samples, mut places) = (bins.gathered(), Vec::new());
     let (mut values, mut omegas) = (vec![0.0; columns.k], vec![0.0; columns.k]);
     for fill in &fills {
