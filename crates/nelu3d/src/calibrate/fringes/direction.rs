@@ -11,10 +11,15 @@ const SAME_DIRECTION: f64 = 0.94;
 /// Block sizes over which gradients are taken: fine stripes need small ones, coarse stripes are seen over noise in large
 /// ones.
 const BLOCKS: [usize; 5] = [1, 2, 4, 8, 16];
+/// Fraction of a channel's variance that means over blocks must keep: what little is left of stripes that are finer than
+/// the blocks has another direction.
+const MIN_KEPT: f64 = 0.8;
 /// Gradients below this fraction of the channel's strongest tell more about noise than about direction.
 const STRONG: f64 = 0.3;
 /// Fewest gradients that tell a channel's direction.
 const MIN_GRADIENTS: usize = 30;
+/// Prior standard deviation of the slope's coefficients, which holds them where gradients are few.
+const SLOPE_SIGMA: f64 = 0.1;
 /// Coefficients of the slope of the stripes as a function of the place: a polynomial of second order.
 const TERMS: usize = 6;
 
@@ -66,15 +71,18 @@ impl Axis {
         let mut axis = Self { channels, tangent, slope: SVector::zeros(), n };
         for _ in 0..3 {
             let normal = normal(axis.tangent);
-            let mut h = SMatrix::<f64, TERMS, TERMS>::identity() * 1e-9;
+            let mut h = SMatrix::<f64, TERMS, TERMS>::identity() / (SLOPE_SIGMA * SLOPE_SIGMA);
             let mut r = SVector::<f64, TERMS>::zeros();
             for channel in &axis.channels {
-                let energy: f64 = gradients[*channel].iter().map(|g| dot(g.g, g.g)).sum();
+                // Each channel weighs as its gradients agree: by the mean square of what they have along the stripes.
+                let along = |g: &Gradient| dot(g.g, axis.along(g.at.map(|x| x as f32)).map(f64::from)).powi(2);
+                let noise = gradients[*channel].iter().map(along).sum::<f64>() / gradients[*channel].len() as f64;
+                let weight = 1.0 / noise.max(1e-9);
                 for g in &gradients[*channel] {
                     let (along, across) = (dot(g.g, axis.tangent), dot(g.g, normal));
                     let phi = terms(n, g.at);
-                    h += phi * phi.transpose() * (across * across / energy);
-                    r -= phi * (along * across / energy);
+                    h += phi * phi.transpose() * (weight * across * across);
+                    r -= phi * (weight * along * across);
                 }
             }
             let Some(slope) = h.cholesky().map(|c| c.solve(&r)) else { break };
@@ -107,12 +115,14 @@ pub(super) fn axes(columns: &Columns) -> Option<Vec<Axis>> {
     (axes.len() <= 2).then_some(axes)
 }
 
-/// The gradients of a channel, at the block size at which they agree best, and the direction along its stripes.
+/// The gradients of a channel, at the block size at which they tell most about its direction, and the direction along its stripes.
 fn of_channel(columns: &Columns, channel: usize) -> Option<(Vec<Gradient>, [f64; 2])> {
-    let mut best: Option<(f64, Vec<Gradient>, [f64; 2])> = None;
+    let mut best: Option<(f64, f64, Vec<Gradient>, [f64; 2])> = None;
+    let whole = variance(&block_means(columns, channel, 1));
     for block in BLOCKS {
-        let gradients = gradients(columns, channel, block);
-        if gradients.len() < MIN_GRADIENTS {
+        let means = block_means(columns, channel, block);
+        let gradients = gradients(&means, block, columns);
+        if gradients.len() < MIN_GRADIENTS || variance(&means) < MIN_KEPT * whole {
             continue;
         }
         let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
@@ -121,17 +131,19 @@ fn of_channel(columns: &Columns, channel: usize) -> Option<(Vec<Gradient>, [f64;
         }
         let coherence = (xx - yy).hypot(2.0 * xy) / (xx + yy);
         let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
-        if best.as_ref().is_none_or(|b| coherence > b.0) {
-            best = Some((coherence, gradients, [-angle.sin(), angle.cos()]));
+        // λ₁ / λ₂ of the structure tensor for every gradient.
+        let information = gradients.len() as f64 * (1.0 + coherence) / (1.0 - coherence).max(1e-9);
+        if best.as_ref().is_none_or(|b| information > b.0) {
+            best = Some((information, coherence, gradients, [-angle.sin(), angle.cos()]));
         }
     }
-    let (coherence, gradients, tangent) = best?;
+    let (_, coherence, gradients, tangent) = best?;
     tracing::trace!(channel, coherence, n = gradients.len(), ?tangent, "direction of the stripes");
     (coherence > MIN_COHERENCE).then_some((gradients, tangent))
 }
 
-/// The strong gradients of a channel between means of blocks, where all four neighbors are wholly known.
-fn gradients(columns: &Columns, channel: usize, block: usize) -> Vec<Gradient> {
+/// Means of a channel over blocks of columns; NaN where a column is not known.
+fn block_means(columns: &Columns, channel: usize, block: usize) -> Vec<f32> {
     let [na, nb] = columns.n.map(|n| n / block);
     let mean = |a: usize, b: usize| {
         let mut sum = 0.0;
@@ -146,12 +158,29 @@ fn gradients(columns: &Columns, channel: usize, block: usize) -> Vec<Gradient> {
         }
         sum / (block * block) as f32
     };
-    let map: Vec<f32> = (0..na * nb).map(|i| mean(i % na, i / na)).collect();
+    (0..na * nb).map(|i| mean(i % na, i / na)).collect()
+}
+
+/// Variance of what is known of a map.
+fn variance(map: &[f32]) -> f64 {
+    let known = || map.iter().filter(|v| v.is_finite()).map(|v| f64::from(*v));
+    let (n, sum, squares) = known().fold((0.0, 0.0, 0.0), |(n, s, q), v| (n + 1.0, s + v, q + v * v));
+    if n > 0.0 { squares / n - (sum / n) * (sum / n) } else { 0.0 }
+}
+
+/// The strong gradients of a map of means over blocks, where all neighbors are known.
+fn gradients(map: &[f32], block: usize, columns: &Columns) -> Vec<Gradient> {
+    let [na, nb] = columns.n.map(|n| n / block);
     let mut all = Vec::new();
     for b in 1..nb.saturating_sub(1) {
         for a in 1..na.saturating_sub(1) {
             let i = b * na + a;
-            let g = [map[i + 1] - map[i - 1], map[i + na] - map[i - na]].map(f64::from);
+            // In single columns samples lie off the middle by as much as fine stripes are wide.
+            let g = if block == 1 {
+                plane(map, columns, i)
+            } else {
+                [map[i + 1] - map[i - 1], map[i + na] - map[i - na]].map(f64::from)
+            };
             if g[0].is_finite() && g[1].is_finite() {
                 all.push(Gradient { at: [a, b].map(|x| (x as f64 + 0.5) * block as f64), g });
             }
@@ -165,4 +194,22 @@ fn gradients(columns: &Columns, channel: usize, block: usize) -> Vec<Gradient> {
     let strongest = *sizes.select_nth_unstable_by(at, f64::total_cmp).1;
     all.retain(|g| dot(g.g, g.g) > STRONG * STRONG * strongest);
     all
+}
+
+/// Slopes along a and b of the plane that fits a channel best at the places of the samples in 3 × 3 columns; NaN where
+/// one of them is not known.
+fn plane(map: &[f32], columns: &Columns, i: usize) -> [f64; 2] {
+    let na = columns.n[0];
+    let around = || (0..9).map(|j| i - na - 1 + j / 3 * na + j % 3);
+    let at = |j: usize| [f64::from(columns.places[j][0]), f64::from(columns.places[j][1]), f64::from(map[j])];
+    let mut mean = [0.0; 3];
+    around().for_each(|j| mean.iter_mut().zip(at(j)).for_each(|(m, v)| *m += v / 9.0));
+    let [mut xx, mut xy, mut yy, mut xv, mut yv] = [0.0; 5];
+    for j in around() {
+        let p = at(j);
+        let [x, y, v] = [p[0] - mean[0], p[1] - mean[1], p[2] - mean[2]];
+        (xx, xy, yy, xv, yv) = (xx + x * x, xy + x * y, yy + y * y, xv + x * v, yv + y * v);
+    }
+    let det = xx * yy - xy * xy;
+    [(xv * yy - yv * xy) / det, (yv * xx - xv * xy) / det]
 }
