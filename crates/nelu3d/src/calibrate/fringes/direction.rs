@@ -41,6 +41,15 @@ struct Gradient {
     g: [f64; 2],
 }
 
+/// The gradients of a channel, and what direction they have.
+struct Directed {
+    gradients: Vec<Gradient>,
+    /// (λ₁ − λ₂) / (λ₁ + λ₂) of their structure tensor.
+    coherence: f64,
+    /// Unit direction along the stripes.
+    tangent: [f64; 2],
+}
+
 /// The terms of the slope's polynomial at a place, which is scaled to −1 … 1.
 fn terms(n: [usize; 2], at: [f64; 2]) -> SVector<f64, TERMS> {
     let [x, y] = [0, 1].map(|i| 2.0 * at[i] / n[i] as f64 - 1.0);
@@ -66,19 +75,23 @@ impl Axis {
         [(t[0] * norm) as f32, (t[1] * norm) as f32]
     }
 
+    /// Returns the mean square change of a channel along the stripes.
+    fn change(&self, of: &Directed) -> f64 {
+        let along = |g: &Gradient| dot(g.g, self.along(g.at.map(|x| x as f32)).map(f64::from)).powi(2);
+        of.gradients.iter().map(along).sum::<f64>() / of.gradients.len() as f64
+    }
+
     /// Finds the slope at which the channels change least along the stripes: Σ (∇c · (t + m n))² is smallest.
-    fn fit(channels: Vec<usize>, tangent: [f64; 2], gradients: &[Vec<Gradient>], n: [usize; 2]) -> Self {
+    fn fit(channels: Vec<usize>, tangent: [f64; 2], found: &[Directed], n: [usize; 2]) -> Self {
         let mut axis = Self { channels, tangent, slope: SVector::zeros(), n };
         for _ in 0..3 {
             let normal = normal(axis.tangent);
             let mut h = SMatrix::<f64, TERMS, TERMS>::identity() / (SLOPE_SIGMA * SLOPE_SIGMA);
             let mut r = SVector::<f64, TERMS>::zeros();
             for channel in &axis.channels {
-                // Each channel weighs as its gradients agree: by the mean square of what they have along the stripes.
-                let along = |g: &Gradient| dot(g.g, axis.along(g.at.map(|x| x as f32)).map(f64::from)).powi(2);
-                let noise = gradients[*channel].iter().map(along).sum::<f64>() / gradients[*channel].len() as f64;
-                let weight = 1.0 / noise.max(1e-9);
-                for g in &gradients[*channel] {
+                // Each channel weighs as its gradients agree.
+                let weight = 1.0 / axis.change(&found[*channel]).max(1e-9);
+                for g in &found[*channel].gradients {
                     let (along, across) = (dot(g.g, axis.tangent), dot(g.g, normal));
                     let phi = terms(n, g.at);
                     h += phi * phi.transpose() * (weight * across * across);
@@ -98,26 +111,34 @@ impl Axis {
     }
 }
 
-/// Finds the directions of the stripes of all channels; `None` if a channel has none, or if there are more than two.
+/// Finds the directions of the stripes of all channels; `None` if fewer than half of them have one, or if there are more
+/// than two. Channels that show none by themselves (stripes nearly as fine as the columns, or a bit that hardly changes)
+/// go with the axis along which they change least.
 pub(super) fn axes(columns: &Columns) -> Option<Vec<Axis>> {
-    let found: Vec<(Vec<Gradient>, [f64; 2])> =
-        (0..columns.k).map(|channel| of_channel(columns, channel)).collect::<Option<_>>()?;
+    let found: Vec<Directed> = (0..columns.k).map(|channel| of_channel(columns, channel)).collect::<Option<_>>()?;
     let mut groups: Vec<(Vec<usize>, [f64; 2])> = Vec::new();
-    for (channel, (_, tangent)) in found.iter().enumerate() {
-        match groups.iter_mut().find(|g| dot(g.1, *tangent).abs() > SAME_DIRECTION) {
+    for (channel, of) in found.iter().enumerate().filter(|(_, of)| of.coherence > MIN_COHERENCE) {
+        match groups.iter_mut().find(|g| dot(g.1, of.tangent).abs() > SAME_DIRECTION) {
             Some((channels, _)) => channels.push(channel),
-            None => groups.push((vec![channel], *tangent)),
+            None => groups.push((vec![channel], of.tangent)),
         }
     }
-    let gradients: Vec<Vec<Gradient>> = found.into_iter().map(|f| f.0).collect();
-    let axes =
-        groups.into_iter().map(|(channels, t)| Axis::fit(channels, t, &gradients, columns.n)).collect::<Vec<_>>();
-    (axes.len() <= 2).then_some(axes)
+    let n_clear: usize = groups.iter().map(|g| g.0.len()).sum();
+    if 2 * n_clear < columns.k || groups.len() > 2 {
+        return None;
+    }
+    let fit = |(channels, tangent)| Axis::fit(channels, tangent, &found, columns.n);
+    let mut axes: Vec<Axis> = groups.into_iter().map(fit).collect();
+    for (channel, of) in found.iter().enumerate().filter(|(_, of)| of.coherence <= MIN_COHERENCE) {
+        let nearest = axes.iter_mut().min_by(|a, b| a.change(of).total_cmp(&b.change(of)));
+        nearest?.channels.push(channel);
+    }
+    Some(axes)
 }
 
-/// The gradients of a channel, at the block size at which they tell most about its direction, and the direction along its stripes.
-fn of_channel(columns: &Columns, channel: usize) -> Option<(Vec<Gradient>, [f64; 2])> {
-    let mut best: Option<(f64, f64, Vec<Gradient>, [f64; 2])> = None;
+/// The gradients of a channel, at the block size at which they tell most about its direction.
+fn of_channel(columns: &Columns, channel: usize) -> Option<Directed> {
+    let mut best: Option<(f64, Directed)> = None;
     let whole = variance(&block_means(columns, channel, 1));
     for block in BLOCKS {
         let means = block_means(columns, channel, block);
@@ -134,12 +155,12 @@ fn of_channel(columns: &Columns, channel: usize) -> Option<(Vec<Gradient>, [f64;
         // λ₁ / λ₂ of the structure tensor for every gradient.
         let information = gradients.len() as f64 * (1.0 + coherence) / (1.0 - coherence).max(1e-9);
         if best.as_ref().is_none_or(|b| information > b.0) {
-            best = Some((information, coherence, gradients, [-angle.sin(), angle.cos()]));
+            best = Some((information, Directed { gradients, coherence, tangent: [-angle.sin(), angle.cos()] }));
         }
     }
-    let (_, coherence, gradients, tangent) = best?;
-    tracing::trace!(channel, coherence, n = gradients.len(), ?tangent, "direction of the stripes");
-    (coherence > MIN_COHERENCE).then_some((gradients, tangent))
+    let (_, of) = best?;
+    tracing::trace!(channel, of.coherence, n = of.gradients.len(), ?of.tangent, "direction of the stripes");
+    Some(of)
 }
 
 /// Means of a channel over blocks of columns; NaN where a column is not known.

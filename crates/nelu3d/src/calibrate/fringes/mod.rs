@@ -24,6 +24,8 @@ use crate::color_field::validity::Validity;
 const MIN_SHARE: f64 = 0.002;
 /// Largest error of carried samples, root mean square of the normalized intensity.
 const MAX_RMS: f64 = 0.08;
+/// Largest variance of one channel's carried samples: random bits have 0.5.
+const MAX_CHANNEL_VARIANCE: f32 = 0.05;
 /// Ways along a stripe that are tried, as fractions of the columns across: the longest over which carried samples are
 /// good is taken.
 const WAYS: [f32; 6] = [0.02, 0.04, 0.06, 0.08, 0.10, 0.12];
@@ -63,7 +65,7 @@ pub(super) fn carry(bins: &Bins, validity: &Validity) -> Option<Carried> {
         let Some(variance) = known.variance(reach) else { break };
         let rms = (variance.iter().map(|v| f64::from(*v)).sum::<f64>() / variance.len() as f64).sqrt();
         tracing::debug!(reach, rms, axes = axes.len(), "samples carried along the stripes");
-        if rms > MAX_RMS {
+        if rms > MAX_RMS || variance.iter().any(|v| *v > MAX_CHANNEL_VARIANCE) {
             break;
         }
         best = Some((reach, variance, rms));
