@@ -164,6 +164,7 @@ MISTAKES = [
     ("camera.json of another resolution (f × 2)", scale_camera(2, 2), True),
     ("f 10 % too long", scale_camera(1.1, 1), True),
     ("markers entered 10 % too large", board(1.1, 1.1), True),
+    ("markers entered 10 % too large, `--step 6`", board(1.1, 1.1), True),
     ("print stretched 2 % along x", board(1.02, 1), True),
     ("distortion missing", no_distortion, True),
     ("board bent by 1 mm", "bend-1", True),
@@ -255,9 +256,11 @@ def row(program, folder, rigs, name, make, in_sweep):
     if not isinstance(make, str):
         make(rig)
     field, calibrated = folder / "good.safetensors", None
+    options = re.findall(r"`(.*)`", name)
+    options = options[0].split() if options else []
     if in_sweep or not field.exists():
         field = folder / "mistaken.safetensors" if in_sweep else field
-        calibrated = run(program, "calibrate", rig, "-o", field)
+        calibrated = run(program, "calibrate", rig, "-o", field, *options)
     truth = scene(rig) / "truth"
     made = run(program, "reconstruct", rig, "vase", "--field", field, "-o", folder / "result", "--truth", truth)
     shutil.rmtree(rig)

@@ -7,9 +7,11 @@ mod common;
 
 use std::path::Path;
 
+use nelu3d_sim::Spec;
+use nelu3d_sim::spec::{DepthSpacing, HandsSpec, ObjectSpec, SceneSpec, ShapeSpec, SweepSpec};
 use serde_json::Value;
 
-use common::{nelu3d, stderr};
+use common::{nelu3d, simulated, stderr};
 
 /// What a result must keep, against its ground truth.
 struct Bounds {
@@ -83,4 +85,77 @@ fn a_color_rig_is_as_accurate_as_it_was() {
         let answer = ok(&["reconstruct", &at(""), scene, "--truth", &truth]);
         hold(&format!("color, {scene}"), &answer["summary"]["metrics"], &bounds);
     }
+}
+
+/// A preset with an image of `scale` times its width, `positions` boards, and one scene.
+fn reduced(preset: &str, scale: f64, positions: usize, scene: &str) -> Spec {
+    let mut spec = Spec::preset(preset).expect("a preset");
+    let c = &mut spec.camera;
+    // The center of the first pixel is at 0.
+    (c.cx, c.cy) = ((c.cx + 0.5) * scale - 0.5, (c.cy + 0.5) * scale - 0.5);
+    (c.fx, c.fy) = (c.fx * scale, c.fy * scale);
+    (c.width, c.height) = ((c.width as f64 * scale) as usize, (c.height as f64 * scale) as usize);
+    if let SweepSpec::Stage { positions: n, .. } = &mut spec.sweep {
+        *n = positions;
+    }
+    spec.scenes.retain(|s| s.name == scene);
+    spec.sequences.clear();
+    assert_eq!(spec.scenes.len(), 1, "{preset} has {scene}");
+    spec
+}
+
+/// Calibrates and scans the rig of a spec with one scene, and holds the result to `bounds`.
+fn scan(name: &str, spec: &Spec, bounds: &Bounds) {
+    let (_folder, rig) = simulated(spec);
+    let (rig, scene) = (rig.to_str().unwrap(), spec.scenes[0].name.as_str());
+    ok(&["calibrate", rig]);
+    let answer = ok(&["reconstruct", rig, scene, "--truth", &format!("{rig}/scenes/{scene}/truth")]);
+    hold(name, &answer["summary"]["metrics"], bounds);
+}
+
+/// A sharp projector. Its markers stand in nearly the same pixels at every position of the stage, so that whatever
+/// misreads their corners is the same for all.
+#[test]
+fn a_sharp_projector_is_as_accurate_as_it_was() {
+    let bounds = Bounds { body_median_mm: 1.0, whole_mae_mm: 1.0, coverage: 0.0, outliers: 1.0, outside: 1.0 };
+    scan("dlp", &reduced("dlp", 0.4, 12, "vase"), &bounds);
+}
+
+/// A cheap projector: blurred, tilted focus, stray light, a curved response.
+#[test]
+fn a_cheap_projector_is_as_accurate_as_it_was() {
+    let bounds = Bounds { body_median_mm: 1.0, whole_mae_mm: 1.0, coverage: 0.0, outliers: 1.0, outside: 1.0 };
+    scan("lcd", &reduced("lcd", 0.4, 12, "vase"), &bounds);
+}
+
+/// Depth jumps and shadows.
+#[test]
+fn occlusions_are_as_accurate_as_they_were() {
+    let bounds = Bounds { body_median_mm: 1.0, whole_mae_mm: 1.0, coverage: 0.0, outliers: 1.0, outside: 1.0 };
+    scan("shapes", &reduced("shapes", 0.75, 12, "occlusion"), &bounds);
+}
+
+/// Four boards, held by a hand that covers a part of each: the light's center has to be found, and to hold between them.
+#[test]
+fn four_boards_held_by_hand_are_as_accurate_as_they_were() {
+    let mut spec = reduced("shapes", 0.75, 12, "sphere");
+    spec.sweep = SweepSpec::Handheld {
+        positions: 4,
+        first_mm: 600.0,
+        last_mm: 800.0,
+        center_mm: [0.0, 0.0],
+        position_sigma_mm: 12.0,
+        tilt_sigma: 0.3,
+        depths: DepthSpacing::Scattered,
+        max_tilt: Some(0.698),
+        min_in_view: 0.67,
+        hands: Some(HandsSpec { number: 1, size_mm: 40.0, albedo: [0.5, 0.35, 0.3] }),
+        write_poses: false,
+    };
+    let wall = ShapeSpec::Plane { width_mm: 180.0, height_mm: 140.0 };
+    let wall = ObjectSpec { rotation: [0.02, -0.1, 0.0], ..ObjectSpec::new(wall, [0.0, 0.0, 750.0]) };
+    let ball = ObjectSpec::new(ShapeSpec::Sphere { radius_mm: 50.0 }, [0.0, 0.0, 700.0]);
+    spec.scenes = vec![SceneSpec::new("seen", vec![ball, wall])];
+    let bounds = Bounds { body_median_mm: 1.0, whole_mae_mm: 1.0, coverage: 0.0, outliers: 1.0, outside: 1.0 };
+    scan("by hand", &spec, &bounds);
 }

@@ -9,7 +9,7 @@ use nelu3d_sim::Spec;
 use nelu3d_sim::spec::{BumpSpec, SceneSpec};
 use serde_json::Value;
 
-use common::{calibrated, nelu3d, stderr};
+use common::{calibrated, copy, nelu3d, stderr};
 
 /// What was bumped, and by how many pixels along x.
 #[derive(Clone, Copy)]
@@ -106,7 +106,7 @@ fn a_bump_is_found_attributed_and_corrected() {
 fn a_scene_with_the_board_in_view_tells_by_itself() {
     let mut spec = spec();
     spec.scenes.retain(|s| s.name == "vase-before-board");
-    let (_folder, rig) = calibrated(&spec);
+    let (folder, rig) = calibrated(&spec);
     let rig = rig.to_str().unwrap();
     let codes = |answer: &Value, of: &str| -> Vec<String> {
         answer[of].as_array().unwrap().iter().map(|f| f["code"].as_str().unwrap().to_owned()).collect()
@@ -116,6 +116,15 @@ fn a_scene_with_the_board_in_view_tells_by_itself() {
     assert_eq!(found["summary"]["method"]["drift"]["moved"], "light");
     let corrected = answer(&["reconstruct", rig, "vase-before-board", "--correct"]);
     assert_eq!((&corrected["verdict"], codes(&corrected, "notes")), (&"good".into(), vec!["drift".into()]));
+
+    // So is a frame of a sequence, keyframe or not.
+    let frames = folder.path().join("frames");
+    for frame in ["000", "001"] {
+        copy(&Path::new(rig).join("scenes/vase-before-board"), &frames.join(frame));
+    }
+    let output = folder.path().join("moving");
+    let moving = answer(&["sequence", rig, frames.to_str().unwrap(), "-o", output.to_str().unwrap()]);
+    assert_eq!((&moving["verdict"], &moving["warnings"]), (&"doubtful".into(), &serde_json::json!({ "drift": 2 })));
 
     // Without a board there is nothing to correct by.
     let out = nelu3d(&["check", rig, "--drift", "calibration", "--quiet"]);

@@ -34,6 +34,8 @@ enum Told {
     /// `calibrate` has one of these codes, by corners and white images alone: wherever the light is, which takes most of
     /// the time to find.
     Boards(&'static [&'static str]),
+    /// `calibrate` has this code where the stage's step is stated.
+    Step(&'static str),
     /// Nothing in the sweep tells; `calibrate` says that it was not checked, by this note.
     Noted(&'static str),
     /// `calibrate` refuses, and writes nothing, with this code first.
@@ -69,6 +71,11 @@ const MISTAKES: &[Mistake] = &[
         name: "markers entered 10 % too large",
         make: |rig| board(rig, |x, y| [1.1 * x, 1.1 * y]),
         told: Told::Noted("scale-not-checked"),
+    },
+    Mistake {
+        name: "markers entered 2 % too large, the board on a stage of known step",
+        make: |rig| board(rig, |x, y| [1.02 * x, 1.02 * y]),
+        told: Told::Step("scale-contradicted"),
     },
     Mistake {
         name: "a code that repeats along the ray",
@@ -138,6 +145,17 @@ const MISTAKES: &[Mistake] = &[
             }
         },
         told: Told::Boards(&["lossy-compression"]),
+    },
+    Mistake {
+        name: "sweep and scene: sRGB",
+        make: |rig| {
+            for dir in positions(rig) {
+                ["white.png", "black.png"].iter().chain(&PATTERNS).for_each(|name| {
+                    image(&dir, name, |v| v.iter_mut().for_each(|v| *v = srgb(*v)));
+                });
+            }
+        },
+        told: Told::Calibrate(&["nonlinear-response"]),
     },
     Mistake {
         name: "scene: sRGB",
@@ -255,6 +273,14 @@ impl Mistake {
             Told::Calibrate(wanted) => has(&run(&["calibrate", path(&rig)], &["--accept"])?.0, wanted),
             Told::Boards(wanted) => {
                 has(&run(&["calibrate", path(&rig), "--frame", "camera"], &["--accept"])?.0, wanted)
+            }
+            Told::Step(code) => {
+                let with = |step: &str| run(&["calibrate", path(&rig), "--frame", "camera", "--step", step], &[]);
+                has(&with("12.545")?.0, &[code])?;
+                // 2 % longer steps agree with the print as it was entered.
+                let (agreeing, _) = with("12.796")?;
+                let said = [codes(&agreeing, "warnings"), codes(&agreeing, "notes")].concat();
+                if said.iter().any(|c| c.starts_with("scale")) { Err(format!("{said:?}")) } else { Ok(()) }
             }
             Told::Noted(note) => {
                 let (answer, _) = run(&["calibrate", path(&rig), "--frame", "camera"], &[])?;

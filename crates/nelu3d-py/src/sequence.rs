@@ -63,7 +63,7 @@ impl Sequence {
         let input = FrameInput {
             state: state.filter(|_| !self.plan.is_key(i)),
             neighbors: &neighbors,
-            camera: &rig.camera,
+            rig,
             field: &self.field,
             options: &self.options,
             motion: &self.motion,

@@ -58,6 +58,8 @@ pub(super) struct Candidate {
     pub(super) quality: Quality,
     /// Variance of the codewords at the held-out positions, channel by channel, mean.
     pub(super) variance: f64,
+    /// PSNR that noise and pixels allow at the held-out positions, dB, if any of their samples are well lit.
+    pub(super) allowed_db: Option<f64>,
     /// Held-out PSNR of every position that was held out, dB; those that no others support are missing.
     pub(super) by_position: Vec<(String, f64)>,
     /// Whether it has fewer cells across than the camera has pixels there.
@@ -119,7 +121,7 @@ impl Candidate {
             // Depth errors of every fourth sample at most, however many positions are held out.
             let stride = 4 * folds.iter().map(Vec::len).sum::<usize>().max(1);
             let grid = as_grid(&fitted);
-            for (p, e) in pass.compare(fold, &grid, stride, &support, least)? {
+            for (p, e) in pass.compare(fold, &grid, stride, &support, (least, u16::from(in_turn)))? {
                 by_position.extend(e.psnr_db().map(|db| (placed.sweep.shots[p].name.clone(), db)));
                 errors.merge(e);
             }
@@ -134,6 +136,7 @@ impl Candidate {
         validity.fill_holes();
         let held_out = folds.concat().iter().map(|p| placed.sweep.shots[*p].name.clone()).collect();
         let variance = errors.variance();
+        let allowed_db = errors.allowed_db();
         let quality = errors.quality(held_out, placed.n_positions());
         let is_good = quality.psnr_db > quality.ceiling_db - MAX_SHORTFALL_DB;
         let reached = if is_good || ends_hold(placed, &by_position) { [0.0, 1.0] } else { swept };
@@ -151,6 +154,7 @@ impl Candidate {
             validity,
             quality,
             variance,
+            allowed_db,
             by_position,
             is_limited: is_limited(placed, &frame, cells),
             // The last fold's position is new to the field.

@@ -90,15 +90,17 @@ pub(super) fn reason(center: Center, light: Option<&LightCenter>, asked: FrameKi
     }
 }
 
-/// Why a field stays more than 3 dB below its noise, in words; `None` if it does not.
+/// Why a field stays more than 3 dB below what noise and pixels allow, in words; `None` if it does not.
 pub(super) fn shortfall(best: &Candidate, light: Option<&LightCenter>) -> Option<String> {
     let q = &best.quality;
+    let allowed = best.allowed_db.map_or(q.ceiling_db, |db| db.min(q.ceiling_db));
+    tracing::debug!(psnr = q.psnr_db, ceiling = q.ceiling_db, allowed, "held out");
     if q.psnr_db.is_nan() {
         let reason = "no held-out position could be compared: no two boards share a ray of light; place boards so that \
                       they overlap as the light sees them";
         return Some(reason.into());
     }
-    if q.psnr_db >= q.ceiling_db - MAX_SHORTFALL_DB {
+    if q.psnr_db >= allowed - MAX_SHORTFALL_DB {
         return None;
     }
     let mut db: Vec<f64> = best.by_position.iter().map(|p| p.1).collect();
@@ -122,7 +124,8 @@ pub(super) fn shortfall(best: &Candidate, light: Option<&LightCenter>) -> Option
         _ => "the patterns are finer than the camera's pixels, or the boards' poses are not exact".into(),
     };
     Some(format!(
-        "the field predicts positions that it has not seen to {:.1} dB, and noise alone allows {:.1}: {why}",
+        "the field predicts positions that it has not seen to {:.1} dB, and noise alone allows {:.1}, with the edges of the \
+         code {allowed:.1}: {why}",
         q.psnr_db, q.ceiling_db
     ))
 }

@@ -107,8 +107,14 @@ pub fn calibrate(
 
     clock.begin("judge the field");
     let held_out = HeldOut { quality: &quality, shortfall: shortfall.as_deref(), variance };
-    let evidence =
-        Evidence { facts: &geometry.facts, held_out, without_consensus: &without_consensus, excluded: &excluded };
+    let evidence = Evidence {
+        facts: &geometry.facts,
+        steps: geometry.trajectory.steps.as_ref(),
+        step_mm: opts.step_mm,
+        held_out,
+        without_consensus: &without_consensus,
+        excluded: &excluded,
+    };
     let judgment = judge(&field, &placed, &evidence, progress)?;
     field.metadata.warnings = judgment.warnings.iter().map(|w| w.code.name()).collect();
     let report = CalibrationReport {

@@ -61,6 +61,11 @@ pub struct CalibrationOptions {
     /// How the board moved
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Self::default().trajectory))]
     pub trajectory: TrajectoryKind,
+    /// A stage moved the board in steps of this length, in the order of the names, mm: then it is checked that the scale,
+    /// which rests on the print's measures and the focal length, agrees
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "clap", arg(long = "step", value_name = "MM", value_parser = step))]
+    pub step_mm: Option<f64>,
     /// Hold out every Nth board position to measure the field (the stored field is then fitted to all)
     #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::default().hold_out))]
     pub hold_out: usize,
@@ -86,11 +91,21 @@ impl Default for CalibrationOptions {
             octaves: Octaves::Supervised,
             frame: FrameKind::Auto,
             trajectory: TrajectoryKind::Auto,
+            step_mm: None,
             hold_out: 8,
             leave_out: Vec::new(),
             min_contrast: 0.02,
             seed: 0,
             device: Choice::Auto,
         }
+    }
+}
+
+/// Parses the step of a stage.
+#[cfg(feature = "clap")]
+fn step(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(mm) if (1e-4..=10_000.0).contains(&mm) => Ok(mm),
+        _ => Err("a length in mm, from 0.0001 to 10000".into()),
     }
 }

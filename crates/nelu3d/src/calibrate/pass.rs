@@ -87,21 +87,21 @@ impl Pass<'_, '_> {
         Ok(usable)
     }
 
-    /// Compares positions with a field where at least `least` positions support it, every `stride`th sample's depth
-    /// error kept; then adds them to bins and validity.
+    /// Compares positions with a field where at least `least` positions support it, of which `counted` are not in the
+    /// field; every `stride`th sample's depth error is kept. Then adds them to bins and validity.
     pub(super) fn compare(
         &mut self,
         which: &[usize],
         grid: &Grid,
         stride: usize,
         support: &Support,
-        least: u16,
+        (least, counted): (u16, u16),
     ) -> Result<Vec<(usize, HeldOutErrors)>, CalibrationError> {
         let (placed, frame, empty, blank) = (self.placed, self.frame, self.bins.gathered(), self.blank());
         let map = |p: usize, (): (), read: &Position| {
             let passed = Passed::of(placed, frame, (&empty, &blank), p, read);
-            let supported = |q: [f32; 3]| support.holds(q, least);
-            (passed, (p, HeldOutErrors::of(placed, frame, grid, p, read, stride, supported)))
+            let supporting = |q: [f32; 3]| support.at(q, least).saturating_sub(counted);
+            (passed, (p, HeldOutErrors::of(placed, frame, grid, p, read, stride, supporting)))
         };
         let mut errors = Vec::new();
         let take = |wave: Vec<(Passed, (usize, HeldOutErrors))>| {

@@ -34,19 +34,21 @@ impl Support {
         }
     }
 
-    /// Whether at least `least` positions support the ray of light at unit coordinates `q` and around it; in the
-    /// camera's frame, where nothing is known along a ray but what positions saw, `q` has to lie between them.
-    pub(super) fn holds(&self, q: [f32; 3], least: u16) -> bool {
+    /// Returns how many positions support the ray of light at unit coordinates `q` and around it, 0 where these are fewer
+    /// than `least`; in the camera's frame, where nothing is known along a ray but what positions saw, `q` has to lie
+    /// between them.
+    pub(super) fn at(&self, q: [f32; 3], least: u16) -> u16 {
         let [na, nb] = self.cells;
         let (a, b) = ((q[0] * na as f32) as isize, (q[1] * nb as f32) as isize);
-        [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().all(|(da, db)| {
+        let around = [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().map(|(da, db)| {
             let (a, b) = (a + da, b + db);
             if !(0..na as isize).contains(&a) || !(0..nb as isize).contains(&b) {
-                return false;
+                return 0;
             }
             let i = b as usize * na + a as usize;
-            self.count[i] >= least
-                && (self.center == Center::Light || (q[2] > self.reach[i][0] && q[2] < self.reach[i][1]))
-        })
+            let holds = self.center == Center::Light || (q[2] > self.reach[i][0] && q[2] < self.reach[i][1]);
+            if holds { self.count[i] } else { 0 }
+        });
+        around.min().filter(|n| *n >= least).unwrap_or(0)
     }
 }

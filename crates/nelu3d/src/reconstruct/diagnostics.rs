@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::effort::EffortSettings;
+use super::judge::drift_not_checked;
 use super::neural::TrainingRecord;
 use super::options::ReconstructionOptions;
 use super::settings::FastSettings;
@@ -31,6 +32,17 @@ pub struct Diagnostics {
 }
 
 impl Diagnostics {
+    /// Adds what a look for drift found, or why nothing was looked at (a part of a sentence).
+    pub(crate) fn add_drift(&mut self, found: Result<DriftReport, String>) {
+        match found {
+            Ok(drift) => {
+                self.judgment.extend(drift.finding());
+                self.drift = Some(drift);
+            }
+            Err(why) => self.judgment.add(drift_not_checked(&why)),
+        }
+    }
+
     /// Returns the crosstalk that was corrected; `None` where none can be (gray cameras, recipe `paper`).
     pub fn crosstalk(&self) -> Option<CrosstalkMatrix> {
         match &self.recipe {

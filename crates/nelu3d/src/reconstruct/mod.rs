@@ -43,7 +43,7 @@ pub use filter::FilterSettings;
 use filter::filter;
 pub use initialize::{CrosstalkSettings, PropagationSettings};
 use initialize::{Initial, initialize};
-use judge::{drift_not_checked, judge};
+use judge::judge;
 pub use light_fractions::LightFractionPrior;
 pub(crate) use maps::interpolate_within;
 pub use observer::{Observer, Stage};
@@ -102,39 +102,20 @@ pub fn reconstruct_observed<'a>(
     cx.clock.begin("read the scene");
     let capture = rig.read_shot(shot, set, Need::Scene)?;
     check_mono(&capture, set, shot, field)?;
-    let (surface, mut diagnostics) =
-        surface(&capture, &rig.camera, field, None, opts, &mut cx).map_err(|failure| failure.at(&shot.dir))?;
+    let (surface, mut diagnostics) = reconstruct_capture(&capture, &rig.camera, field, None, opts, &mut cx)
+        .map_err(|failure| failure.at(&shot.dir))?;
     cx.clock.begin("look for drift");
-    match check_capture(rig, &capture, field) {
-        Ok(drift) => {
-            diagnostics.judgment.extend(drift.finding());
-            diagnostics.drift = Some(drift);
-        }
-        Err(why) => diagnostics.judgment.add(drift_not_checked(&why)),
-    }
+    diagnostics.add_drift(check_capture(rig, &capture, field));
     Ok(Reconstruction { surface, diagnostics, stages: cx.finish() })
 }
 
-/// Reconstructs a capture, from the previous frame's surface if there is one (recipe `fast`).
+/// Reconstructs a capture, from the previous frame's surface if there is one (recipe `fast`). Whether something moved
+/// since the sweep is not looked at.
 ///
 /// # Errors
 ///
 /// No pixel can be reconstructed, or the caller stopped the work.
 pub fn reconstruct_capture(
-    capture: &Capture,
-    camera: &Camera,
-    field: &ColorField,
-    previous: Option<&PreviousFrame>,
-    opts: &ReconstructionOptions,
-    cx: &mut Context<'_>,
-) -> Result<(Surface, Diagnostics), Failure> {
-    let (surface, mut diagnostics) = surface(capture, camera, field, previous, opts, cx)?;
-    diagnostics.judgment.add(drift_not_checked("a capture by itself is not searched for the board"));
-    Ok((surface, diagnostics))
-}
-
-/// Reconstructs a capture, without a look at whether something moved since the sweep.
-fn surface(
     capture: &Capture,
     camera: &Camera,
     field: &ColorField,

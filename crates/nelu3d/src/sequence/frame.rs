@@ -1,7 +1,7 @@
 //! One frame of a sequence.
 
 use nelu3d_scan::rig::Capture;
-use nelu3d_scan::{Camera, Image};
+use nelu3d_scan::{Image, Rig};
 
 use super::motion::Motion;
 use super::neighbors::Neighbors;
@@ -10,6 +10,7 @@ use super::pattern_time::{PatternTime, PatternTimeProblem};
 use super::state::{FrameDiagnostics, FrameState, MotionDiagnostics};
 use super::white_blend::blend_white;
 use crate::color_field::{CameraRays, ColorField};
+use crate::drift::check_capture;
 use crate::progress::StageTime;
 use crate::reconstruct::{
     Context, Diagnostics, Effort, Failure, PreviousFrame, Recipe, ReconstructionOptions, reconstruct_capture,
@@ -38,8 +39,8 @@ pub struct FrameInput<'a> {
     pub state: Option<&'a FrameState>,
     /// White images of the neighboring frames.
     pub neighbors: &'a Neighbors,
-    /// The camera.
-    pub camera: &'a Camera,
+    /// The rig: its camera, and its board, which may be in view.
+    pub rig: &'a Rig,
     /// The color field.
     pub field: &'a ColorField,
     /// Settings of the reconstruction.
@@ -80,6 +81,8 @@ pub fn reconstruct_frame(
     mut capture: Capture,
     mut cx: Context<'_>,
 ) -> Result<FrameReconstruction, Failure> {
+    cx.clock.begin("look for drift");
+    let drift = check_capture(input.rig, &capture, input.field);
     let taken = capture.white.clone();
     let auto = input.motion.motion == MotionMode::Auto;
     if input.motion.motion == MotionMode::Interpolate {
@@ -123,7 +126,8 @@ pub fn reconstruct_frame(
     // A frame that stands still hands on the time that it started from.
     let pattern_time = found.or(input.state.and_then(|s| s.pattern_time));
     let motion = MotionDiagnostics { settings: input.motion.clone(), speed_px: speed, pattern_time };
-    let (surface, reconstruction) = out;
+    let (surface, mut reconstruction) = out;
+    reconstruction.add_drift(drift);
     let diagnostics = FrameDiagnostics { reconstruction, motion };
     Ok(FrameReconstruction { surface, diagnostics, stages: cx.finish() })
 }
@@ -145,7 +149,7 @@ fn solve_pattern_time(
     capture: &Capture,
     depth: &[f32],
 ) -> Option<PatternTime> {
-    let rays = CameraRays::new(input.camera, input.field, 1);
+    let rays = CameraRays::new(&input.rig.camera, input.field, 1);
     PatternTimeProblem { motion, capture, depth, rays: &rays, field: input.field }.solve(near)
 }
 
@@ -169,7 +173,7 @@ fn first_pattern_time(
     }
     let quick =
         ReconstructionOptions { effort: Effort::Quick, steps: None, recipe: Recipe::Fast, ..input.options.clone() };
-    let (surface, _) = reconstruct_capture(capture, input.camera, input.field, None, &quick, cx)?;
+    let (surface, _) = reconstruct_capture(capture, &input.rig.camera, input.field, None, &quick, cx)?;
     cx.clock.begin("find the motion");
     let found = solve_pattern_time(input, motion, None, capture, &surface.depth);
     Ok(found.filter(|t| is_credible(speed, t)))
@@ -182,7 +186,7 @@ fn run(
     capture: &Capture,
     cx: &mut Context<'_>,
 ) -> Result<(Surface, Diagnostics), Failure> {
-    reconstruct_capture(capture, input.camera, input.field, previous, input.options, cx)
+    reconstruct_capture(capture, &input.rig.camera, input.field, previous, input.options, cx)
 }
 
 /// Returns the mean over the channels of pixel `i`.

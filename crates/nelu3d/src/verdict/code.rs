@@ -18,6 +18,8 @@ pub enum Code {
     BoardBent,
     /// What no image tells: the scale of everything, and the focal length where the boards face the camera.
     ScaleNotChecked,
+    /// The boards' steps are longer or shorter than the stage's.
+    ScaleContradicted,
     /// The boards span too little depth, or none.
     DepthRange,
     /// The field predicts unseen positions worse than noise allows.
@@ -60,13 +62,14 @@ pub enum Code {
 
 impl Code {
     /// All codes.
-    pub const ALL: [Code; 25] = [
+    pub const ALL: [Code; 26] = [
         Code::CornersMisfit,
         Code::CameraIntrinsics,
         Code::CameraDistortion,
         Code::PrintStretched,
         Code::BoardBent,
         Code::ScaleNotChecked,
+        Code::ScaleContradicted,
         Code::DepthRange,
         Code::FieldBelowNoise,
         Code::PositionsRepeat,

@@ -155,7 +155,7 @@ impl SequenceRun<'_> {
         let input = FrameInput {
             state: state.as_ref(),
             neighbors: &neighbors,
-            camera: &self.rig.camera,
+            rig: self.rig,
             field: &self.field,
             options: &self.args.options,
             motion: &self.args.motion,

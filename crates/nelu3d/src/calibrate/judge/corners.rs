@@ -61,22 +61,6 @@ pub(super) fn judge(misfit: Option<&SharedMisfit>, depth_mm: f64) -> Option<Find
     )
 }
 
-/// Notes what no image tells: the scale of everything, and the focal length where the boards face the camera.
-pub(super) fn scale(misfit: Option<&SharedMisfit>) -> Finding {
-    /// Relative standard deviation up to which the boards tell the focal length.
-    const KNOWN: f64 = 0.01;
-    let sentence = "the scale of all depths rests on the size of the print in [board]";
-    let sigma = misfit.map(|m| m.focal_sigma);
-    let (sentence, remedy) = match sigma.filter(|s| *s <= KNOWN) {
-        Some(_) => (format!("{sentence}, which no image tells"), "measure the print"),
-        None => (
-            format!("{sentence} and on the focal length in camera.json, which boards that face the camera do not tell"),
-            "measure the print, and tilt the board by 20 degrees and more at some positions",
-        ),
-    };
-    Finding::new(Code::ScaleNotChecked, Verdict::Good, sentence, remedy).with("focal_sigma", sigma)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -96,6 +80,5 @@ mod tests {
         assert_eq!(code(misfit(0.1, 0.6, 200.0, 0.05)), None);
         assert_eq!(code(misfit(2.0, 0.1, 5.0, 0.05)), Some(Code::CornersMisfit));
         assert!(judge(None, 700.0).is_none());
-        assert!(scale(Some(&misfit(0.1, 0.1, 5.0, 0.05))).sentence.contains("focal length"));
     }
 }

@@ -7,22 +7,36 @@ mod corners;
 mod field;
 mod positions;
 mod repeats;
+mod response;
+mod scale;
 mod spread;
+
+use nelu3d_scan::pose::Steps;
 
 use super::board_poses::SweepFacts;
 use super::error::CalibrationError;
 use super::placed_sweep::PlacedSweep;
+use super::sweep::Position;
 use crate::color_field::ColorField;
 use crate::progress::Progress;
 use crate::sensor::BlockDetector;
 use crate::verdict::{Code, Finding, Judgment, Verdict};
 pub(super) use field::HeldOut;
+use positions::PositionSums;
+use response::InkSums;
 pub use spread::DepthSpan;
+
+/// Most positions that are compared with the field, spread over the sweep.
+const MAX_POSITIONS: usize = 64;
 
 /// What the judgment of a calibration rests on, besides field and sweep.
 pub(super) struct Evidence<'a> {
     /// What the white images and the corners told.
     pub(super) facts: &'a SweepFacts,
+    /// Steps of the stage by the boards' poses, if they stand on a line.
+    pub(super) steps: Option<&'a Steps>,
+    /// Steps of the stage as they were stated, mm.
+    pub(super) step_mm: Option<f64>,
     /// How the held-out positions came out.
     pub(super) held_out: HeldOut<'a>,
     /// Positions that are not used, because their codewords do not fit the others'.
@@ -42,7 +56,12 @@ pub(super) fn judge(
     let span = DepthSpan::of(placed);
     judgment.extend(spread::judge(&span, field));
     judgment.extend(corners::judge(evidence.facts.misfit.as_ref(), span.middle_mm));
-    judgment.add(corners::scale(evidence.facts.misfit.as_ref()));
+    judgment.extend(scale::judge(
+        evidence.facts.misfit.as_ref(),
+        evidence.steps,
+        placed.n_positions(),
+        evidence.step_mm,
+    ));
     judgment.extend(field::judge(&evidence.held_out));
     judgment.extend(evidence.without_consensus.iter().map(|name| {
         let sentence =
@@ -52,10 +71,33 @@ pub(super) fn judge(
         Finding::new(Code::PositionDisagrees, Verdict::Doubtful, sentence, remedy).with("position", name.as_str())
     }));
     judgment.extend(parts_left_out(evidence.excluded));
-    judgment.extend(positions::judge(field, placed, progress)?);
+    let (of_positions, of_ink) = residuals(field, placed, progress)?;
+    let names: Vec<&str> = placed.sweep.shots.iter().map(|s| s.name.as_str()).collect();
+    judgment.extend(positions::judge(of_positions, &names, &field.metadata.images));
+    judgment.extend(response::judge(&of_ink));
     judgment.extend(repeats::judge(field, &placed.camera));
     judgment.extend(captures(evidence.facts));
     Ok(judgment)
+}
+
+/// Compares positions with the field: what is well lit, and ink.
+fn residuals(
+    field: &ColorField,
+    placed: &PlacedSweep<'_>,
+    progress: &Progress,
+) -> Result<(Vec<PositionSums>, Vec<InkSums>), CalibrationError> {
+    let n = placed.n_positions();
+    let which: Vec<usize> = match n {
+        ..=MAX_POSITIONS => (0..n).collect(),
+        _ => (0..MAX_POSITIONS).map(|i| i * (n - 1) / (MAX_POSITIONS - 1)).collect(),
+    };
+    let grid = field.to_grid();
+    let map = |p: usize, (): (), read: &Position| {
+        (PositionSums::of(field, &grid, placed, p, read), InkSums::of(field, &grid, placed, p, read))
+    };
+    let mut all = Vec::with_capacity(which.len());
+    placed.sweep.stream(&which, progress, |(), _| {}, map, |wave| all.extend(wave))?;
+    Ok(all.into_iter().unzip())
 }
 
 /// Notes the positions of which much is not used.

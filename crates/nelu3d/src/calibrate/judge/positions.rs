@@ -6,17 +6,13 @@
 use nalgebra::{Matrix3, Vector3};
 use nelu3d_scan::statistics::median;
 
-use crate::calibrate::error::CalibrationError;
 use crate::calibrate::held_out::well_lit;
 use crate::calibrate::placed_sweep::PlacedSweep;
 use crate::calibrate::sweep::Position;
 use crate::color_field::ColorField;
 use crate::color_field::grid::Grid;
-use crate::progress::Progress;
 use crate::verdict::{Code, Finding, Verdict};
 
-/// Most positions that are looked at, spread over the sweep.
-const MAX_POSITIONS: usize = 64;
 /// About how many samples of a position are compared.
 const SAMPLES: usize = 4000;
 /// Fewest positions among which one can stand out.
@@ -35,7 +31,7 @@ const MIN_EXCESS: f64 = 0.015;
 const EXPLAINS: f64 = 0.5;
 
 /// Sums over the well-lit samples of one position: measured codewords v against the field's c.
-struct PositionSums {
+pub(super) struct PositionSums {
     /// Index of the position.
     p: usize,
     n: usize,
@@ -49,27 +45,12 @@ struct PositionSums {
     shift: (Matrix3<f64>, Vector3<f64>),
 }
 
-/// Judges every position against the field of all.
-pub(super) fn judge(
-    field: &ColorField,
-    placed: &PlacedSweep<'_>,
-    progress: &Progress,
-) -> Result<Vec<Finding>, CalibrationError> {
-    let n = placed.n_positions();
-    if n < MIN_POSITIONS {
-        return Ok(Vec::new());
-    }
-    let which: Vec<usize> = match n {
-        ..=MAX_POSITIONS => (0..n).collect(),
-        _ => (0..MAX_POSITIONS).map(|i| i * (n - 1) / (MAX_POSITIONS - 1)).collect(),
-    };
-    let grid = field.to_grid();
-    let map = |p: usize, (): (), read: &Position| PositionSums::of(field, &grid, placed, p, read);
-    let mut all: Vec<PositionSums> = Vec::with_capacity(which.len());
-    placed.sweep.stream(&which, progress, |(), _| {}, map, |wave| all.extend(wave))?;
+/// Judges positions against the field of all; `names` are theirs, and `images` those of a position.
+pub(super) fn judge(mut all: Vec<PositionSums>, names: &[&str], images: &[String]) -> Vec<Finding> {
     all.retain(|s| s.n > 50);
-    let names: Vec<&str> = all.iter().map(|s| placed.sweep.shots[s.p].name.as_str()).collect();
-    let images = &field.metadata.images;
+    if all.len() < MIN_POSITIONS {
+        return Vec::new();
+    }
     let mut out = standing_out(&all);
     if out.is_empty() {
         // Two swapped patterns bend the field of few positions so much that none stands out, but they show.
@@ -77,12 +58,13 @@ pub(super) fn judge(
         let worst = (0..all.len()).max_by(|a, b| error(a).total_cmp(&error(b)));
         out.extend(worst.filter(|i| error(i) > NOTABLE * typical(&all) && all[*i].swapped().is_some()));
     }
-    let mut findings: Vec<Finding> = out.into_iter().map(|i| all[i].finding(names[i], images, typical(&all))).collect();
+    let finding = |i: usize| all[i].finding(names[all[i].p], images, typical(&all));
+    let mut findings: Vec<Finding> = out.into_iter().map(finding).collect();
     // One wrong position makes factors scatter, too.
     if findings.is_empty() {
         findings.extend(exposure_scatter(&all, images));
     }
-    Ok(findings)
+    findings
 }
 
 /// Median over the positions of their mean squared error.
@@ -134,7 +116,8 @@ fn exposure_scatter(all: &[PositionSums], images: &[String]) -> Option<Finding> 
 }
 
 impl PositionSums {
-    fn of(field: &ColorField, grid: &Grid, placed: &PlacedSweep<'_>, p: usize, read: &Position) -> Self {
+    /// Compares a position with the field.
+    pub(super) fn of(field: &ColorField, grid: &Grid, placed: &PlacedSweep<'_>, p: usize, read: &Position) -> Self {
         let (k, channels, w) = (read.k, read.channels, read.width);
         let mut s = Self {
             p,

@@ -41,7 +41,7 @@ fn of_corrected_field(corrected: &[LightMotion]) -> Option<Finding> {
 }
 
 /// Notes that nothing told whether camera or light moved since the sweep; `why` is a part of a sentence.
-pub(crate) fn drift_not_checked(why: &str) -> Finding {
+pub(super) fn drift_not_checked(why: &str) -> Finding {
     let sentence = format!("whether camera or projector moved since the sweep was not checked, as {why}");
     let remedy = "leave the board at the edge of the view, or let `nelu3d check --drift` look at it from time to time";
     Finding::new(Code::DriftNotChecked, Verdict::Good, sentence, remedy)

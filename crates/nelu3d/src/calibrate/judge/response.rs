@@ -1,0 +1,173 @@
+//! Whether codewords depend on how bright a point is, as they do where images are not linear in light.
+//!
+//! A codeword is a ratio of intensities, so that ink shows what paper would show on the same ray of light. Where values
+//! follow a curve (sRGB, gamma with a straight part near black), black and white stay 0 and 1, but what lies between
+//! comes out elsewhere for ink than for paper. Light from elsewhere (veiling glare) changes ink's codewords, too, but
+//! lifts the dark ones and lowers the bright ones. So ink's codewords are fitted by the field's, what glare may do to
+//! them, and a bump between 0 and 1, and the bump tells.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::calibrate::placed_sweep::PlacedSweep;
+use crate::calibrate::sweep::Position;
+use crate::color_field::ColorField;
+use crate::color_field::grid::Grid;
+use crate::verdict::{Code, Finding, Verdict};
+
+/// About how many samples of a position are looked at.
+const SAMPLES: usize = 12_000;
+/// Contrast of ink as a fraction of that of the paper around it, at most.
+const INK: f32 = 0.5;
+/// Fewest samples of ink in a position.
+const MIN_SAMPLES: usize = 50;
+/// Fewest positions with ink.
+const MIN_POSITIONS: usize = 3;
+/// Standard deviation of a codeword of ink beside its noise, normalized intensity.
+const OTHER_SIGMA: f32 = 0.02;
+/// Smallest height of the bump that no linear camera shows, normalized intensity.
+const MIN_BUMP: f64 = 0.02;
+/// The same in standard errors.
+const MIN_SIGMAS: f64 = 6.0;
+
+/// Normal equations of ink's deviation from the field at one position: what glare adds to the darkest codewords and
+/// takes from the brightest, and the height of a bump.
+#[derive(Clone, Default)]
+pub(super) struct InkSums {
+    n: usize,
+    matrix: Matrix3<f64>,
+    right: Vector3<f64>,
+}
+
+impl InkSums {
+    /// Compares a position's ink with the field.
+    pub(super) fn of(field: &ColorField, grid: &Grid, placed: &PlacedSweep<'_>, p: usize, read: &Position) -> Self {
+        let (k, channels) = (read.k, read.channels);
+        let mut s = Self::default();
+        let every = (placed.dirs.len() / SAMPLES).max(1) as u64;
+        let mut c = vec![0.0f32; k];
+        placed.for_each(p, read, |i, t, v, _| {
+            let contrast = &read.contrast[i * channels..][..channels];
+            let mean = contrast.iter().sum::<f32>() / channels as f32;
+            // A share of the pixels, in no pattern that a print could share.
+            let drawn = (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
+            if !drawn.is_multiple_of(every) || mean > INK * read.around[i] {
+                return;
+            }
+            let at = field.frame.along_ray(&placed.dirs[i]).at(t);
+            if !field.validity.is_lit(at.q) {
+                return;
+            }
+            grid.eval(at.q, &mut c);
+            for (j, (v, c)) in v.iter().zip(&c).enumerate().filter(|(j, _)| contrast[j % channels] > 0.0) {
+                let variance = placed.noise.normalized_variance(*v, contrast[j % channels], 0.0);
+                s.add(*v, *c, 1.0 / (variance + OTHER_SIGMA * OTHER_SIGMA));
+            }
+        });
+        s
+    }
+
+    /// Adds a measured intensity v where the field has c.
+    fn add(&mut self, v: f32, c: f32, weight: f32) {
+        let (v, c, weight) = (f64::from(v), f64::from(c.clamp(0.0, 1.0)), f64::from(weight));
+        // Curves differ most near black: the bump has its peak, 1, at a third.
+        let of = Vector3::new(1.0 - c, -c, 6.75 * c * (1.0 - c) * (1.0 - c));
+        self.n += 1;
+        self.matrix += weight * of * of.transpose();
+        self.right += weight * (v - c) * of;
+    }
+}
+
+/// Judges the bumps of all positions.
+pub(super) fn judge(all: &[InkSums]) -> Option<Finding> {
+    let (bump, sigma) = bump(all)?;
+    tracing::debug!(bump, sigma, samples = all.iter().map(|s| s.n).sum::<usize>(), "mid intensities on ink");
+    (bump.abs() > MIN_BUMP.max(MIN_SIGMAS * sigma)).then(|| {
+        let sentence = format!(
+            "mid intensities come out {:.2} {} on the board's ink than on its paper in the same light: images are not \
+             linear in light",
+            bump.abs(),
+            if bump > 0.0 { "brighter" } else { "darker" }
+        );
+        let remedy =
+            "take raw images, or linear ones: no gamma, no sRGB, no tone mapping; or state `[camera] response`";
+        Finding::new(Code::NonlinearResponse, Verdict::Doubtful, sentence, remedy)
+            .with("mid_deviation", bump)
+            .with("mid_sigma", sigma)
+    })
+}
+
+/// The bump's height and its standard error, by leaving out one position at a time; `None` where too little ink is lit,
+/// or hardly any intensities lie between black and white.
+fn bump(all: &[InkSums]) -> Option<(f64, f64)> {
+    let used: Vec<&InkSums> = all.iter().filter(|s| s.n >= MIN_SAMPLES).collect();
+    let n = used.len();
+    if n < MIN_POSITIONS {
+        return None;
+    }
+    let without = |out: Option<usize>| {
+        let kept = used.iter().enumerate().filter(|(i, _)| Some(*i) != out);
+        let (matrix, right) =
+            kept.fold((Matrix3::zeros(), Vector3::zeros()), |(m, r), (_, s)| (m + s.matrix, r + s.right));
+        height(&matrix, &right)
+    };
+    let left: Vec<f64> = (0..n).map(|i| without(Some(i))).collect::<Option<_>>()?;
+    let mean = left.iter().sum::<f64>() / n as f64;
+    let variance = left.iter().map(|q| (q - mean).powi(2)).sum::<f64>() * (n - 1) as f64 / n as f64;
+    Some((without(None)?, variance.sqrt()))
+}
+
+/// Solves normal equations for the bump's height, with glare that is not negative: of the four choices of which of its
+/// parts are zero, the one that explains most.
+fn height(matrix: &Matrix3<f64>, right: &Vector3<f64>) -> Option<f64> {
+    let solve = |zero: usize| {
+        let (mut m, mut r) = (*matrix, *right);
+        for i in (0..2).filter(|i| zero >> i & 1 == 1) {
+            m.row_mut(i).fill(0.0);
+            m.column_mut(i).fill(0.0);
+            (m[(i, i)], r[i]) = (1.0, 0.0);
+        }
+        let x = m.cholesky()?.solve(&r);
+        (x.x >= 0.0 && x.y >= 0.0).then(|| (x.dot(&r), x.z))
+    };
+    (0..4).filter_map(solve).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, height)| height)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ink at eight positions that shows `shown(c)` where paper shows c, with noise.
+    fn ink(shown: impl Fn(f32) -> f32) -> Vec<InkSums> {
+        let position = |p: usize| {
+            let mut s = InkSums::default();
+            for i in 0..2000 {
+                let c = (i % 101) as f32 / 100.0;
+                let noise = 0.1 * (((i * 7919 + p * 104_729) % 1000) as f32 / 500.0 - 1.0);
+                s.add(shown(c) + noise, c, 100.0);
+            }
+            s
+        };
+        (0..8).map(position).collect()
+    }
+
+    #[test]
+    fn a_curve_is_told_from_glare() {
+        assert!(judge(&ink(|c| c)).is_none());
+        // Half of the light is from elsewhere.
+        assert!(judge(&ink(|c| 0.5 * c + 0.2)).is_none());
+        // sRGB, ink of a twentieth of the paper's light: by paper's intensity, ink's.
+        let srgb = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+        let shown = |light: f32| {
+            move |c: f32| (srgb(light * (c + 0.02)) - srgb(light * 0.02)) / (srgb(light * 1.02) - srgb(light * 0.02))
+        };
+        let (paper, ink_shows) = (shown(0.5), shown(0.025));
+        let of_paper = |v: f32| (0..1000).map(|i| i as f32 / 1000.0).find(|c| paper(*c) >= v).unwrap_or(1.0);
+        let found = judge(&ink(|v| ink_shows(of_paper(v)))).unwrap();
+        assert!(found.code == Code::NonlinearResponse && found.sentence.contains("darker"), "{found}");
+        // Black and white alone tell nothing.
+        let mut binary = vec![InkSums::default(); 8];
+        binary.iter_mut().for_each(|s| (0..500).for_each(|i| s.add(0.8 * (i % 2) as f32, (i % 2) as f32, 100.0)));
+        assert!(judge(&binary).is_none());
+        assert!(judge(&[]).is_none());
+    }
+}
