@@ -1,12 +1,13 @@
 //! Errors of a field at positions that it was not made from.
 
+use nalgebra::Point3;
 use nelu3d_scan::statistics::median;
 
 use super::placed_sweep::PlacedSweep;
+use super::predictor::Predictor;
 use super::sweep::Position;
 use crate::color_field::Quality;
 use crate::color_field::frame::FieldFrame;
-use crate::color_field::grid::Grid;
 
 /// The contrast (white − black) from which a sample is well lit: a tenth of full scale, or half of what the best tenth
 /// of the position's samples have where the exposure is short. Black ink is below it.
@@ -47,7 +48,7 @@ impl HeldOutErrors {
     pub(super) fn of(
         placed: &PlacedSweep<'_>,
         frame: &FieldFrame,
-        grid: &Grid,
+        field: &Predictor<'_>,
         p: usize,
         position: &Position,
         stride: usize,
@@ -56,6 +57,13 @@ impl HeldOutErrors {
         let (k, channels) = (placed.sweep.k, placed.sweep.channels);
         let mut s = Self { codewords: vec![[0.0; 3]; k], ..Self::default() };
         let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
+        let predicted = field.predict(k, stride, |f| {
+            placed.for_each(p, position, |i, t, _, _| {
+                if supported(frame.along_ray(&placed.dirs[i]).at(t).q) {
+                    f(Point3::from(placed.dirs[i] * t), placed.dirs[i]);
+                }
+            });
+        });
         let (mut n, mut signed) = (0usize, Vec::new());
         let lit = well_lit(&position.contrast);
         placed.for_each(p, position, |i, t, v, w| {
@@ -65,11 +73,7 @@ impl HeldOutErrors {
             }
             n += 1;
             let with_depth = n.is_multiple_of(stride);
-            if with_depth {
-                grid.eval_along(m.q, m.dq, &mut c, &mut d);
-            } else {
-                grid.eval(m.q, &mut c);
-            }
+            predicted.eval(n - 1, m, with_depth, &mut c, &mut d);
             let (mut h, mut g) = (0.0, 0.0);
             for j in 0..k {
                 if w[j] == 0.0 {
@@ -132,6 +136,7 @@ impl HeldOutErrors {
             ceiling_db: noise,
             depth_mm: self.depth.get(self.depth.len() / 2).copied().unwrap_or(f32::NAN).into(),
             pose_mm: (mean_square / n_positions.max(1) as f64).sqrt(),
+            pixels: None,
         }
     }
 }
