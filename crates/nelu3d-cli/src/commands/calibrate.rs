@@ -158,6 +158,9 @@ fn text(report: &CalibrationReport) -> String {
             q.ceiling_db,
             q.depth_mm
         );
+        if let Some(pixels) = q.pixels {
+            text += &format!("          random samples of the other positions: {:.1} dB\n", pixels.psnr_db);
+        }
     }
     for note in &report.judgment.notes {
         text += &format!("note      {note}\n");

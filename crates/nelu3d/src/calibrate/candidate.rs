@@ -1,14 +1,13 @@
 //! A field in one frame, fitted without the held-out positions and measured at them.
 
-use std::borrow::Cow;
-
 use super::error::CalibrationError;
 use super::fringes::{CarriedReport, carry};
 use super::held_out::HeldOutErrors;
 use super::options::{CalibrationOptions, FormKind};
 use super::pass::{Pass, gathered};
 use super::placed_sweep::PlacedSweep;
-use super::resolution::{is_limited, resolution};
+use super::predictor::Predictor;
+use super::resolution::{is_limited, resolution, spline_cells};
 use super::support::Support;
 use crate::color_field::bins::Bins;
 use crate::color_field::fit::{Smoothness, fit};
@@ -16,8 +15,9 @@ use crate::color_field::frame::{Center, FieldFrame};
 use crate::color_field::frequency::{FrequencyForm, FrequencySettings};
 use crate::color_field::grid::Grid;
 use crate::color_field::hash::{HashForm, HashSettings};
+use crate::color_field::published::{PublishedForm, PublishedSettings};
 use crate::color_field::validity::Validity;
-use crate::color_field::{Form, Quality};
+use crate::color_field::{Form, PixelQuality, Quality};
 use crate::progress::Progress;
 use nelu3d_field::device::Device;
 
@@ -104,12 +104,14 @@ impl Candidate {
         if usable < MIN_SAMPLES {
             return Err(no_samples(placed, opts));
         }
-        let (mut errors, mut by_position, mut form) = (HeldOutErrors::default(), Vec::new(), None);
+        let (mut errors, mut by_position, mut form, mut pixels) = (HeldOutErrors::default(), Vec::new(), None, None);
         for fold in folds {
             if in_turn {
                 bins.remove_all(&gathered(placed, &frame, fold, &bins, progress)?);
             }
-            let fitted = fit_form(cx, &bins, cells, center, if in_turn { STEPS_IN_TURN } else { STEPS });
+            let steps = if in_turn { STEPS_IN_TURN } else { STEPS };
+            let (fitted, at_pixels) = fit_form(cx, &bins, &frame, cells, center, steps);
+            pixels = at_pixels;
             let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
             // A position supports its own samples, too, where it was counted. From one other board alone nothing tells
             // how the light's focus changes along a ray; of three, no more can be asked.
@@ -120,12 +122,12 @@ impl Candidate {
             };
             // Depth errors of every fourth sample at most, however many positions are held out.
             let stride = 4 * folds.iter().map(Vec::len).sum::<usize>().max(1);
-            let grid = as_grid(&fitted);
-            for (p, e) in pass.compare(fold, &grid, stride, &support, (least, u16::from(in_turn)))? {
+            let predictor = Predictor::of(&fitted);
+            for (p, e) in pass.compare(fold, &predictor, stride, &support, (least, u16::from(in_turn)))? {
                 by_position.extend(e.psnr_db().map(|db| (placed.sweep.shots[p].name.clone(), db)));
                 errors.merge(e);
             }
-            drop(grid);
+            drop(predictor);
             form = Some(fitted);
             if progress.cancelled() {
                 return Err(CalibrationError::Cancelled);
@@ -137,7 +139,7 @@ impl Candidate {
         let held_out = folds.concat().iter().map(|p| placed.sweep.shots[*p].name.clone()).collect();
         let variance = errors.variance();
         let allowed_db = errors.allowed_db();
-        let quality = errors.quality(held_out, placed.n_positions());
+        let quality = Quality { pixels, ..errors.quality(held_out, placed.n_positions()) };
         let is_good = quality.psnr_db > quality.ceiling_db - MAX_SHORTFALL_DB;
         let reached = if is_good || ends_hold(placed, &by_position) { [0.0, 1.0] } else { swept };
         if center == Center::Light {
@@ -195,7 +197,7 @@ impl Candidate {
             self.validity.extend(self.reached);
             find_ranges(placed, &self.frame, &mut self.validity);
             // From nothing: where carried samples lie there was nothing to go on from.
-            return Ok(fit_form(cx, &bins, self.cells, self.center, STEPS));
+            return Ok(fit_form(cx, &bins, &self.frame, self.cells, self.center, STEPS).0);
         }
         match &mut form {
             Form::Grid(grid) => fit(grid, &bins, smoothness(self.center), self.final_steps, progress),
@@ -203,6 +205,12 @@ impl Candidate {
                 hash.train(&bins, opts.seed.wrapping_add(1), cx.device, progress);
             }
             Form::Frequency(frequency) => frequency.train(&bins, opts.seed.wrapping_add(1), progress),
+            Form::Published(published) => {
+                // Anew and at full length, as published.
+                let (settings, k) = (published.shape().settings.clone(), published.k());
+                **published = PublishedForm::new(settings, k, opts.seed.wrapping_add(1));
+                published.train(&bins, opts.seed.wrapping_add(1), progress);
+            }
         }
         Ok(form)
     }
@@ -264,11 +272,19 @@ fn find_ranges(placed: &PlacedSweep<'_>, frame: &FieldFrame, validity: &mut Vali
     validity.find_ranges([0.9 * near.min(middle), 1.1 * far], unit);
 }
 
-/// Fits a form of the field from nothing.
-fn fit_form(cx: &FitContext<'_, '_>, bins: &Bins, cells: [usize; 3], center: Center, steps: usize) -> Form {
+/// Fits a form of the field over the box of `frame` from nothing; with it, form `published` returns its quality at
+/// random samples that were held out.
+fn fit_form(
+    cx: &FitContext<'_, '_>,
+    bins: &Bins,
+    frame: &FieldFrame,
+    cells: [usize; 3],
+    center: Center,
+    steps: usize,
+) -> (Form, Option<PixelQuality>) {
     let FitContext { placed, opts, progress, .. } = *cx;
     let k = placed.sweep.k;
-    match opts.form {
+    let form = match opts.form {
         FormKind::Grid => {
             // Coarse to fine: the coarse fit fills what the fine one cannot see. It needs no more bins than it has
             // cells for.
@@ -291,15 +307,14 @@ fn fit_form(cx: &FitContext<'_, '_>, bins: &Bins, cells: [usize; 3], center: Cen
             frequency.train(bins, opts.seed, progress);
             Form::Frequency(Box::new(frequency))
         }
-    }
-}
-
-fn as_grid(form: &Form) -> Cow<'_, Grid> {
-    match form {
-        Form::Grid(g) => Cow::Borrowed(g),
-        Form::Hash(h) => Cow::Owned(h.to_grid()),
-        Form::Frequency(f) => Cow::Owned(f.to_grid()),
-    }
+        FormKind::Published => {
+            let settings = PublishedSettings::new(spline_cells(cells, k), *frame, opts.published.clone());
+            let mut published = PublishedForm::new(settings, k, opts.seed);
+            let pixels = published.train_and_compare(bins, opts.seed, progress);
+            return (Form::Published(Box::new(published)), pixels);
+        }
+    };
+    (form, None)
 }
 
 fn no_samples(placed: &PlacedSweep<'_>, opts: &CalibrationOptions) -> CalibrationError {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use nelu3d_field::device::DeviceError;
+use nelu3d_field::field::FieldError;
 use nelu3d_scan::board::BoardError;
 use nelu3d_scan::pose::PoseError;
 use nelu3d_scan::rig::RigError;
@@ -71,6 +72,9 @@ pub enum CalibrationError {
     /// The device that was asked for is not there.
     #[error(transparent)]
     Device(#[from] DeviceError),
+    /// The sizes of form `published` make no field.
+    #[error("form `published`: {0}")]
+    Published(#[from] FieldError),
     /// The caller stopped the work.
     #[error("stopped before the color field was finished; nothing was written")]
     Cancelled,

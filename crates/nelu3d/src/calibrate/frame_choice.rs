@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 use super::candidate::{Candidate, FitContext, MAX_SHORTFALL_DB};
 use super::error::CalibrationError;
 use super::light::LightCenter;
-use super::options::{FormKind, FrameKind};
+use super::options::{CalibrationOptions, FormKind, FrameKind};
 use crate::color_field::frame::{Center, FieldFrame};
 
 /// Cells per pixel across where one is not enough.
@@ -76,8 +76,9 @@ fn held_out_positions(n: usize, stride: usize) -> Vec<usize> {
 }
 
 /// Why the field's frame is centered where it is, in words.
-pub(super) fn reason(center: Center, light: Option<&LightCenter>, asked: FrameKind) -> String {
-    match (center, light, asked) {
+pub(super) fn reason(center: Center, light: Option<&LightCenter>, opts: &CalibrationOptions) -> String {
+    match (center, light, opts.frame) {
+        _ if opts.form == FormKind::Published => "camera: form `published` has no other".into(),
         (Center::Light, Some(LightCenter { line: Some(line), .. }), _) => format!(
             "light: codewords are constant along its rays; they vary along one axis, which tells its center only up to a line \
              along ({:.2}, {:.2}, {:.2})",
@@ -91,7 +92,7 @@ pub(super) fn reason(center: Center, light: Option<&LightCenter>, asked: FrameKi
 }
 
 /// Why a field stays more than 3 dB below what noise and pixels allow, in words; `None` if it does not.
-pub(super) fn shortfall(best: &Candidate, light: Option<&LightCenter>) -> Option<String> {
+pub(super) fn shortfall(best: &Candidate, light: Option<&LightCenter>, form: FormKind) -> Option<String> {
     let q = &best.quality;
     let allowed = best.allowed_db.map_or(q.ceiling_db, |db| db.min(q.ceiling_db));
     tracing::debug!(psnr = q.psnr_db, ceiling = q.ceiling_db, allowed, "held out");
@@ -110,6 +111,11 @@ pub(super) fn shortfall(best: &Candidate, light: Option<&LightCenter>) -> Option
         Some((name, of_worst)) if db.len() > 2 && *of_worst < db[db.len() / 2] - 2.0 * MAX_SHORTFALL_DB => format!(
             "position {name} does not fit the others ({of_worst:.1} dB): check it, or leave it out"
         ),
+        _ if form == FormKind::Published => {
+            "form `published` is known at the boards only, since its finest cells are far smaller than the distance between \
+             them: add positions, or lower the finest level"
+                .into()
+        }
         _ if best.center == Center::Camera && light.is_some() => {
             "the center of the light that was found does not predict the sweep, and the camera's frame needs boards that are \
              closer to each other: add positions between these"

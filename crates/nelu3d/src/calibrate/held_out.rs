@@ -4,6 +4,7 @@ use nalgebra::Point3;
 use nelu3d_scan::statistics::median;
 
 use super::placed_sweep::PlacedSweep;
+use super::predictor::Predictor;
 use super::sweep::Position;
 use crate::color_field::Quality;
 use crate::color_field::frame::FieldFrame;
@@ -61,7 +62,7 @@ impl HeldOutErrors {
     pub(super) fn of(
         placed: &PlacedSweep<'_>,
         frame: &FieldFrame,
-        grid: &Grid,
+        field: &Predictor<'_>,
         p: usize,
         position: &Position,
         stride: usize,
@@ -71,6 +72,13 @@ impl HeldOutErrors {
         let mut s = Self { codewords: vec![[0.0; 3]; k], ..Self::default() };
         let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
         let mut beside = [vec![0.0; k], vec![0.0; k], vec![0.0; k], vec![0.0; k]];
+        let predicted = field.predict(k, stride, |f| {
+            placed.for_each(p, position, |i, t, _, _| {
+                if supporting(frame.along_ray(&placed.dirs[i]).at(t).q) > 0 {
+                    f(Point3::from(placed.dirs[i] * t), placed.dirs[i]);
+                }
+            });
+        });
         let (mut n, mut signed) = (0usize, Vec::new());
         let lit = well_lit(&position.contrast);
         placed.for_each(p, position, |i, t, v, w| {
@@ -81,12 +89,9 @@ impl HeldOutErrors {
             }
             n += 1;
             let with_depth = n.is_multiple_of(stride);
-            if with_depth {
-                grid.eval_along(m.q, m.dq, &mut c, &mut d);
-            } else {
-                grid.eval(m.q, &mut c);
-            }
-            let bends = with_depth && evaluate_beside(placed, frame, grid, (p, i), &mut beside);
+            predicted.eval(n - 1, m, with_depth, &mut c, &mut d);
+            let bends = with_depth
+                && field.spline().is_some_and(|grid| evaluate_beside(placed, frame, grid, (p, i), &mut beside));
             let (mut h, mut g) = (0.0, 0.0);
             for j in 0..k {
                 if w[j] == 0.0 {
@@ -157,6 +162,7 @@ impl HeldOutErrors {
             ceiling_db: noise,
             depth_mm: self.depth.get(self.depth.len() / 2).copied().unwrap_or(f32::NAN).into(),
             pose_mm: (mean_square / n_positions.max(1) as f64).sqrt(),
+            pixels: None,
         }
     }
 }

@@ -14,6 +14,7 @@ mod options;
 mod pass;
 mod placed_sweep;
 mod position;
+mod predictor;
 mod report;
 mod resolution;
 mod support;
@@ -52,6 +53,9 @@ pub fn calibrate(
     opts: &CalibrationOptions,
     progress: &Progress,
 ) -> Result<(ColorField, CalibrationReport), CalibrationError> {
+    if opts.form == FormKind::Published {
+        opts.published.check(set.images.len() * rig.channels.count())?;
+    }
     let device = Device::open(opts.device)?;
     let mut clock = StageClock::new(progress);
     let geometry = solve_board_poses(rig, set, opts, progress, &mut clock)?;
@@ -71,6 +75,8 @@ pub fn calibrate(
 
     clock.begin("fit the field without the held-out positions");
     let fit = candidate::FitContext { placed: &placed, opts, device: &device, progress };
+    // The published form knows nothing of the light.
+    let light = light.filter(|_| opts.form != FormKind::Published);
     let mut best = frame_choice::fit_best_frame(&fit, light.as_ref())?;
 
     clock.begin("fit the field to all positions");
@@ -101,7 +107,7 @@ pub fn calibrate(
         corrected: Vec::new(),
         settings: serde_json::to_value(opts).expect("plain data serializes"),
     };
-    let shortfall = frame_choice::shortfall(&best, light.as_ref());
+    let shortfall = frame_choice::shortfall(&best, light.as_ref(), opts.form);
     let Candidate { frame, center, cells, validity, quality, variance, carried, .. } = best;
     let mut field = ColorField { frame, form, validity, metadata };
 
@@ -124,7 +130,7 @@ pub fn calibrate(
         trajectory: Some(geometry.trajectory),
         light_mm: (center == Center::Light).then(|| field.frame.center()).flatten().map(|c| [c.x, c.y, c.z]),
         quality: Some(quality),
-        frame: frame_choice::reason(center, light.as_ref(), opts.frame),
+        frame: frame_choice::reason(center, light.as_ref(), opts),
         shortfall,
         excluded,
         carried,

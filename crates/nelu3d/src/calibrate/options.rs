@@ -4,6 +4,7 @@ use nelu3d_field::device::Choice;
 use serde::{Deserialize, Serialize};
 
 use crate::color_field::frequency::Octaves;
+use crate::color_field::published::PublishedOptions;
 
 /// The form in which c is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -16,6 +17,8 @@ pub enum FormKind {
     Hash,
     /// Sines and cosines in octaves and a network.
     Frequency,
+    /// The paper's own: a hash encoding in the camera's frame, equally fine along every axis, and a network.
+    Published,
 }
 
 /// The center of the field's frame.
@@ -82,6 +85,9 @@ pub struct CalibrationOptions {
     #[serde(skip)]
     #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::default().device))]
     pub device: Choice,
+    /// Settings of form `published`.
+    #[cfg_attr(feature = "clap", command(flatten))]
+    pub published: PublishedOptions,
 }
 
 impl Default for CalibrationOptions {
@@ -97,6 +103,7 @@ impl Default for CalibrationOptions {
             min_contrast: 0.02,
             seed: 0,
             device: Choice::Auto,
+            published: PublishedOptions::default(),
         }
     }
 }

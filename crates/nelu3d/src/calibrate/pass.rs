@@ -5,11 +5,11 @@ use nalgebra::Point3;
 use super::error::CalibrationError;
 use super::held_out::HeldOutErrors;
 use super::placed_sweep::PlacedSweep;
+use super::predictor::Predictor;
 use super::support::Support;
 use super::sweep::Position;
 use crate::color_field::bins::{Bins, Gathered};
 use crate::color_field::frame::FieldFrame;
-use crate::color_field::grid::Grid;
 use crate::color_field::validity::Validity;
 use crate::progress::Progress;
 
@@ -92,7 +92,7 @@ impl Pass<'_, '_> {
     pub(super) fn compare(
         &mut self,
         which: &[usize],
-        grid: &Grid,
+        field: &Predictor<'_>,
         stride: usize,
         support: &Support,
         (least, counted): (u16, u16),
@@ -101,7 +101,7 @@ impl Pass<'_, '_> {
         let map = |p: usize, (): (), read: &Position| {
             let passed = Passed::of(placed, frame, (&empty, &blank), p, read);
             let supporting = |q: [f32; 3]| support.at(q, least).saturating_sub(counted);
-            (passed, (p, HeldOutErrors::of(placed, frame, grid, p, read, stride, supporting)))
+            (passed, (p, HeldOutErrors::of(placed, frame, field, p, read, stride, supporting)))
         };
         let mut errors = Vec::new();
         let take = |wave: Vec<(Passed, (usize, HeldOutErrors))>| {

@@ -39,6 +39,13 @@ pub(super) fn resolution(
     [a, b, along]
 }
 
+/// Cells of the spline that form `published` becomes: finer along w than what the sweep supervises, as far as there is
+/// room, so that the spline has the values that the network has between the boards.
+pub(super) fn spline_cells([a, b, along]: [usize; 3], k: usize) -> [usize; 3] {
+    let fits = |times: &usize| (a + 3) * (b + 3) * (along * times + 3) * k <= MAX_COEFFS;
+    [a, b, along * (1..=4).rev().find(fits).unwrap_or(1)]
+}
+
 /// Distance between neighboring pixels' samples at the middle of the volume along a and b, mm of the frame.
 pub(super) fn pitch(placed: &PlacedSweep<'_>, frame: &FieldFrame) -> [f64; 2] {
     let mid = Point3::from(placed.mean_point());

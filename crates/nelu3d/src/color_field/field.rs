@@ -7,6 +7,7 @@ use super::frequency::FrequencyForm;
 use super::grid::Grid;
 use super::hash::HashForm;
 use super::metadata::FieldMetadata;
+use super::published::PublishedForm;
 use super::validity::Validity;
 
 /// The form in which c is stored.
@@ -18,6 +19,8 @@ pub enum Form {
     Hash(Box<HashForm>),
     /// Frequency encoding and a network.
     Frequency(Box<FrequencyForm>),
+    /// The paper's own: a hash encoding in the camera's frame and a network.
+    Published(Box<PublishedForm>),
 }
 
 /// A calibrated color field: everything that a reconstruction needs to know of the light source.
@@ -40,15 +43,18 @@ impl ColorField {
             Form::Grid(g) => g.k,
             Form::Hash(h) => h.k(),
             Form::Frequency(f) => f.k(),
+            Form::Published(p) => p.k(),
         }
     }
 
-    /// Returns the field as a spline, which every later stage evaluates.
+    /// Returns the field as a spline, which every later stage evaluates, but for recipe `paper` where the form is
+    /// `published`.
     pub fn to_grid(&self) -> Cow<'_, Grid> {
         match &self.form {
             Form::Grid(g) => Cow::Borrowed(g),
             Form::Hash(h) => Cow::Owned(h.to_grid()),
             Form::Frequency(f) => Cow::Owned(f.to_grid()),
+            Form::Published(p) => Cow::Owned(p.to_grid()),
         }
     }
 
@@ -58,6 +64,7 @@ impl ColorField {
             Form::Grid(_) => "grid",
             Form::Hash(_) => "hash",
             Form::Frequency(_) => "frequency",
+            Form::Published(_) => "published",
         }
     }
 }

@@ -118,7 +118,7 @@ impl HashForm {
                     progress.tick(step, steps);
                     !progress.cancelled()
                 };
-                if let Err(e) = self.network().train_on(gpu, &all, batch, steps, go_on) {
+                if let Err(e) = self.network_mut().train_on(gpu, &all, batch, steps, go_on) {
                     progress.warn(format!("{e}; the field is trained on the CPU instead"));
                     return self.train(bins, seed, &Device::Cpu, progress);
                 }

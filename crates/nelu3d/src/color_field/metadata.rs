@@ -136,6 +136,20 @@ pub struct Quality {
     /// boards. 0 where it was not measured. Errors that all poses share (a wrong focal length) are not in it.
     #[serde(default)]
     pub pose_mm: f64,
+    /// Quality at random held-out samples of the other positions; form `published` alone has it, which is trained for
+    /// that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixels: Option<PixelQuality>,
+}
+
+/// The quality of a field's predictions at random samples that were held out, of positions that were not.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PixelQuality {
+    /// Number of values that were compared.
+    pub n: usize,
+    /// PSNR over the samples whose precision is at least the median one, peak 1, dB.
+    #[serde(deserialize_with = "or_nan")]
+    pub psnr_db: f64,
 }
 
 /// Reads a number that may be null. JSON has no NaN or infinity: both are written as null, and what was never measured

@@ -141,7 +141,8 @@ fn fast(
     cx: &mut Context<'_>,
 ) -> Result<(Surface, RecipeDiagnostics, Judgment), Failure> {
     let mut settings = FastSettings::new(opts);
-    let mut scene = Scene::measure(capture, camera, field, settings.min_model_sigma, cx)?;
+    let model_sigma = field.metadata.model_sigma(settings.min_model_sigma);
+    let mut scene = Scene::measure(capture, camera, field, model_sigma, cx)?;
     let initial = initialize(&mut scene, previous, opts.cross_talk, &settings, cx)?;
     if initial.decoded.is_some() {
         settings = settings.after_previous_frame(opts);

@@ -28,19 +28,17 @@ pub(crate) struct Scene<'a> {
 }
 
 impl<'a> Scene<'a> {
-    /// Normalizes a capture. `min_model_sigma` is the smallest standard deviation of the color field itself, normalized
-    /// intensity.
+    /// Normalizes a capture. `model_sigma` is the standard deviation of the color field itself, normalized intensity.
     pub(crate) fn measure(
         capture: &'a Capture,
         camera: &'a Camera,
         field: &'a ColorField,
-        min_model_sigma: f32,
+        model_sigma: f32,
         cx: &mut Context<'_>,
     ) -> Result<Self, Failure> {
         cx.clock.begin("prepare");
         let metadata = &field.metadata;
-        let measurements =
-            Measurements::new(capture, &metadata.noise, &metadata.dark, metadata.model_sigma(min_model_sigma));
+        let measurements = Measurements::new(capture, &metadata.noise, &metadata.dark, model_sigma);
         let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1));
         cx.stop_if_cancelled()?;
         Ok(Self { camera, field, white: &capture.white, grid, rays, measurements })

@@ -7,6 +7,7 @@ use crate::color_field::frame::FieldFrame;
 use crate::color_field::frequency::FrequencyShape;
 use crate::color_field::hash::HashShape;
 use crate::color_field::metadata::FieldMetadata;
+use crate::color_field::published::{PublishedSettings, PublishedShape};
 use crate::color_field::validity::ValidityShape;
 
 /// Version of the layout.
@@ -33,6 +34,7 @@ pub(super) enum FormHeader {
     Grid { cells: [usize; 3], k: usize },
     Hash(Box<HashShape>),
     Frequency(Box<FrequencyShape>),
+    Published(Box<PublishedShape>),
 }
 
 /// Largest number of values per node of a grid or point of a field: far beyond any pattern set.
@@ -56,6 +58,13 @@ impl Header {
                 (shape.settings.cells, shape.k)
             }
             FormHeader::Frequency(shape) => (shape.settings.cells, shape.k),
+            FormHeader::Published(shape) => {
+                let PublishedSettings { cells, frame, cube, options } = &shape.settings;
+                expect(options.check(shape.k).is_ok(), "its network is impossible")?;
+                expect(options.config(shape.k) == shape.config, "its network is not of the size it states")?;
+                expect(*frame == self.frame && cube.is_valid(), "its network lies in another volume")?;
+                (*cells, shape.k)
+            }
         };
         let metadata = &self.metadata;
         expect((1..=MAX_K).contains(&k), "its number of channels is impossible")?;

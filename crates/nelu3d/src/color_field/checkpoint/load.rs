@@ -14,6 +14,7 @@ use crate::color_field::field::{ColorField, Form};
 use crate::color_field::frequency::FrequencyForm;
 use crate::color_field::grid::Grid;
 use crate::color_field::hash::HashForm;
+use crate::color_field::published::PublishedForm;
 use crate::color_field::validity::{Validity, ValidityShape};
 
 /// The reason for rejecting parameters that do not belong to their network.
@@ -74,6 +75,12 @@ impl Checkpoint<'_> {
                 let form =
                     FrequencyForm::from_params(*shape, params).ok_or_else(|| self.malformed(NETWORK_MISMATCH))?;
                 Ok(Form::Frequency(Box::new(form)))
+            }
+            FormHeader::Published(shape) => {
+                let params = self.floats("params", &[shape.n_params])?;
+                let form =
+                    PublishedForm::from_params(*shape, params).ok_or_else(|| self.malformed(NETWORK_MISMATCH))?;
+                Ok(Form::Published(Box::new(form)))
             }
         }
     }

@@ -40,6 +40,7 @@ fn describe(form: &Form) -> (FormHeader, ValueTensor) {
         }
         Form::Hash(h) => (FormHeader::Hash(Box::new(h.shape().clone())), ValueTensor::params(h.params())),
         Form::Frequency(f) => (FormHeader::Frequency(Box::new(f.shape().clone())), ValueTensor::params(f.params())),
+        Form::Published(p) => (FormHeader::Published(Box::new(p.shape().clone())), ValueTensor::params(p.params())),
     }
 }
 

@@ -12,6 +12,7 @@ use crate::color_field::frequency::{FrequencyForm, FrequencySettings, Octaves};
 use crate::color_field::grid::Grid;
 use crate::color_field::hash::{HashForm, HashSettings};
 use crate::color_field::metadata::{FieldMetadata, Quality};
+use crate::color_field::published::{PublishedForm, PublishedOptions, PublishedSettings};
 use crate::color_field::validity::Validity;
 use crate::sensor::NoiseModel;
 
@@ -47,6 +48,7 @@ fn field(form: Form) -> ColorField {
             ceiling_db: 40.0,
             depth_mm: f64::NAN,
             pose_mm: 0.1,
+            pixels: None,
         }),
         warnings: Vec::new(),
         boards: Vec::new(),
@@ -81,6 +83,12 @@ fn frequency() -> ColorField {
     field(Form::Frequency(Box::new(FrequencyForm::new(settings, 2, 1))))
 }
 
+fn published() -> ColorField {
+    let options = PublishedOptions { levels: 3, log2_entries: 6, finest_cells: 64, units: 8, ..Default::default() };
+    let settings = PublishedSettings::new([4, 4, 2], grid().frame, options);
+    field(Form::Published(Box::new(PublishedForm::new(settings, 2, 1))))
+}
+
 fn bytes(field: &ColorField) -> Vec<u8> {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("f");
@@ -111,7 +119,7 @@ fn described(bytes: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
 
 #[test]
 fn a_field_is_read_back_as_it_was() {
-    for original in [grid(), hash(), frequency()] {
+    for original in [grid(), hash(), frequency(), published()] {
         let back = load(&bytes(&original)).unwrap();
         assert_eq!(back.frame, original.frame);
         assert_eq!(back.validity, original.validity);
@@ -120,6 +128,9 @@ fn a_field_is_read_back_as_it_was() {
             (Form::Grid(a), Form::Grid(b)) => assert_eq!(a, b),
             (Form::Hash(a), Form::Hash(b)) => assert_eq!((a.shape(), a.params()), (b.shape(), b.params())),
             (Form::Frequency(a), Form::Frequency(b)) => {
+                assert_eq!((a.shape(), a.params()), (b.shape(), b.params()));
+            }
+            (Form::Published(a), Form::Published(b)) => {
                 assert_eq!((a.shape(), a.params()), (b.shape(), b.params()));
             }
             _ => panic!("another form"),
@@ -140,7 +151,7 @@ fn a_field_of_format_1_is_read_unless_its_hash_table_was_laid_out_otherwise() {
 /// One flipped bit, in the tensors or in the numbers of the description, is noticed; a file without checksum is read.
 #[test]
 fn a_flipped_bit_is_noticed() {
-    for field in [grid(), hash(), frequency()] {
+    for field in [grid(), hash(), frequency(), published()] {
         let good = bytes(&field);
         let header = 8 + u64::from_le_bytes(good[..8].try_into().unwrap()) as usize;
         let text = String::from_utf8(good[8..header].to_vec()).unwrap();
@@ -179,6 +190,9 @@ fn absurd_descriptions_are_refused() {
         for pointer in ["/form/k", "/form/n_params", "/form/settings/cells/1", "/form/config/width"] {
             cases.push((frequency(), set(pointer, value.clone())));
         }
+        for pointer in ["/form/k", "/form/n_params", "/form/settings/cells/1", "/form/settings/options/levels"] {
+            cases.push((published(), set(pointer, value.clone())));
+        }
         for pointer in ["/form/config/encoding/log2_hashmap_size", "/form/config/encoding/n_levels"] {
             cases.push((hash(), set(pointer, value.clone())));
         }
@@ -195,6 +209,8 @@ fn absurd_descriptions_are_refused() {
     cases.push((grid(), set("/about/camera", serde_json::json!([20, 12]))));
     cases.push((grid(), set("/about/images", serde_json::json!(["a.png"]))));
     cases.push((grid(), set("/about/noise/read", serde_json::json!(-1.0))));
+    cases.push((published(), set("/form/settings/cube/side_mm", serde_json::json!(0.0))));
+    cases.push((published(), set("/form/settings/frame/origin/0", serde_json::json!(1.0))));
     cases.push((grid(), set("/form", serde_json::json!({ "kind": "table" }))));
     for (i, (field, change)) in cases.iter().enumerate() {
         let e = load(&described(&bytes(field), change)).expect_err(&format!("case {i}")).to_string();
@@ -227,7 +243,7 @@ fn damaged_files_never_panic() {
     };
     let mut refused = 0;
     // The checksum would refuse nearly all of them before anything else could.
-    for good in [grid(), hash(), frequency()].map(|f| described(&bytes(&f), |_| {})) {
+    for good in [grid(), hash(), frequency(), published()].map(|f| described(&bytes(&f), |_| {})) {
         let header = 8 + u64::from_le_bytes(good[..8].try_into().unwrap()) as usize;
         for round in 0..400 {
             let mut bad = good.clone();
@@ -252,5 +268,5 @@ fn damaged_files_never_panic() {
             }
         }
     }
-    assert!(refused > 600, "only {refused} of 1200 were refused");
+    assert!(refused > 800, "only {refused} of 1600 were refused");
 }

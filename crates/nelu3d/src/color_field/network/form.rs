@@ -70,8 +70,13 @@ impl<S, N: Network> NetworkForm<S, N> {
     }
 
     /// Returns the network.
-    #[cfg(any(feature = "gpu", test))]
-    pub(in crate::color_field) fn network(&mut self) -> &mut N {
+    pub(in crate::color_field) fn network(&self) -> &N {
+        &self.network
+    }
+
+    /// Returns the network, to be trained.
+    #[cfg(feature = "gpu")]
+    pub(in crate::color_field) fn network_mut(&mut self) -> &mut N {
         &mut self.network
     }
 
@@ -109,5 +114,14 @@ impl<S, N: Network> NetworkForm<S, N> {
     /// Returns the spline through the form's values at the corners of a volume of that many cells.
     pub(in crate::color_field) fn spline(&self, cells: [usize; 3]) -> Grid {
         spline_through(cells, self.shape.k, |points, values| self.network.query(points, values))
+    }
+
+    /// Returns the spline through the form's values at the corners of the volume's cells, for a network whose inputs
+    /// are not the volume's coordinates but `place` of them.
+    pub(in crate::color_field) fn spline_at(&self, cells: [usize; 3], place: impl Fn([f32; 3]) -> [f32; 3]) -> Grid {
+        spline_through(cells, self.shape.k, |points, values| {
+            let points: Vec<[f32; 3]> = points.iter().map(|q| place(*q)).collect();
+            self.network.query(&points, values);
+        })
     }
 }

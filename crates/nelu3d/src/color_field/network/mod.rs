@@ -2,7 +2,7 @@
 //! samples that they are trained on, and how they become a spline.
 //!
 //! To add such a form: implement [`Network`](contract::Network) for its network, and write settings with a `train` of
-//! their own, as [`super::hash`] and [`super::frequency`] do.
+//! their own, as [`super::hash`], [`super::frequency`] and [`super::published`] do.
 
 mod contract;
 mod form;
@@ -10,6 +10,4 @@ mod samples;
 mod spline;
 
 pub(super) use form::{NetworkForm, NetworkShape};
-#[cfg(feature = "gpu")]
-pub(super) use samples::SampleBatch;
-pub(super) use samples::TrainingSamples;
+pub(super) use samples::{SampleBatch, TrainingSamples};

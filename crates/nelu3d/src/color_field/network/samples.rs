@@ -1,9 +1,9 @@
 //! The samples that a network is trained on.
 
 use nelu3d_scan::statistics::median;
-use rand::SeedableRng;
 use rand::rngs::StdRng;
 use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
 
 use crate::color_field::bins::Bins;
 
@@ -57,6 +57,42 @@ impl TrainingSamples {
         let order: Vec<u32> = (0..points.len().div_ceil(group) as u32).collect();
         let next = order.len();
         Some(Self { k, points, targets, weights, group, rng: StdRng::seed_from_u64(seed), order, next })
+    }
+
+    /// Returns the samples with their points moved to `place` of them.
+    pub(in crate::color_field) fn at(mut self, place: impl Fn([f32; 3]) -> [f32; 3]) -> Self {
+        self.points.iter_mut().for_each(|q| *q = place(*q));
+        self
+    }
+
+    /// Takes every sample out with a chance of one in `one_in`, and returns those.
+    ///
+    /// # Panics
+    ///
+    /// If samples are drawn in groups.
+    pub(in crate::color_field) fn hold_out(&mut self, one_in: usize, seed: u64) -> SampleBatch {
+        assert_eq!(self.group, 1, "neighbors of a held-out sample are trained on");
+        let (k, mut kept, mut out) = (self.k, 0, SampleBatch::default());
+        let mut rng = StdRng::seed_from_u64(!seed);
+        for i in 0..self.points.len() {
+            let targets = i * k..(i + 1) * k;
+            if rng.random_range(0..one_in) == 0 {
+                out.points.push(self.points[i]);
+                out.targets.extend_from_slice(&self.targets[targets]);
+                out.weights.push(self.weights[i]);
+            } else {
+                self.points[kept] = self.points[i];
+                self.targets.copy_within(targets, kept * k);
+                self.weights[kept] = self.weights[i];
+                kept += 1;
+            }
+        }
+        self.points.truncate(kept);
+        self.targets.truncate(kept * k);
+        self.weights.truncate(kept);
+        self.order = (0..kept as u32).collect();
+        self.next = kept;
+        out
     }
 
     /// Returns the number of samples.

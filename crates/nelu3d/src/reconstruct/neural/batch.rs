@@ -1,19 +1,19 @@
 //! The rays of one iteration: their pixels, their samples, and the step of the optimizers.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 use nelu3d_field::occupancy::OccupancyGrid;
 use nelu3d_field::surface::{Intervals, NeuralSurface, SurfaceBatch, SurfaceLosses};
 use nelu3d_scan::Camera;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
-use rayon::prelude::*;
 
 use super::ambient::{AmbientField, image_point};
 use super::bounds::Bounds;
+use super::codewords::{Codewords, direction};
 use super::importance;
 use super::march::{March, RaySamples};
 use super::options::{Background, PaperOptions};
-use crate::color_field::{CameraRays, SplineEvaluator};
+use crate::color_field::CameraRays;
 use crate::sensor::Measurements;
 use crate::surface::PixelStatus;
 
@@ -81,12 +81,6 @@ impl TrainingPixels {
     }
 }
 
-/// Returns the unit direction of a pixel's ray.
-fn direction(rays: &CameraRays, i: usize) -> Vector3<f64> {
-    let [u, v] = rays.plane[i].map(f64::from);
-    Vector3::new(u, v, 1.0).normalize()
-}
-
 /// The rays of one iteration.
 #[derive(Default)]
 pub(super) struct RayBatch {
@@ -115,7 +109,7 @@ impl RayBatch {
         pixels: &TrainingPixels,
         m: &Measurements,
         rays: &CameraRays,
-        spline: &SplineEvaluator<'_>,
+        colors: &Codewords<'_>,
         grid: &OccupancyGrid,
         surface: &NeuralSurface,
         n_rays: usize,
@@ -134,22 +128,7 @@ impl RayBatch {
         self.n_channels = m.light.len() / m.n();
         self.colors.resize(n * k, 0.0);
         let pixel = |r: usize| pixels.all[drawn[r]] as usize;
-        // The color field where the rays are sampled.
-        let mut by_ray: Vec<(usize, &mut [f32])> = Vec::with_capacity(n_rays);
-        let mut rest = &mut self.colors[..];
-        for (r, ray) in self.samples.offsets.windows(2).enumerate() {
-            let (own, tail) = rest.split_at_mut((ray[1] - ray[0]) * k);
-            by_ray.push((r, own));
-            rest = tail;
-        }
-        let samples = &self.samples;
-        by_ray.into_par_iter().for_each(|(r, colors)| {
-            let in_frame = rays.in_frame(pixel(r));
-            let t = &samples.t[samples.offsets[r]..samples.offsets[r + 1]];
-            for (t, out) in t.iter().zip(colors.chunks_exact_mut(k)) {
-                spline.eval(in_frame.at(f64::from(*t)).q, out);
-            }
-        });
+        colors.along_rays(rays, &self.samples, pixel, &mut self.colors);
         self.measured.clear();
         self.light.clear();
         self.mask.clear();

@@ -12,6 +12,7 @@
 mod ambient;
 mod batch;
 pub mod bounds;
+mod codewords;
 pub mod config;
 pub mod importance;
 mod lookup_start;
@@ -43,6 +44,8 @@ use crate::verdict::Judgment;
 pub use ambient::Ambient;
 use ambient::AmbientField;
 use batch::TrainingPixels;
+use codewords::Codewords;
+use march::RaySamples;
 #[cfg(feature = "clap")]
 pub use options::positive;
 pub use options::{Background, PaperOptions, PaperStart};
@@ -56,6 +59,9 @@ const ITERATIONS: usize = 10_000;
 /// Smallest standard deviation of the color field itself, normalized intensity: it decides which pixels are
 /// underexposed, not how losses are weighed.
 const MIN_MODEL_SIGMA: f32 = 0.005;
+/// Largest one: a field that errs more between its boards, as form `published` does in a sweep of few, leaves no pixel
+/// otherwise, and the mask M is about light alone.
+const MAX_MODEL_SIGMA: f32 = 0.05;
 
 /// Reconstructs a capture by training.
 pub(super) fn reconstruct(
@@ -66,7 +72,8 @@ pub(super) fn reconstruct(
     cx: &mut Context<'_>,
 ) -> Result<(Surface, RecipeDiagnostics, Judgment), Failure> {
     let n_steps = opts.steps.unwrap_or(ITERATIONS);
-    let mut scene = Scene::measure(capture, camera, field, MIN_MODEL_SIGMA, cx)?;
+    let model_sigma = field.metadata.model_sigma(MIN_MODEL_SIGMA).min(MAX_MODEL_SIGMA);
+    let mut scene = Scene::measure(capture, camera, field, model_sigma, cx)?;
     let pixels =
         TrainingPixels::new(&scene.measurements, &scene.rays, &opts.paper).ok_or_else(|| nothing_left(&scene))?;
 
@@ -118,14 +125,17 @@ fn reject_transparent(scene: &mut Scene<'_>, view: &RenderedView) -> Result<(), 
 /// Returns the RMS residual of the normalized intensities, and the ambient fraction, mean over channels, per pixel; NaN
 /// where there is no depth.
 fn residuals(scene: &Scene<'_>, view: &RenderedView, ambient: &AmbientField) -> (Vec<f32>, Vec<f32>) {
-    let (m, rays, spline) = (&scene.measurements, &scene.rays, scene.spline());
+    let (m, rays) = (&scene.measurements, &scene.rays);
     let fractions = ambient.fractions(m);
     let (k, n_channels) = (m.k, scene.white.channels);
-    let mut c = vec![0.0; k];
     let (mut residual, mut mean_ambient) = (vec![f32::NAN; m.n()], vec![f32::NAN; m.n()]);
-    for i in (0..m.n()).filter(|&i| view.depth[i].is_finite()) {
-        let q = rays.in_frame(i).at(f64::from(view.depth[i] / rays.dir_z(i))).q;
-        spline.eval(q, &mut c);
+    let hits: Vec<usize> = (0..m.n()).filter(|&i| view.depth[i].is_finite()).collect();
+    // One sample a ray, where it meets the surface.
+    let t = hits.iter().map(|&i| view.depth[i] / rays.dir_z(i)).collect();
+    let samples = RaySamples { offsets: (0..=hits.len()).collect(), t, ..RaySamples::default() };
+    let mut codewords = vec![0.0; hits.len() * k];
+    Codewords::of(scene).along_rays(rays, &samples, |r| hits[r], &mut codewords);
+    for (&i, c) in hits.iter().zip(codewords.chunks_exact(k)) {
         let fraction = &fractions[i * n_channels..][..n_channels];
         let square = |j: usize| {
             let a = fraction[j % n_channels];

@@ -7,6 +7,7 @@ use nelu3d_field::surface::{NeuralSurface, SurfaceConfig, SurfaceLoss};
 
 use super::ambient::AmbientField;
 use super::batch::{RayBatch, TrainingPixels};
+use super::codewords::Codewords;
 use super::config;
 use super::importance;
 use super::lookup_start::DecodedBody;
@@ -16,6 +17,8 @@ use super::options::Background;
 use super::record::{IterationCounts, TrainingRecord, diverged, is_observed_after};
 use super::view::{self, RenderedView};
 use crate::color_field::CameraRays;
+#[cfg(feature = "gpu")]
+use crate::color_field::Form;
 use crate::reconstruct::context::Context;
 use crate::reconstruct::error::Failure;
 use crate::reconstruct::observer::Stage;
@@ -89,6 +92,10 @@ impl<'a> Training<'a> {
     #[cfg(feature = "gpu")]
     fn run_on_gpu(&mut self, cx: &mut Context<'_>) -> Result<usize, Failure> {
         let Device::Gpu(gpu) = cx.device.clone() else { return Ok(0) };
+        if let Form::Published(_) = self.scene.field.form {
+            cx.progress.warn("recipe `paper` is trained on the CPU, where form `published` is queried");
+            return Ok(0);
+        }
         cx.progress.warn(
             "on a GPU, recipe `paper` marches every ray and takes alphas between neighboring samples, not at \
              midpoints; on the CPU it trains as documented",
@@ -121,7 +128,7 @@ impl<'a> Training<'a> {
     /// Trains the iterations from `done` on.
     fn run_on_cpu(&mut self, done: usize, cx: &mut Context<'_>) -> Result<(), Failure> {
         let (scene, seed) = (self.scene, self.opts.seed);
-        let spline = scene.spline();
+        let colors = Codewords::of(scene);
         let mut batch = RayBatch::default();
         let settings = &self.opts.paper;
         let per_ray = importance::per_ray(settings.samples, settings.ray_samples);
@@ -130,7 +137,7 @@ impl<'a> Training<'a> {
             config::update_occupancy(&mut self.occupancy, &self.surface, step as u64, seed);
             let (m, rays) = (&scene.measurements, &scene.rays);
             let (grid, surface) = (&self.occupancy, &self.surface);
-            batch.draw(self.pixels, m, rays, &spline, grid, surface, self.n_rays, per_ray, seed, step as u64);
+            batch.draw(self.pixels, m, rays, &colors, grid, surface, self.n_rays, per_ray, seed, step as u64);
             let anneal = config::anneal(step, self.n_steps);
             let losses = batch.step(&mut self.surface, &mut self.ambient, anneal);
             let n_samples = batch.n_samples();
