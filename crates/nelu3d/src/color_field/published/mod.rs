@@ -10,7 +10,7 @@
 //! the form needs a dense sweep. So besides whole positions it also holds out random samples
 //! ([`PixelQuality`]), which is what it is trained for.
 //!
-//! Recipe `paper` queries it directly ([`PublishedForm::query`]); for everything else it becomes a spline, as the other
+//! Recipe `paper` queries it directly (`PublishedForm::query`); for everything else it becomes a spline, as the other
 //! networks do.
 
 mod cube;
