@@ -169,6 +169,13 @@ fn unusable_files_are_explained() {
     assert!(complaint(&path("photo.jpg"), Channels::Mono, 255.0).contains("truncated or damaged"));
     fs::write(path("notes.png"), b"no image").unwrap();
     assert!(complaint(&path("notes.png"), Channels::Mono, 255.0).contains("neither PNG, TIFF, OpenEXR nor JPEG"));
+    // A symbolic link that became text, as Git leaves it where there are none; and one that leads nowhere.
+    fs::create_dir(path("scene")).unwrap();
+    fs::write(path("scene/linked.png"), b"../good.png").unwrap();
+    assert_eq!(decode(&path("scene/linked.png"), None).unwrap().data, decode(&good, None).unwrap().data);
+    fs::write(path("scene/lost.png"), b"../gone.png").unwrap();
+    let e = complaint(&path("scene/lost.png"), Channels::Mono, 255.0);
+    assert!(e.contains("lost.png: it is a link that was copied as text, to ") && e.contains("gone.png, which"), "{e}");
     fs::create_dir(path("folder.png")).unwrap();
     assert!(
         complaint(&path("folder.png"), Channels::Mono, 255.0).contains("cannot be read: it is a folder; give a file")

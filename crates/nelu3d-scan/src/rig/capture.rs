@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::{PatternSet, Rig, RigError, Shot, mono, mosaic};
-use crate::image::{Channels, Depth, Image, ImageFileError, Raw, Response, decode, demosaic};
+use crate::image::{Channels, Depth, Image, ImageFileError, Raw, Response, decode, demosaic, follow};
 use crate::input::open_file;
 
 /// Which of a shot's images must be there.
@@ -217,7 +217,8 @@ impl Rig {
 /// Returns whether a file begins as JPEG files do.
 fn is_jpeg(path: &Path) -> bool {
     let mut begin = [0; 3];
-    let read = open_file(path).and_then(|(mut file, _)| file.read_exact(&mut begin));
+    let Ok(path) = follow(path) else { return false };
+    let read = open_file(&path).and_then(|(mut file, _)| file.read_exact(&mut begin));
     read.is_ok() && begin == [0xff, 0xd8, 0xff]
 }
 

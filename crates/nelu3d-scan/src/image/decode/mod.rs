@@ -4,12 +4,13 @@ mod error;
 mod exr;
 mod file;
 mod jpeg;
+mod link;
 mod png;
 mod raw;
 mod tiff;
 
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub use error::ImageFileError;
 pub use raw::{Depth, Raw, RawData};
@@ -29,6 +30,23 @@ pub fn decode(path: &Path, size: Option<(usize, usize)>) -> Result<Raw, ImageFil
     decode_bytes(path, &read_image_file(path, size)?, size)
 }
 
+/// Returns the file that holds the image: the target of a symbolic link that became a text file, else `path` itself.
+///
+/// # Errors
+///
+/// It is such a link, and there is no such file.
+pub(crate) fn follow(path: &Path) -> Result<PathBuf, ImageFileError> {
+    let Some(target) = link::target(path) else { return Ok(path.to_path_buf()) };
+    if target.is_file() {
+        return Ok(target);
+    }
+    Err(ImageFileError::Kind {
+        path: path.to_path_buf(),
+        problem: format!("it is a link that was copied as text, to {}, which is not there", target.display()),
+        remedy: "copy the image itself".into(),
+    })
+}
+
 /// Reads the bytes of an image file. With `size` = (width, height), no more than such an image can have.
 ///
 /// # Errors
@@ -40,7 +58,7 @@ pub(crate) fn read_image_file(path: &Path, size: Option<(usize, usize)>) -> Resu
     /// What a camera may write beside the pixels: previews, notes.
     const MAX_BESIDE: usize = 256 << 20;
     let max = size.map_or(MAX_DATA, |(w, h)| (w.saturating_mul(h) * MAX_BYTES_PER_PIXEL + MAX_BESIDE) as u64);
-    read_file(path, max.min(MAX_DATA)).map_err(|source| match source.kind() {
+    read_file(&follow(path)?, max.min(MAX_DATA)).map_err(|source| match source.kind() {
         io::ErrorKind::NotFound => ImageFileError::Missing { path: path.to_path_buf() },
         _ => ImageFileError::Io { path: path.to_path_buf(), source },
     })
