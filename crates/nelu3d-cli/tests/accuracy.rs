@@ -135,7 +135,8 @@ fn occlusions_are_as_accurate_as_they_were() {
     scan("shapes", &reduced("shapes", 0.75, 12, "occlusion"), &bounds);
 }
 
-/// Four boards, held by a hand that covers a part of each: the light's center has to be found, and to hold between them.
+/// Four boards, held by a hand that covers a part of each: the light's center has to be found, and to hold between
+/// them.
 #[test]
 fn four_boards_held_by_hand_are_as_accurate_as_they_were() {
     let mut spec = reduced("shapes", 0.75, 12, "sphere");

@@ -64,8 +64,8 @@ pub struct CalibrationOptions {
     /// How the board moved
     #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Self::default().trajectory))]
     pub trajectory: TrajectoryKind,
-    /// A stage moved the board in steps of this length, in the order of the names, mm: then it is checked that the scale,
-    /// which rests on the print's measures and the focal length, agrees
+    /// A stage moved the board in steps of this length, in the order of the names, mm: then it is checked that the
+    /// scale, which rests on the print's measures and the focal length, agrees
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "clap", arg(long = "step", value_name = "MM", value_parser = step))]
     pub step_mm: Option<f64>,

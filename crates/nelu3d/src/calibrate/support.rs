@@ -34,9 +34,9 @@ impl Support {
         }
     }
 
-    /// Returns how many positions support the ray of light at unit coordinates `q` and around it, 0 where these are fewer
-    /// than `least`; in the camera's frame, where nothing is known along a ray but what positions saw, `q` has to lie
-    /// between them.
+    /// Returns how many positions support the ray of light at unit coordinates `q` and around it, 0 where these are
+    /// fewer than `least`; in the camera's frame, where nothing is known along a ray but what positions saw, `q` has to
+    /// lie between them.
     pub(super) fn at(&self, q: [f32; 3], least: u16) -> u16 {
         let [na, nb] = self.cells;
         let (a, b) = ((q[0] * na as f32) as isize, (q[1] * nb as f32) as isize);

@@ -3,12 +3,12 @@
 //!
 //! The board's corners tell where its plane is, and the field which codewords that plane would show if nothing had
 //! moved. The rigid motion of the light in the camera's frame that explains the difference is found by Gauss-Newton on
-//! codewords. One board tells a motion up to what its plane does not show (a turn of the light looks like a shift); what
-//! it leaves open is taken to be a turn about the center of what was bumped, and several boards leave less open.
+//! codewords. One board tells a motion up to what its plane does not show (a turn of the light looks like a shift);
+//! what it leaves open is taken to be a turn about the center of what was bumped, and several boards leave less open.
 //!
 //! Field and board know camera and light by their relative motion only. Which of them moved is told by a board that
-//! stands where it stood at a position of the sweep: then the camera stood still if the corners are where they were, and
-//! light and board stood still if the board carries the codewords that it carried there.
+//! stands where it stood at a position of the sweep: then the camera stood still if the corners are where they were,
+//! and light and board stood still if the board carries the codewords that it carried there.
 
 mod correct;
 mod error;
@@ -36,8 +36,8 @@ const MOVED_PX: f64 = 0.2;
 const STILL_PX: f64 = 0.15;
 /// Median χ² per measurement up to which a motion explains what is seen, whatever it was without it.
 const EXPLAINED: f64 = 2.5;
-/// Part of the median χ² without a motion that it has to leave at most. Errors of the field and of the board's pose look
-/// like small motions, which take away a tenth or a fifth on real boards that never moved.
+/// Part of the median χ² without a motion that it has to leave at most. Errors of the field and of the board's pose
+/// look like small motions, which take away a tenth or a fifth on real boards that never moved.
 const MIN_GAIN: f64 = 0.75;
 
 /// Checks captures of the rig's board against a field: several views of it are explained by one motion.

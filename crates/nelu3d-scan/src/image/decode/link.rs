@@ -1,7 +1,7 @@
 //! Symbolic links that became text files.
 //!
-//! Git on systems without symbolic links, and some archives, leave a file that holds the link's target and nothing else.
-//! A scene that shows a board of the sweep is often made of such links.
+//! Git on systems without symbolic links, and some archives, leave a file that holds the link's target and nothing
+//! else. A scene that shows a board of the sweep is often made of such links.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};

@@ -4,15 +4,16 @@ use nalgebra::{SMatrix, SVector};
 
 use super::columns::Columns;
 
-/// Coherence of a channel's gradients, (λ₁ − λ₂) / (λ₁ + λ₂) of their structure tensor, from which it has one direction.
+/// Coherence of a channel's gradients, (λ₁ − λ₂) / (λ₁ + λ₂) of their structure tensor, from which it has one
+/// direction.
 const MIN_COHERENCE: f64 = 0.6;
 /// Cosine of the angle up to which channels share a direction: stripes of one axis may converge by perspective.
 const SAME_DIRECTION: f64 = 0.94;
-/// Block sizes over which gradients are taken: fine stripes need small ones, coarse stripes are seen over noise in large
-/// ones.
+/// Block sizes over which gradients are taken: fine stripes need small ones, coarse stripes are seen over noise in
+/// large ones.
 const BLOCKS: [usize; 5] = [1, 2, 4, 8, 16];
-/// Fraction of a channel's variance that means over blocks must keep: what little is left of stripes that are finer than
-/// the blocks has another direction.
+/// Fraction of a channel's variance that means over blocks must keep: what little is left of stripes that are finer
+/// than the blocks has another direction.
 const MIN_KEPT: f64 = 0.8;
 /// Gradients below this fraction of the channel's strongest tell more about noise than about direction.
 const STRONG: f64 = 0.3;
@@ -111,9 +112,9 @@ impl Axis {
     }
 }
 
-/// Finds the directions of the stripes of all channels; `None` if fewer than half of them have one, or if there are more
-/// than two. Channels that show none by themselves (stripes nearly as fine as the columns, or a bit that hardly changes)
-/// go with the axis along which they change least.
+/// Finds the directions of the stripes of all channels; `None` if fewer than half of them have one, or if there are
+/// more than two. Channels that show none by themselves (stripes nearly as fine as the columns, or a bit that hardly
+/// changes) go with the axis along which they change least.
 pub(super) fn axes(columns: &Columns) -> Option<Vec<Axis>> {
     let found: Vec<Directed> = (0..columns.k).map(|channel| of_channel(columns, channel)).collect::<Option<_>>()?;
     let mut groups: Vec<(Vec<usize>, [f64; 2])> = Vec::new();

@@ -129,8 +129,8 @@ impl<'a> Known<'a> {
         None
     }
 
-    /// Mean square error of carried samples per channel, measured on known columns from known columns `way` columns away
-    /// and beyond. `None` where too few can be compared.
+    /// Mean square error of carried samples per channel, measured on known columns from known columns `way` columns
+    /// away and beyond. `None` where too few can be compared.
     pub(super) fn variance(&self, way: f32) -> Option<Vec<f32>> {
         let known: Vec<usize> = (0..self.columns.is_known.len()).filter(|i| self.columns.is_known[*i]).collect();
         let mut variance = vec![0.0; self.columns.k];

@@ -1,12 +1,12 @@
 //! Rays of light that only ink has met: their codewords are those of the same fringe beside the ink.
 //!
-//! The black squares of a chessboard send back a twentieth of what its white ones do, and veiling glare is a good part of
-//! that, so they say little about the field; with a handful of boards, a third of the light's rays met nothing else. But
-//! the stripes of every usual code (Gray code, phase shifts, mixed sets) are straight lines in the light's frame, and
-//! beside each black square lies a white one. So the direction of the stripes is found from the field's own samples, as
-//! a smooth function of the ray, and samples are carried along it. No model of the projector is needed; patterns that
-//! have no single direction (random dots, Hilbert curves) are left alone. How well it works is measured on rays that are
-//! known, before anything is used.
+//! The black squares of a chessboard send back a twentieth of what its white ones do, and veiling glare is a good part
+//! of that, so they say little about the field; with a handful of boards, a third of the light's rays met nothing else.
+//! But the stripes of every usual code (Gray code, phase shifts, mixed sets) are straight lines in the light's frame,
+//! and beside each black square lies a white one. So the direction of the stripes is found from the field's own
+//! samples, as a smooth function of the ray, and samples are carried along it. No model of the projector is needed;
+//! patterns that have no single direction (random dots, Hilbert curves) are left alone. How well it works is measured
+//! on rays that are known, before anything is used.
 
 mod columns;
 mod direction;

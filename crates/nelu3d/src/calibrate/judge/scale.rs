@@ -12,8 +12,8 @@ const MAX_DIFFERENCE: f64 = 0.005;
 /// The same in standard deviations of the stage's own errors.
 const MIN_SIGMAS: f64 = 5.0;
 
-/// Judges the scale by the steps of a stage, as the poses of `n` boards have them and as they were stated; notes that it
-/// was not checked where either is missing.
+/// Judges the scale by the steps of a stage, as the poses of `n` boards have them and as they were stated; notes that
+/// it was not checked where either is missing.
 pub(super) fn judge(
     misfit: Option<&SharedMisfit>,
     steps: Option<&Steps>,

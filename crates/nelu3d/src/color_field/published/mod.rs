@@ -2,9 +2,9 @@
 //! camera's frame, equally fine along every axis.
 //!
 //! 16 levels of 2 features in 2^19 entries, 16 to 2,048 cells along each side of the cube around the volume, the point
-//! as 2x − 1 after the features, 2 × 64 ReLU with weight normalization, 5,000 iterations: 49 MB, as the paper says. What
-//! the paper does not state is that of the signed distance field of the same kind in TurboSL's public code, from which it
-//! derives; the learning rate and the number of samples are measured here.
+//! as 2x − 1 after the features, 2 × 64 ReLU with weight normalization, 5,000 iterations: 49 MB, as the paper says.
+//! What the paper does not state is that of the signed distance field of the same kind in TurboSL's public code, from
+//! which it derives; the learning rate and the number of samples are measured here.
 //!
 //! Its finest cells are far smaller than the distance between board positions, and nothing supervises them in between:
 //! the form needs a dense sweep. So besides whole positions it also holds out random samples

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 /// One part of the iterations in this many warms up.
 const WARMUP: u64 = 20;
 
-/// Encoding, network and training of form `published`. The defaults are the paper's where it states them (16 levels of 2
-/// features, 2^19 entries, 5,000 iterations, 49 MB) and its references' where it does not.
+/// Encoding, network and training of form `published`. The defaults are the paper's where it states them (16 levels of
+/// 2 features, 2^19 entries, 5,000 iterations, 49 MB) and its references' where it does not.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::Args))]
 #[cfg_attr(feature = "clap", command(next_help_heading = "Form `published`"))]
