@@ -13,6 +13,8 @@ use crate::sensor::{NoiseEstimator, NoiseModel, quantization_step};
 
 /// Largest number of scenes that blur and response are estimated from.
 const MAX_SCENES: usize = 4;
+/// Number of camera pixels beyond which two scenes are enough: blur and response are four numbers.
+const MANY_PIXELS: usize = 2_000_000;
 
 /// The error of something about the projector that is missing or does not fit.
 pub(super) fn projector_error(path: PathBuf, reason: impl Into<String>) -> CalibrationError {
@@ -25,7 +27,8 @@ pub(super) fn calibrated_projector(rig: &Rig) -> Result<&Projector, CalibrationE
     rig.projector.as_ref().ok_or_else(|| projector_error(rig.root.join("projector.json"), missing))
 }
 
-/// Reads the projected images of a set, one plane per channel of the camera; a gray pattern serves all of them.
+/// Reads the projected images of a set, one plane per channel of the camera; a gray pattern serves all of them. A
+/// pattern that changes along one axis alone is reduced to one row or column, of which all others are copies.
 pub(super) fn read_patterns(
     rig: &Rig,
     set: &PatternSet,
@@ -42,16 +45,30 @@ pub(super) fn read_patterns(
         }
         for c in 0..rig.channels.count() {
             let data = image.data.chunks_exact(image.channels).map(|p| p[c.min(p.len() - 1)]).collect();
-            patterns.push(Image { width: w, height: h, channels: 1, data });
+            patterns.push(reduced(Image { width: w, height: h, channels: 1, data }));
         }
     }
     Ok(patterns)
 }
 
-/// Finds the scenes whose captures tell blur and response: the first few that have the set's images.
+/// Returns a pattern's single row or column, of which all others are copies; the pattern itself where they are not.
+fn reduced(pattern: Image) -> Image {
+    let w = pattern.width;
+    if pattern.data.chunks_exact(w).all(|row| row == &pattern.data[..w]) {
+        return Image { height: 1, data: pattern.data[..w].to_vec(), ..pattern };
+    }
+    if pattern.data.chunks_exact(w).all(|row| row.iter().all(|v| *v == row[0])) {
+        return Image { width: 1, data: pattern.data.iter().step_by(w).copied().collect(), ..pattern };
+    }
+    pattern
+}
+
+/// Finds the scenes whose captures tell blur and response: the first four that have the set's images, two of large
+/// pictures.
 pub(super) fn find_scenes(rig: &Rig, set: &PatternSet) -> Result<Vec<Shot>, CalibrationError> {
+    let number = (MANY_PIXELS / (rig.camera.width * rig.camera.height).max(1)).clamp(2, MAX_SCENES);
     let has_all = |s: &Shot| set.images.iter().chain([&rig.white]).all(|n| rig.has_image(&s.dir.join(n)));
-    let found: Vec<Shot> = rig.scenes()?.into_iter().filter(has_all).take(MAX_SCENES).collect();
+    let found: Vec<Shot> = rig.scenes()?.into_iter().filter(has_all).take(number).collect();
     if found.is_empty() {
         let reason = format!(
             "holds no scene with the images of set `{}`, from which the projector's blur and response are estimated; \
@@ -95,4 +112,23 @@ pub(super) fn depth_range(
     }
     let z = crossing_depth(&rig.camera, projector);
     Ok([0.6 * z, 1.6 * z])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_along_one_axis_are_reduced_and_others_are_not() {
+        let make = |f: fn(usize, usize) -> f32| Image {
+            width: 6,
+            height: 4,
+            channels: 1,
+            data: (0..24).map(|i| f(i % 6, i / 6)).collect(),
+        };
+        let (across, down, both) = (make(|x, _| x as f32), make(|_, y| y as f32), make(|x, y| (x * y) as f32));
+        assert_eq!(reduced(across).data, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+        assert_eq!(reduced(down).data, [0.0, 1.0, 2.0, 3.0]);
+        assert_eq!(reduced(both.clone()), both);
+    }
 }

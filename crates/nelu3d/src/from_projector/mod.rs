@@ -26,7 +26,7 @@ use geometry::{lit_volume, overlap_frame};
 use inputs::{calibrated_projector, depth_range, find_scenes, projector_error, read_captures, read_patterns};
 pub use options::FromProjectorOptions;
 use render::render_field;
-use response::{Response, fit_response};
+use response::{Response, exponent_matters, fit_response};
 
 /// Blur that the estimation begins with, projector px.
 const FIRST_BLUR_PX: f32 = 1.5;
@@ -133,7 +133,7 @@ fn metadata(rig: &Rig, set: &PatternSet, noise: NoiseModel) -> FieldMetadata {
 struct ResponseFit<'a> {
     rig: &'a Rig,
     projector: &'a Projector,
-    /// Projected images, one plane per channel of the camera.
+    /// Projected images, one plane per channel of the camera; a single row or column where the others are the same.
     patterns: Vec<Image>,
     captures: Vec<Capture>,
     frame: FieldFrame,
@@ -146,7 +146,8 @@ impl ResponseFit<'_> {
     /// its response and field; `None` if no scene could be decoded.
     fn best(&self, progress: &Progress) -> Result<Option<(f64, Response, ColorField)>, CalibrationError> {
         let mut best: Option<(f64, Response, ColorField)> = None;
-        for gamma in FIRST_GAMMAS {
+        let starts = if exponent_matters(&self.patterns) { &FIRST_GAMMAS[..] } else { &FIRST_GAMMAS[..1] };
+        for gamma in starts.iter().copied() {
             let mut response = Response { blur_px: FIRST_BLUR_PX, offset: 0.0, scale: 1.0, gamma };
             for round in 0..MAX_ROUNDS {
                 if progress.cancelled() {

@@ -4,6 +4,7 @@ use nalgebra::Point3;
 use nelu3d_scan::image::{bilinear, gaussian_blur};
 use nelu3d_scan::statistics::median;
 use nelu3d_scan::{Image, Projector};
+use rayon::prelude::*;
 
 use crate::reconstruct::Codeword;
 
@@ -29,8 +30,21 @@ const MAX_CODEWORDS: usize = 20_000;
 
 /// Returns the light of a projected pattern before offset and scale: v^gamma, blurred.
 pub(super) fn projected(pattern: &Image, blur_px: f32, gamma: f32) -> Image {
-    let data = pattern.data.iter().map(|v| v.max(0.0).powf(gamma)).collect();
-    gaussian_blur(&Image { data, ..*pattern }, blur_px)
+    gaussian_blur(&raised(pattern, gamma), blur_px)
+}
+
+/// Returns v^gamma of a projected pattern.
+fn raised(pattern: &Image, gamma: f32) -> Image {
+    Image { data: pattern.data.par_iter().map(|v| v.max(0.0).powf(gamma)).collect(), ..*pattern }
+}
+
+/// Returns whether an exponent changes more of the patterns than offset and scale do, which is so unless they are made
+/// of two values.
+pub(super) fn exponent_matters(patterns: &[Image]) -> bool {
+    let values = patterns.iter().flat_map(|p| &p.data);
+    let (low, high) = values.clone().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    let tolerance = 0.01 * (high - low);
+    values.into_iter().any(|v| *v > low + tolerance && *v < high - tolerance)
 }
 
 /// Returns the value of an image of one channel at a point between its pixels.
@@ -39,7 +53,8 @@ pub(super) fn value_at(image: &Image, point: [f64; 2]) -> f32 {
 }
 
 /// Fits blur and response to decoded codewords: for every blur and exponent the best affine map, over a coarse and then
-/// a fine search. Returns them with the median absolute residual, normalized intensity.
+/// a fine search. Returns them with the median absolute residual, normalized intensity. The exponent stays 1 where it
+/// does not matter (see [`exponent_matters`]).
 pub(super) fn fit_response(patterns: &[Image], projector: &Projector, codewords: &[Codeword]) -> (Response, f64) {
     let step = (codewords.len() / MAX_CODEWORDS).max(1);
     let samples: Vec<([f64; 2], &[f32])> = codewords
@@ -47,8 +62,8 @@ pub(super) fn fit_response(patterns: &[Image], projector: &Projector, codewords:
         .step_by(step)
         .filter_map(|c| Some((projector.project(&Point3::from(c.point))?, &c.intensities[..])))
         .collect();
-    let score = |blur_px: f32, gamma: f32| -> AffineFit {
-        let images: Vec<Image> = patterns.iter().map(|p| projected(p, blur_px, gamma)).collect();
+    let score = |raised: &[Image], blur_px: f32| -> AffineFit {
+        let images: Vec<Image> = raised.iter().map(|p| gaussian_blur(p, blur_px)).collect();
         let pairs: Vec<(f32, f32)> = samples
             .iter()
             .flat_map(|(px, measured)| images.iter().zip(*measured).map(|(i, l)| (value_at(i, *px), *l)))
@@ -56,19 +71,23 @@ pub(super) fn fit_response(patterns: &[Image], projector: &Projector, codewords:
             .collect();
         AffineFit::robust(&pairs)
     };
-    let search = |candidates: Vec<(f32, f32)>| {
-        candidates
-            .into_iter()
-            .map(|(b, g)| (score(b, g), b, g))
+    let search = |blurs: &[f32], gammas: &[f32]| {
+        let of_gamma = |gamma: &f32| {
+            let raised: Vec<Image> = patterns.iter().map(|p| raised(p, *gamma)).collect();
+            blurs.iter().map(|blur| (score(&raised, *blur), *blur, *gamma)).collect::<Vec<_>>()
+        };
+        gammas
+            .iter()
+            .flat_map(of_gamma)
             .min_by(|a, b| a.0.residual.total_cmp(&b.0.residual))
             .expect("there are candidates")
     };
-    let coarse = search(BLURS_PX.iter().flat_map(|b| GAMMAS.map(|g| (*b, g))).collect());
-    let fine = (-2i32..=2)
-        .flat_map(|i| (-1i32..=1).map(move |j| (i, j)))
-        .map(|(i, j)| ((coarse.1 + 0.2 * i as f32).max(0.0), coarse.2 * (1.0 + 0.1 * j as f32)))
-        .collect();
-    let (AffineFit { residual, offset, scale }, blur_px, gamma) = search(fine);
+    let matters = exponent_matters(patterns);
+    let coarse = search(&BLURS_PX, if matters { &GAMMAS } else { &[1.0] });
+    let blurs = [-2, -1, 0, 1, 2].map(|i| (coarse.1 + 0.2 * i as f32).max(0.0));
+    let gammas = [0.9, 1.0, 1.1].map(|factor| coarse.2 * factor);
+    let (AffineFit { residual, offset, scale }, blur_px, gamma) =
+        search(&blurs, if matters { &gammas } else { &gammas[1..2] });
     (Response { blur_px, offset, scale, gamma }, residual)
 }
 
@@ -150,5 +169,32 @@ mod tests {
         assert!(residual < 0.005, "{residual}");
         let near = |a: f32, b: f32, tolerance: f32| (a - b).abs() < tolerance;
         assert!(near(found.blur_px, expected.blur_px, 0.25) && near(found.gamma, expected.gamma, 0.15), "{found:?}");
+    }
+
+    /// Patterns of two values look the same whatever the exponent, which stays 1; gray ones do not.
+    #[test]
+    fn the_exponent_matters_to_gray_patterns_alone() {
+        let stripes = |values: &[f32]| Image {
+            width: 240,
+            height: 1,
+            channels: 1,
+            data: (0..240).map(|x| values[x / 6 % values.len()]).collect(),
+        };
+        let (binary, gray) = (stripes(&[0.1, 0.9]), stripes(&[0.1, 0.5, 0.9]));
+        assert!(!exponent_matters(std::slice::from_ref(&binary)) && exponent_matters(&[gray]));
+        let projector = Projector {
+            optics: Camera::pinhole(240, 60, 500.0, 500.0, 120.0, 30.0),
+            proj_from_cam: nalgebra::Isometry3::identity(),
+        };
+        let image = projected(&binary, 1.7, 1.0);
+        let codewords: Vec<Codeword> = (0..2000)
+            .map(|i| {
+                let point = [f64::from(i % 200 - 100) * 0.7, f64::from(i / 200), 650.0];
+                let px = projector.project(&Point3::from(point)).unwrap();
+                Codeword { point, intensities: vec![0.05 + 0.8 * value_at(&image, px)] }
+            })
+            .collect();
+        let (found, residual) = fit_response(&[binary], &projector, &codewords);
+        assert!(residual < 0.005 && found.gamma == 1.0 && (found.blur_px - 1.7).abs() < 0.25, "{found:?} {residual}");
     }
 }

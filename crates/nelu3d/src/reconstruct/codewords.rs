@@ -20,7 +20,7 @@ pub(crate) struct Codeword {
 }
 
 /// Largest number of pixels that are decoded: a sample is enough.
-const MAX_PIXELS: usize = 100_000;
+const MAX_PIXELS: usize = 30_000;
 
 /// Standard deviation of a color field whose blur and response are not known yet, normalized intensity.
 const MODEL_SIGMA: f32 = 0.05;
