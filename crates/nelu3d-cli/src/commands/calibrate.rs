@@ -137,6 +137,12 @@ fn text(report: &CalibrationReport) -> String {
             "board     bent by {x:.2} ± {dx:.2} mm along x and {y:.2} ± {dy:.2} mm along y, which is taken into account\n"
         );
     }
+    if let Some(refined) = &report.refined_poses {
+        text += &format!(
+            "poses     refined on codewords: boards moved by up to {:.2} mm (rms {:.2} mm), held out {:.1} dB before\n",
+            refined.largest_mm, refined.rms_mm, refined.psnr_before_db
+        );
+    }
     if let Some(at) = report.light_mm {
         text += &format!("light     {}\n", whereabouts(at));
     }

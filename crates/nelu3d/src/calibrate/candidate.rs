@@ -2,7 +2,7 @@
 
 use super::error::CalibrationError;
 use super::fringes::{CarriedReport, carry};
-use super::held_out::HeldOutErrors;
+use super::held_out::{Displacement, HeldOutErrors};
 use super::options::{CalibrationOptions, FormKind};
 use super::pass::{Pass, gathered};
 use super::placed_sweep::PlacedSweep;
@@ -62,6 +62,8 @@ pub(super) struct Candidate {
     pub(super) allowed_db: Option<f64>,
     /// Held-out PSNR of every position that was held out, dB; those that no others support are missing.
     pub(super) by_position: Vec<(String, f64)>,
+    /// By how much the held-out positions seem to be displaced.
+    pub(super) displacements: Vec<Displacement>,
     /// Whether it has fewer cells across than the camera has pixels there.
     pub(super) is_limited: bool,
     /// Steps that the final fit takes.
@@ -139,6 +141,7 @@ impl Candidate {
         let held_out = folds.concat().iter().map(|p| placed.sweep.shots[*p].name.clone()).collect();
         let variance = errors.variance();
         let allowed_db = errors.allowed_db();
+        let displacements = errors.displacements().to_vec();
         let quality = Quality { pixels, ..errors.quality(held_out, placed.n_positions()) };
         let is_good = quality.psnr_db > quality.ceiling_db - MAX_SHORTFALL_DB;
         let reached = if is_good || ends_hold(placed, &by_position) { [0.0, 1.0] } else { swept };
@@ -158,6 +161,7 @@ impl Candidate {
             variance,
             allowed_db,
             by_position,
+            displacements,
             is_limited: is_limited(placed, &frame, cells),
             // The last fold's position is new to the field.
             final_steps: if in_turn { 20 } else { 8 },

@@ -6,7 +6,11 @@ use super::candidate::{Candidate, FitContext, MAX_SHORTFALL_DB};
 use super::error::CalibrationError;
 use super::light::LightCenter;
 use super::options::{CalibrationOptions, FormKind, FrameKind};
+use super::placed_sweep::PlacedSweep;
+use super::pose_refinement::{RefinedPoses, refine_poses};
 use crate::color_field::frame::{Center, FieldFrame};
+use crate::progress::Progress;
+use nelu3d_field::device::Device;
 
 /// Cells per pixel across where one is not enough.
 const FINE_CELLS_PER_PIXEL: usize = 2;
@@ -15,43 +19,63 @@ const FAIR_DB: f64 = 16.0;
 /// Number of positions up to which each of them is held out in turn.
 const IN_TURN: usize = 8;
 
+/// What fits run on.
+#[derive(Clone, Copy)]
+pub(super) struct Resources<'a> {
+    pub(super) opts: &'a CalibrationOptions,
+    pub(super) device: &'a Device,
+    pub(super) progress: &'a Progress,
+}
+
 /// Fits the field without the held-out positions, in the light's frame if there is one, finer if one cell per pixel is
 /// too coarse (codes with edges are finer than pixels, and the positions see them between each other's pixels), in the
-/// camera's frame if the light's does not hold; returns the candidate that predicts the held-out positions best.
+/// camera's frame if the light's does not hold; returns the candidate that predicts the held-out positions best. In the
+/// light's frame the poses of a few boards are refined first, which moves the boards of `placed`.
+///
+/// # Errors
+///
+/// An image cannot be read, no sample is usable, or the caller stopped the work.
 pub(super) fn fit_best_frame(
-    fit: &FitContext<'_, '_>,
+    placed: &mut PlacedSweep<'_>,
     light: Option<&LightCenter>,
-) -> Result<Candidate, CalibrationError> {
-    let (opts, progress) = (fit.opts, fit.progress);
-    let folds = folds(fit.placed.n_positions(), opts.hold_out, opts.form);
+    resources: Resources<'_>,
+) -> Result<(Candidate, Option<RefinedPoses>), CalibrationError> {
+    let Resources { opts, device, progress } = resources;
+    let folds = folds(placed.n_positions(), opts.hold_out, opts.form);
     let is_good = |c: &Candidate| c.quality.psnr_db > c.quality.ceiling_db - MAX_SHORTFALL_DB;
-    let mut tried: Vec<Candidate> = Vec::new();
+    let (mut tried, mut refined): (Vec<Candidate>, _) = (Vec::new(), None);
     if let Some(light) = light {
-        let frame = || FieldFrame::new(light.origin, light.along, light.kappa, Vector3::x());
-        tried.push(Candidate::fit(fit, frame(), Center::Light, 1, &folds)?);
-        let q = &tried[0].quality;
-        tracing::debug!(psnr = q.psnr_db, ceiling = q.ceiling_db, "field in the light's frame");
+        let fit = |placed: &PlacedSweep<'_>, cells_per_pixel: usize| {
+            let frame = FieldFrame::new(light.origin, light.along, light.kappa, Vector3::x());
+            let context = FitContext { placed, opts, device, progress };
+            Candidate::fit(&context, frame, Center::Light, cells_per_pixel, &folds)
+        };
+        let mut first = fit(placed, 1)?;
+        tracing::debug!(psnr = first.quality.psnr_db, ceiling = first.quality.ceiling_db, "field in the light's frame");
+        refined = refine_poses(placed, &mut first, |placed| fit(placed, 1))?;
+        tried.push(first);
         // Finer is no finer where the number of coefficients is the limit.
         if !tried.iter().any(is_good) && !tried[0].is_limited {
             tried.iter_mut().for_each(Candidate::drop_bins);
-            tried.push(Candidate::fit(fit, frame(), Center::Light, FINE_CELLS_PER_PIXEL, &folds)?);
+            tried.push(fit(placed, FINE_CELLS_PER_PIXEL)?);
         }
     }
     let finer_is_better = tried.len() == 2 && tried[1].quality.psnr_db > tried[0].quality.psnr_db + MAX_SHORTFALL_DB;
     let light_holds = tried.iter().any(is_good) || finer_is_better;
     // A few boards, placed by hand, are too far apart for the camera's frame wherever the light's holds at all.
-    let camera_may_hold = fit.placed.n_positions() > IN_TURN || !tried.iter().any(|c| c.quality.psnr_db > FAIR_DB);
+    let camera_may_hold = placed.n_positions() > IN_TURN || !tried.iter().any(|c| c.quality.psnr_db > FAIR_DB);
     if tried.is_empty() || (opts.frame == FrameKind::Auto && !light_holds && camera_may_hold) {
         tried.iter_mut().for_each(Candidate::drop_bins);
-        let middle = Point3::from(fit.placed.mean_point());
+        let middle = Point3::from(placed.mean_point());
         let frame = FieldFrame::around(Point3::origin(), middle, Vector3::x());
-        tried.push(Candidate::fit(fit, frame, Center::Camera, 1, &folds)?);
+        let context = FitContext { placed, opts, device, progress };
+        tried.push(Candidate::fit(&context, frame, Center::Camera, 1, &folds)?);
     }
     if progress.cancelled() {
         return Err(CalibrationError::Cancelled);
     }
     let best = tried.into_iter().max_by(|a, b| a.quality.psnr_db.total_cmp(&b.quality.psnr_db));
-    Ok(best.expect("at least one frame was tried"))
+    Ok((best.expect("at least one frame was tried"), refined))
 }
 
 /// The positions that are held out together: every one in turn where there are few, so that the measure does not rest

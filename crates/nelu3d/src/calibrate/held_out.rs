@@ -1,6 +1,6 @@
 //! Errors of a field at positions that it was not made from.
 
-use nalgebra::Point3;
+use nalgebra::{Matrix3, Point3, Vector3};
 use nelu3d_scan::statistics::median;
 
 use super::placed_sweep::PlacedSweep;
@@ -42,8 +42,8 @@ pub(super) struct HeldOutErrors {
     codewords: Vec<[f64; 3]>,
     /// Depth errors of a selection, mm.
     depth: Vec<f32>,
-    /// By how much each position seems to be displaced along the rays, mm.
-    shifts: Vec<f64>,
+    /// By how much each position seems to be displaced along the rays.
+    displacements: Vec<Displacement>,
 }
 
 impl HeldOutErrors {
@@ -92,7 +92,7 @@ impl HeldOutErrors {
             predicted.eval(n - 1, m, with_depth, &mut c, &mut d);
             let bends = with_depth
                 && field.spline().is_some_and(|grid| evaluate_beside(placed, frame, grid, (p, i), &mut beside));
-            let (mut h, mut g) = (0.0, 0.0);
+            let (mut h, mut g, mut squared) = (0.0, 0.0, 0.0);
             for j in 0..k {
                 if w[j] == 0.0 {
                     continue;
@@ -116,13 +116,15 @@ impl HeldOutErrors {
                 }
                 h += w[j] * d[j] * d[j];
                 g += w[j] * d[j] * e;
+                squared += w[j] * e * e;
             }
             if with_depth && h > 0.0 {
                 s.depth.push((g / h).abs());
-                signed.push([g, h]);
+                let dir = &placed.dirs[i];
+                signed.push(Sample { g, h, squared, plane: [dir.x / dir.z, dir.y / dir.z] });
             }
         });
-        s.shifts.extend(shift(&signed));
+        s.displacements.extend(Displacement::of(p, &signed));
         s
     }
 
@@ -134,7 +136,7 @@ impl HeldOutErrors {
         self.codewords.resize(self.codewords.len().max(s.codewords.len()), [0.0; 3]);
         self.codewords.as_flattened_mut().iter_mut().zip(s.codewords.as_flattened()).for_each(|(a, b)| *a += b);
         self.depth.extend(s.depth);
-        self.shifts.extend(s.shifts);
+        self.displacements.extend(s.displacements);
     }
 
     /// Variance of the well-lit codewords, channel by channel, mean; NaN if there are none.
@@ -142,6 +144,11 @@ impl HeldOutErrors {
         let of = |[n, sum, squares]: &[f64; 3]| squares / n - (sum / n).powi(2);
         let known: Vec<f64> = self.codewords.iter().filter(|c| c[0] > 0.0).map(of).collect();
         known.iter().sum::<f64>() / known.len() as f64
+    }
+
+    /// By how much each position seems to be displaced.
+    pub(super) fn displacements(&self) -> &[Displacement] {
+        &self.displacements
     }
 
     /// Sums up. Of the boards' pose errors the field, which is fitted to `n_positions` of them, keeps their mean's.
@@ -153,7 +160,10 @@ impl HeldOutErrors {
         } else {
             (db(self.all.0, self.all.1), 60.0)
         };
-        let mean_square = self.shifts.iter().map(|s| s * s).sum::<f64>() / self.shifts.len().max(1) as f64;
+        // Mean squares over the boards, of which the field keeps a part.
+        let part = 1.0 / (self.displacements.len().max(1) * n_positions.max(1)) as f64;
+        let mean_square: f64 = self.displacements.iter().map(|d| d.mm * d.mm).sum::<f64>() * part;
+        let covariance: Matrix3<f64> = self.displacements.iter().map(|d| d.plane * d.plane.transpose() * part).sum();
         Quality {
             held_out,
             n: self.all.1,
@@ -161,7 +171,8 @@ impl HeldOutErrors {
             psnr_all_db: db(self.all.0, self.all.1),
             ceiling_db: noise,
             depth_mm: self.depth.get(self.depth.len() / 2).copied().unwrap_or(f32::NAN).into(),
-            pose_mm: (mean_square / n_positions.max(1) as f64).sqrt(),
+            pose_mm: mean_square.sqrt(),
+            pose_covariance: (!self.displacements.is_empty()).then(|| covariance.into()),
             pixels: None,
         }
     }
@@ -190,17 +201,51 @@ fn evaluate_beside(
     })
 }
 
-/// Returns the displacement along the rays, mm, that explains the errors of many samples best: Σ g / Σ h of their
-/// normal equations `h · shift = g`, without those that lie far beyond the others. `None` where too few tell.
-fn shift(equations: &[[f32; 2]]) -> Option<f64> {
-    const MIN_SAMPLES: usize = 50;
-    /// Multiple of the median displacement beyond which a sample is not counted.
-    const FAR: f32 = 4.0;
-    let mut sizes: Vec<f32> = equations.iter().map(|[g, h]| (g / h).abs()).collect();
-    let limit = FAR * median(&mut sizes)?;
-    let near = equations.iter().filter(|[g, h]| (g / h).abs() <= limit);
-    let (g, h) = near.fold((0.0, 0.0), |(a, b), [g, h]| (a + f64::from(*g), b + f64::from(*h)));
-    (equations.len() >= MIN_SAMPLES && h > 0.0).then(|| g / h)
+/// A sample's normal equation `h · displacement = g`, its weighted squared error, and where the camera sees it: (x/z,
+/// y/z).
+struct Sample {
+    g: f32,
+    h: f32,
+    squared: f32,
+    plane: [f64; 2],
+}
+
+/// By how much a board seems to be displaced along the rays from the field of the others.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Displacement {
+    /// Index of the board's position.
+    pub(super) position: usize,
+    /// Mean over its samples, mm.
+    mm: f64,
+    /// (a, b, c) of a + b x/z + c y/z, mm: poses are wrong by angles, too.
+    pub(super) plane: Vector3<f64>,
+    /// Weighted squared error of the samples that were used, and how much of it the displacement explains.
+    pub(super) squared: [f64; 2],
+}
+
+impl Displacement {
+    /// Finds the displacement that explains the errors of many samples best, without those that lie far beyond the
+    /// others. `None` where too few tell.
+    fn of(position: usize, samples: &[Sample]) -> Option<Self> {
+        const MIN_SAMPLES: usize = 50;
+        /// Multiple of the median displacement beyond which a sample is not counted.
+        const FAR: f32 = 4.0;
+        let size = |s: &Sample| (s.g / s.h).abs();
+        let limit = FAR * median(&mut samples.iter().map(size).collect::<Vec<_>>())?;
+        let (mut normal, mut right, mut squared) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
+        for s in samples.iter().filter(|s| size(s) <= limit) {
+            let at = Vector3::new(1.0, s.plane[0], s.plane[1]);
+            normal += f64::from(s.h) * at * at.transpose();
+            right += f64::from(s.g) * at;
+            squared += f64::from(s.squared);
+        }
+        if samples.len() < MIN_SAMPLES || normal[(0, 0)] <= 0.0 {
+            return None;
+        }
+        let mm = right[0] / normal[(0, 0)];
+        let plane = normal.cholesky().map_or(Vector3::new(mm, 0.0, 0.0), |n| n.solve(&right));
+        Some(Self { position, mm, plane, squared: [squared, right.dot(&plane)] })
+    }
 }
 
 #[cfg(test)]
@@ -209,13 +254,20 @@ mod tests {
 
     #[test]
     fn a_displaced_board_is_told_from_noise() {
-        // 0.3 mm, noise of 2 mm a sample, and some samples that are far off.
+        // 0.3 mm in the middle, 5 mm more per unit of x/z, noise of 2 mm a sample, and some samples that are far off.
         let noise = |i: usize| 2.0 * (((i * 7919) % 1000) as f32 / 500.0 - 1.0);
-        let samples: Vec<[f32; 2]> =
-            (0..5000).map(|i| if i % 50 == 0 { [4.0 * 900.0, 4.0] } else { [4.0 * (0.3 + noise(i)), 4.0] }).collect();
-        let found = shift(&samples).unwrap();
-        assert!((found - 0.3).abs() < 0.05, "{found}");
-        assert!(shift(&samples[..10]).is_none());
+        let samples: Vec<Sample> = (0..5000)
+            .map(|i| {
+                let plane = [f64::from(i % 71) / 350.0 - 0.1, f64::from(i % 53) / 260.0 - 0.1];
+                let mm = if i % 50 == 0 { 900.0 } else { 0.3 + 5.0 * plane[0] as f32 + noise(i as usize) };
+                Sample { g: 4.0 * mm, h: 4.0, squared: 4.0 * mm * mm, plane }
+            })
+            .collect();
+        let found = Displacement::of(0, &samples).unwrap();
+        assert!((found.mm - 0.3).abs() < 0.05, "{}", found.mm);
+        let error = found.plane - Vector3::new(0.3, 5.0, 0.0);
+        assert!(error[0].abs() < 0.05 && error[1].abs() < 1.0 && error[2].abs() < 1.0, "{}", found.plane);
+        assert!(Displacement::of(0, &samples[..10]).is_none());
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod light;
 mod options;
 mod pass;
 mod placed_sweep;
+mod pose_refinement;
 mod position;
 mod predictor;
 mod report;
@@ -21,6 +22,7 @@ mod support;
 mod sweep;
 mod views;
 
+use nalgebra::Isometry3;
 use nelu3d_field::device::Device;
 use nelu3d_scan::Rig;
 use nelu3d_scan::pose::Trajectory;
@@ -37,6 +39,7 @@ pub use judge::DepthSpan;
 use judge::{Evidence, HeldOut, judge};
 pub use options::{CalibrationOptions, FormKind, FrameKind, TrajectoryKind};
 pub use placed_sweep::{BoardPlane, PlacedSweep};
+pub use pose_refinement::PoseRefinement;
 pub use position::Position;
 pub use report::CalibrationReport;
 pub use sweep::Sweep;
@@ -58,7 +61,7 @@ pub fn calibrate(
     }
     let device = Device::open(opts.device)?;
     let mut clock = StageClock::new(progress);
-    let geometry = solve_board_poses(rig, set, opts, progress, &mut clock)?;
+    let mut geometry = solve_board_poses(rig, set, opts, progress, &mut clock)?;
     let mut placed = geometry.placed;
 
     clock.begin("find the light");
@@ -74,12 +77,16 @@ pub fn calibrate(
     let light = found.map(|f| f.center);
 
     clock.begin("fit the field without the held-out positions");
-    let fit = candidate::FitContext { placed: &placed, opts, device: &device, progress };
     // The published form knows nothing of the light.
     let light = light.filter(|_| opts.form != FormKind::Published);
-    let mut best = frame_choice::fit_best_frame(&fit, light.as_ref())?;
+    let resources = frame_choice::Resources { opts, device: &device, progress };
+    let (mut best, refined) = frame_choice::fit_best_frame(&mut placed, light.as_ref(), resources)?;
+    if let Some(refined) = &refined {
+        move_boards(&mut geometry.trajectory, &placed, &refined.motions);
+    }
 
     clock.begin("fit the field to all positions");
+    let fit = candidate::FitContext { placed: &placed, opts, device: &device, progress };
     let form = best.fit_all_positions(&fit)?;
     if progress.cancelled() {
         return Err(CalibrationError::Cancelled);
@@ -133,11 +140,20 @@ pub fn calibrate(
         frame: frame_choice::reason(center, light.as_ref(), opts),
         shortfall,
         excluded,
+        refined_poses: refined.map(|r| r.report),
         carried,
         cells,
         stages: clock.finish(),
     };
     Ok((field, report))
+}
+
+/// Moves the boards of the positions that are used.
+fn move_boards(trajectory: &mut Trajectory, placed: &PlacedSweep<'_>, motions: &[Isometry3<f64>]) {
+    for (shot, motion) in placed.sweep.shots.iter().zip(motions) {
+        let of_shot = trajectory.positions.iter_mut().filter(|p| p.position == shot.name);
+        of_shot.for_each(|p| p.cam_from_board = motion * p.cam_from_board);
+    }
 }
 
 /// Returns where the boards of the positions that are used stand.

@@ -1,6 +1,6 @@
 //! A sweep whose board poses are known, so that every sample has a position in space.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use nelu3d_scan::Camera;
 use nelu3d_scan::pose::Bend;
 use rayon::prelude::*;
@@ -50,6 +50,35 @@ impl BoardPlane {
         let axes = [pose.rotation * Vector3::x(), pose.rotation * Vector3::y()];
         let origin = pose.translation.vector;
         Self { normal, offset: normal.dot(&origin), origin, axes, extent_mm, bend }
+    }
+
+    /// Returns the motion that takes the board along the camera's rays by `mm` of (x/z, y/z), a linear function: its
+    /// plane goes there, and what is in its middle stays on its ray.
+    pub(super) fn motion_along_rays(&self, mm: impl Fn([f64; 2]) -> f64) -> Isometry3<f64> {
+        let [x0, y0, x1, y1] = self.extent_mm;
+        let at = |x: f64, y: f64| self.origin + self.axes[0] * x + self.axes[1] * y;
+        let moved = |p: Vector3<f64>| p + p.normalize() * mm([p.x / p.z, p.y / p.z]);
+        let (x, y) = (0.5 * (x0 + x1), 0.5 * (y0 + y1));
+        let (middle, right, below) = (moved(at(x, y)), moved(at(x1, y)), moved(at(x, y1)));
+        let normal = (right - middle).cross(&(below - middle));
+        let rotation = UnitQuaternion::rotation_between(&self.normal, &normal).unwrap_or_default();
+        Isometry3::from_parts((middle - rotation * at(x, y)).into(), rotation)
+    }
+
+    /// Returns the middle and the corners of the outline, mm, in the camera's frame.
+    pub(super) fn middle_and_corners(&self) -> [Point3<f64>; 5] {
+        let [x0, y0, x1, y1] = self.extent_mm;
+        let at = |x: f64, y: f64| Point3::from(self.origin + self.axes[0] * x + self.axes[1] * y);
+        [at(0.5 * (x0 + x1), 0.5 * (y0 + y1)), at(x0, y0), at(x1, y0), at(x0, y1), at(x1, y1)]
+    }
+
+    /// Moves the board.
+    pub(super) fn move_by(&mut self, motion: &Isometry3<f64>) {
+        let turned = |v: &Vector3<f64>| motion.rotation * v;
+        self.origin = motion.translation.vector + turned(&self.origin);
+        self.normal = turned(&self.normal);
+        self.axes = self.axes.map(|a| turned(&a));
+        self.offset = self.normal.dot(&self.origin);
     }
 
     /// Returns the board's outline (x0, y0, x1, y1) in its own frame, mm.
@@ -208,6 +237,23 @@ mod tests {
         }
         let behind = BoardPlane::new(&Isometry3::translation(0.0, 0.0, -500.0), [-50.0, -40.0, 50.0, 40.0], None);
         assert!(behind.hit(&Vector3::z()).is_none());
+    }
+
+    /// A board that was moved along the rays is met as much farther away as was said.
+    #[test]
+    fn boards_move_along_rays() {
+        let pose = Isometry3::new(Vector3::new(10.0, -5.0, 500.0), Vector3::new(0.2, -0.3, 0.1));
+        let mut board = BoardPlane::new(&pose, [-60.0, -40.0, 50.0, 45.0], None);
+        let before = board;
+        let mm = |[u, v]: [f64; 2]| 0.4 + 3.0 * u - 5.0 * v;
+        board.move_by(&before.motion_along_rays(mm));
+        for on in [[0.0, 0.0], [30.0, -20.0], [-45.0, 30.0], [40.0, 35.0]] {
+            let dir = (pose * Point3::new(on[0], on[1], 0.0)).coords.normalize();
+            let farther = board.hit(&dir).unwrap() - before.hit(&dir).unwrap();
+            // Of a tilted board a linear function of (x/z, y/z) is a plane to first order.
+            assert!((farther - mm([dir.x / dir.z, dir.y / dir.z])).abs() < 0.05, "{on:?}: {farther}");
+        }
+        assert!((board.axes[0].cross(&board.axes[1]) - board.normal).norm() < 1e-12);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::fringes::CarriedReport;
 use super::judge::DepthSpan;
+use super::pose_refinement::PoseRefinement;
 use crate::color_field::Quality;
 use crate::progress::StageTime;
 use crate::verdict::Judgment;
@@ -34,6 +35,10 @@ pub struct CalibrationReport {
     /// image.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub excluded: Vec<(String, f64)>,
+    /// How far boards were moved to where the field of the others says that they are; absent where the corners' poses
+    /// were kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refined_poses: Option<PoseRefinement>,
     /// Rays of light that no bright sample has met, and whose codeword is that of the same stripe beside them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub carried: Option<CarriedReport>,

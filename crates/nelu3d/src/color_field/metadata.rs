@@ -71,9 +71,14 @@ impl FieldMetadata {
         (excess.sqrt() as f32).max(min)
     }
 
-    /// Returns the standard deviation of depth that errors of the boards' poses leave, mm; 0 where it is not known.
-    pub fn pose_sigma_mm(&self) -> f32 {
-        self.quality.as_ref().map_or(0.0, |q| q.pose_mm as f32)
+    /// Returns the standard deviation of depth that errors of the boards' poses leave, mm, along the ray through
+    /// `plane`, its point (x/z, y/z); 0 where it is not known.
+    pub fn pose_sigma_mm(&self, plane: [f32; 2]) -> f32 {
+        let Some(q) = &self.quality else { return 0.0 };
+        let Some(covariance) = q.pose_covariance else { return q.pose_mm as f32 };
+        let at = [1.0, f64::from(plane[0]), f64::from(plane[1])];
+        let variance: f64 = (0..3).map(|i| (0..3).map(|j| at[i] * covariance[i][j] * at[j]).sum::<f64>()).sum();
+        variance.max(0.0).sqrt() as f32
     }
 }
 
@@ -136,6 +141,10 @@ pub struct Quality {
     /// boards. 0 where it was not measured. Errors that all poses share (a wrong focal length) are not in it.
     #[serde(default)]
     pub pose_mm: f64,
+    /// The same as it varies over the picture, because poses are wrong by angles, too: covariance of (a, b, c), where
+    /// a + b x/z + c y/z is the displacement along the ray through (x, y, z), mm; none in fields of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose_covariance: Option<[[f64; 3]; 3]>,
     /// Quality at random held-out samples of the other positions; form `published` alone has it, which is trained for
     /// that.
     #[serde(default, skip_serializing_if = "Option::is_none")]

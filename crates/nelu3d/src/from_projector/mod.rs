@@ -87,6 +87,7 @@ pub fn calibrate_from_projector(
         ),
         shortfall: None,
         excluded: Vec::new(),
+        refined_poses: None,
         carried: None,
         cells: field.to_grid().cells,
         stages: clock.finish(),

@@ -179,9 +179,9 @@ fn diagnose(initial: &Initial, refined: &Refined, depth: &[f32], fast: FastSetti
 /// Links, normals and mesh of the valid depths.
 fn build_surface(scene: Scene<'_>, refined: Refined, depth: Vec<f32>) -> Surface {
     // From 1/z to z; and what all depths share.
-    let pose = scene.field.metadata.pose_sigma_mm();
-    let sigma = |(z, s): (&f32, &f32)| if z.is_finite() { (s * z * z).hypot(pose) } else { f32::NAN };
-    let sigma = depth.iter().zip(&refined.sigma).map(sigma).collect();
+    let pose = |i: usize| scene.field.metadata.pose_sigma_mm(scene.rays.plane[i]);
+    let sigma = |(i, (z, s)): (usize, (&f32, &f32))| if z.is_finite() { (s * z * z).hypot(pose(i)) } else { f32::NAN };
+    let sigma = depth.iter().zip(&refined.sigma).enumerate().map(sigma).collect();
     let status = scene.measurements.status;
     let maps = SurfaceMaps { depth, sigma, status, residual: refined.residual, ambient: refined.ambient };
     assemble(maps, scene.camera, &scene.rays.plane, scene.white)

@@ -59,6 +59,7 @@ mod tests {
             ceiling_db: 38.0,
             depth_mm: 0.2,
             pose_mm: 0.0,
+            pose_covariance: None,
             pixels: None,
         };
         judge(&HeldOut { quality: &quality, shortfall, variance: 0.1 }).map(|f| (f.code, f.verdict))

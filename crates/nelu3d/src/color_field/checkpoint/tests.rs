@@ -48,6 +48,7 @@ fn field(form: Form) -> ColorField {
             ceiling_db: 40.0,
             depth_mm: f64::NAN,
             pose_mm: 0.1,
+            pose_covariance: None,
             pixels: None,
         }),
         warnings: Vec::new(),

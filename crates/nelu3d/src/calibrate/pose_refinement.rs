@@ -1,0 +1,113 @@
+//! Poses of a few boards, refined on codewords.
+//!
+//! A board's corners tell its distance and tilt far less exactly than codewords do: at 3.4 m, with corners to 0.1 px, its
+//! edge is off by a millimeter or two, while its samples agree with the field of the other boards to a tenth of that
+//! once it is moved. So each board, held out in turn, is moved along the camera's rays, by a plane, to where the others'
+//! field says it is; what all boards share stays as the corners have it. Nothing is taken that does not lower the
+//! held-out error.
+
+use nalgebra::Isometry3;
+use serde::Serialize;
+
+use super::candidate::Candidate;
+use super::error::CalibrationError;
+use super::placed_sweep::{BoardPlane, PlacedSweep};
+
+/// Part of the held-out squared error that displacements must explain for poses to be refined.
+const MIN_EXPLAINED: f64 = 0.03;
+/// Gain in held-out PSNR below which refined poses are not taken, dB.
+const MIN_GAIN_DB: f64 = 0.1;
+/// Largest number of times that poses are refined.
+const MAX_ROUNDS: usize = 3;
+
+/// How far boards were moved to where the field of the others says that they are.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PoseRefinement {
+    /// Largest motion of a board's middle or corner off its plane, mm.
+    pub largest_mm: f64,
+    /// Root mean square motion of the boards' middles and corners off their planes, mm.
+    pub rms_mm: f64,
+    /// Held-out PSNR with the poses that the corners tell, dB.
+    pub psnr_before_db: f64,
+}
+
+/// Poses that were refined.
+pub(super) struct RefinedPoses {
+    /// What was gained.
+    pub(super) report: PoseRefinement,
+    /// Motions of the boards, by position.
+    pub(super) motions: Vec<Isometry3<f64>>,
+}
+
+/// Moves the boards of `placed` to where they predict each other best, as long as `best`, the field in the light's
+/// frame that was fitted to all but each of them, is replaced by a better one. `fit` fits it to boards where they
+/// stand. `None` where nothing was taken.
+///
+/// # Errors
+///
+/// Those of `fit`.
+pub(super) fn refine_poses<'r>(
+    placed: &mut PlacedSweep<'r>,
+    best: &mut Candidate,
+    fit: impl Fn(&PlacedSweep<'r>) -> Result<Candidate, CalibrationError>,
+) -> Result<Option<RefinedPoses>, CalibrationError> {
+    let n = placed.n_positions();
+    if best.displacements.len() < n {
+        return Ok(None);
+    }
+    let (before, at_corners) = (best.quality.clone(), placed.boards.clone());
+    let mut total = vec![Isometry3::identity(); n];
+    let mut taken = false;
+    for round in 0..MAX_ROUNDS {
+        let [squared, explained] =
+            best.displacements.iter().fold([0.0, 0.0], |[a, b], d| [a + d.squared[0], b + d.squared[1]]);
+        tracing::debug!(round, psnr = best.quality.psnr_db, explained = explained / squared, "poses on codewords");
+        if explained < MIN_EXPLAINED * squared {
+            break;
+        }
+        let motions = motions(placed, best);
+        let stood = placed.boards.clone();
+        placed.boards.iter_mut().zip(&motions).for_each(|(board, motion)| board.move_by(motion));
+        best.drop_bins();
+        let candidate = fit(placed)?;
+        let gain = candidate.quality.psnr_db - best.quality.psnr_db;
+        if gain.is_nan() || gain < MIN_GAIN_DB {
+            placed.boards = stood;
+            break;
+        }
+        total.iter_mut().zip(&motions).for_each(|(total, motion)| *total = motion * *total);
+        *best = candidate;
+        // What the corners' errors have in common stays, and is as large as they showed before.
+        best.quality.pose_mm = before.pose_mm;
+        best.quality.pose_covariance = before.pose_covariance;
+        taken = true;
+    }
+    let report = PoseRefinement::of(&at_corners, &total, before.psnr_db);
+    Ok(taken.then_some(RefinedPoses { report, motions: total }))
+}
+
+impl PoseRefinement {
+    /// Sums up the motions of boards.
+    fn of(boards: &[BoardPlane], motions: &[Isometry3<f64>], psnr_before_db: f64) -> Self {
+        let off = |(board, motion): (&BoardPlane, &Isometry3<f64>)| {
+            board.middle_and_corners().map(|x| board.normal.dot(&(motion * x - x)))
+        };
+        let mm: Vec<f64> = boards.iter().zip(motions).flat_map(off).collect();
+        let mean_square = mm.iter().map(|v| v * v).sum::<f64>() / mm.len().max(1) as f64;
+        let largest_mm = mm.iter().fold(0.0, |max: f64, v| max.max(v.abs()));
+        Self { largest_mm, rms_mm: mean_square.sqrt(), psnr_before_db }
+    }
+}
+
+/// The motions of the boards that their displacements from the fields of the others ask for. With n boards of which the
+/// errors e add up to nothing, board b is displaced by e_b − mean of the others' e = e_b n/(n − 1).
+fn motions(placed: &PlacedSweep<'_>, best: &Candidate) -> Vec<Isometry3<f64>> {
+    let n = placed.n_positions();
+    let part = (n - 1) as f64 / n as f64;
+    let mut motions = vec![Isometry3::identity(); n];
+    for d in &best.displacements {
+        let mm = |[u, v]: [f64; 2]| -part * (d.plane[0] + d.plane[1] * u + d.plane[2] * v);
+        motions[d.position] = placed.boards[d.position].motion_along_rays(mm);
+    }
+    motions
+}
