@@ -13,10 +13,10 @@ use super::candidate::Candidate;
 use super::error::CalibrationError;
 use super::placed_sweep::{BoardPlane, PlacedSweep};
 
-/// Part of the held-out squared error that displacements must explain for poses to be refined.
-const MIN_EXPLAINED: f64 = 0.03;
-/// Gain in held-out PSNR below which refined poses are not taken, dB.
-const MIN_GAIN_DB: f64 = 0.1;
+/// Part of the held-out squared error that displacements must explain for poses to be refined: 0.36 dB.
+const MIN_EXPLAINED: f64 = 0.08;
+/// Gain in held-out PSNR below which refined poses are not taken, dB: errors of other causes look like displacements, too.
+const MIN_GAIN_DB: f64 = 0.5;
 /// Largest number of times that poses are refined.
 const MAX_ROUNDS: usize = 3;
 
