@@ -82,7 +82,7 @@ fn points(line: &HypothesisLine, begin: usize) -> ([Lanes; 3], [bool; LANES]) {
         let mut inside = pole > 0.0;
         for i in 0..3 {
             let v = line.origin[i] + along * line.slope[i];
-            inside &= (v >= 0.0) & (v <= 1.0);
+            inside &= (0.0..=1.0).contains(&v);
             q[i][l] = v;
         }
         is_inside[l] = inside;
@@ -120,7 +120,7 @@ fn codewords<const K: usize>(lattice: &Lattice<'_>, q: &[Lanes; 3], lit: &[bool;
             continue;
         }
         let first = first_node(lattice, [&a, &b, &w], l);
-        let [sums] = sum_over_ab::<K, 1, 4>(lattice.nodes, first, &offsets, [&ab], l);
+        let sums = sum_over_ab::<K>(lattice.nodes, first, &offsets, &ab, l);
         store(&sums, &mut stored[l]);
     }
     for l in 0..LANES {

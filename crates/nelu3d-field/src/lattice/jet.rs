@@ -3,7 +3,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::lanes::{
-    LANES, Lanes, Place, SUMS, first_node, offsets, place, slopes_of, store, sum_over_ab, sum_over_w, weights_of,
+    LANES, Lanes, Place, SUMS, first_node, offsets, place, slopes_of, store, sum_over_w, three_sums_over_ab, weights_of,
 };
 use super::view::Lattice;
 
@@ -190,7 +190,7 @@ fn some_jets<const K: usize>(lattice: &Lattice<'_>, points: &[CurvePoint], out: 
     let mut stored = [[[0.0f32; SUMS]; 3]; LANES];
     for l in 0..points.len() {
         let first = first_node(lattice, [&places[0], &places[1], &places[2]], l);
-        let sums = sum_over_ab::<K, 3, 1>(lattice.nodes, first, &offsets, [&ab[0], &ab[1], &ab[2]], l);
+        let sums = three_sums_over_ab::<K>(lattice.nodes, first, &offsets, &ab, l);
         for m in 0..3 {
             store(&sums[m], &mut stored[l][m]);
         }

@@ -88,43 +88,67 @@ pub(crate) fn offsets(lattice: &Lattice<'_>) -> [usize; 16] {
     out
 }
 
-/// Adds the nodes around a point of `K` channels to `M` sums, each with its weights over (a, b), `[4 j + i]`: the four
-/// nodes along w of all channels lie side by side in memory and are summed as one. Every sum is taken in `P` parts: an
+/// The nodes along w of K channels, which lie side by side in memory and are summed as one.
+pub(crate) type AlongW<const K: usize> = [[f32; 4]; K];
+
+/// Returns the nodes along w from a place on.
+#[inline(always)]
+fn row<const K: usize>(nodes: &[f32], at: usize) -> &AlongW<K> {
+    // No row begins behind this, which the compiler then knows, too.
+    let at = at.min(nodes.len().saturating_sub(4 * K));
+    nodes[at..at + 4 * K].as_chunks().0.first_chunk().expect("four nodes")
+}
+
+/// Adds `weight` times a row of nodes.
+#[inline(always)]
+fn add<const K: usize>(sum: &mut AlongW<K>, row: &AlongW<K>, weight: f32) {
+    for node in 0..K {
+        for c in 0..4 {
+            sum[node][c] += weight * row[node][c];
+        }
+    }
+}
+
+/// Returns the sum of the nodes around a point over (a, b), with weights `[4 j + i]`. It is taken in four parts, as an
 /// addition waits for the one before it.
 #[inline(always)]
-pub(crate) fn sum_over_ab<const K: usize, const M: usize, const P: usize>(
+pub(crate) fn sum_over_ab<const K: usize>(
     nodes: &[f32],
     first: usize,
     offsets: &[usize; 16],
-    weights: [&[Lanes; 16]; M],
+    weights: &[Lanes; 16],
     l: usize,
-) -> [[[f32; 4]; K]; M] {
-    // No row begins behind this, which the compiler then knows, too.
-    let last = nodes.len().saturating_sub(4 * K);
-    let mut sums = [[[[0.0f32; 4]; K]; M]; P];
+) -> AlongW<K> {
+    let (mut s0, mut s1, mut s2, mut s3) = ([[0.0; 4]; K], [[0.0; 4]; K], [[0.0; 4]; K], [[0.0; 4]; K]);
+    for j in 0..4 {
+        add(&mut s0, row::<K>(nodes, first + offsets[4 * j]), weights[4 * j][l]);
+        add(&mut s1, row::<K>(nodes, first + offsets[4 * j + 1]), weights[4 * j + 1][l]);
+        add(&mut s2, row::<K>(nodes, first + offsets[4 * j + 2]), weights[4 * j + 2][l]);
+        add(&mut s3, row::<K>(nodes, first + offsets[4 * j + 3]), weights[4 * j + 3][l]);
+    }
+    add(&mut s0, &s1, 1.0);
+    add(&mut s2, &s3, 1.0);
+    add(&mut s0, &s2, 1.0);
+    s0
+}
+
+/// Returns three sums like [`sum_over_ab`], each with its weights.
+#[inline(always)]
+pub(crate) fn three_sums_over_ab<const K: usize>(
+    nodes: &[f32],
+    first: usize,
+    offsets: &[usize; 16],
+    weights: &[[Lanes; 16]; 3],
+    l: usize,
+) -> [AlongW<K>; 3] {
+    let (mut s, mut d, mut e) = ([[0.0; 4]; K], [[0.0; 4]; K], [[0.0; 4]; K]);
     for n in 0..16 {
-        let at = (first + offsets[n]).min(last);
-        let row: &[[f32; 4]; K] = nodes[at..at + 4 * K].as_chunks().0.first_chunk().expect("four nodes");
-        for m in 0..M {
-            let weight = weights[m][n][l];
-            for node in 0..K {
-                for c in 0..4 {
-                    sums[n % P][m][node][c] += weight * row[node][c];
-                }
-            }
-        }
+        let row = row::<K>(nodes, first + offsets[n]);
+        add(&mut s, row, weights[0][n][l]);
+        add(&mut d, row, weights[1][n][l]);
+        add(&mut e, row, weights[2][n][l]);
     }
-    let mut out = sums[0];
-    for part in 1..P {
-        for m in 0..M {
-            for node in 0..K {
-                for c in 0..4 {
-                    out[m][node][c] += sums[part][m][node][c];
-                }
-            }
-        }
-    }
-    out
+    [s, d, e]
 }
 
 /// Stores the sums of a point, so that they can be read again from every fourth on.

@@ -14,7 +14,7 @@ use crate::color_field::SplineEvaluator;
 /// Distance from the last place, cells of the spline, beyond which c is evaluated anew.
 const NEAR: f32 = 0.1;
 /// Standard deviation of the band, cells of the spline, up to which c is a parabola across it.
-const NARROW: f32 = 0.3;
+const NARROW: f32 = 0.1;
 
 /// A pixel's ray, and where c was evaluated on it.
 #[derive(Clone, Copy, Default)]
