@@ -54,6 +54,11 @@ impl CommandContext {
         Progress::new(Arc::new(HiddenSink), self.cancel.clone())
     }
 
+    /// Returns progress that another sink receives, of work that stops when this does.
+    pub(crate) fn heard_by(&self, sink: Arc<dyn Sink>) -> Progress {
+        Progress::new(sink, self.cancel.clone())
+    }
+
     /// Returns the flag that Ctrl-C raises.
     #[cfg(feature = "capture")]
     pub(crate) fn cancel(&self) -> Arc<AtomicBool> {

@@ -15,6 +15,8 @@
 //! | nearest codewords of a table | [`nearest`] | |
 //! | tricubic B-splines over a projective frame | [`lattice`] | |
 //! | depths of an image from a cost volume | [`cost_volume`] | Hirschmüller 2008, Sec. 2.3 |
+//! | light gathered from diffuse patches | [`gathering`] | Wallace et al. 1989 |
+//! | thin plate over pixels | [`plate`] | |
 //! | optimizer | [`adam`] | Kingma & Ba 2015, Alg. 1 |
 //!
 //! Two things are made of them: [`field::HashField`], a regression (one flat parameter buffer, one training step, one
@@ -29,6 +31,7 @@ pub mod cost_volume;
 pub mod device;
 pub mod encoding;
 pub mod field;
+pub mod gathering;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod lattice;
@@ -37,6 +40,7 @@ mod memory;
 pub mod mlp;
 pub mod nearest;
 pub mod occupancy;
+pub mod plate;
 mod prefetch;
 mod real;
 mod reduce;

@@ -5,7 +5,8 @@ use nelu3d_field::device::Choice;
 /// Arguments of `nelu3d bench`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct BenchArgs {
-    /// Only kernels and steps with this in their name; "step" for all training steps.
+    /// Only kernels and steps with this in their name; "step" for all training steps, "fast" for recipe `fast` on a
+    /// virtual rig.
     #[arg(default_value = "")]
     pub filter: String,
     /// Processor seconds for each kernel and step; on a GPU, seconds for each phase of a step of recipe `paper`.

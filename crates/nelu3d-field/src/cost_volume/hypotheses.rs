@@ -64,7 +64,7 @@ pub struct PixelRay {
 
 impl PixelRay {
     /// Returns the unit coordinates at a distance from the rays' common center.
-    #[inline(always)]
+    #[cfg(test)]
     pub(super) fn at(&self, frame: &ProjectiveFrame, center: [f64; 3], distance: f32) -> [f32; 3] {
         let t = f64::from(distance);
         frame.to_unit(std::array::from_fn(|i| center[i] + t * self.dir[i]))

@@ -20,6 +20,7 @@
 //! [`mod@reference`] is the plain form, which the tests compare with; `cpu.rs` and `gpu.rs` are the fast ones.
 
 mod aggregate;
+mod costs;
 mod cpu;
 #[cfg(feature = "gpu")]
 mod gpu;
@@ -32,7 +33,22 @@ pub use hypotheses::{DepthHypotheses, PixelRay, RaySource};
 pub use misfit::{LightFractionEquations, misfit};
 pub use problem::{DIRECTIONS, LitCells, NEAR, OUTSIDE, Problem, Winner};
 
+use crate::bench::Demand;
 use crate::device::{Device, DeviceError};
+
+/// Returns what a search on the CPU asks of the machine: `inside` hypotheses of all pixels together that lie in their
+/// ranges, `stored` of all pixels, k channels. Operations on 16 bits, of which a vector holds twice as many, count
+/// half.
+pub fn demand(inside: usize, stored: usize, k: usize) -> Demand {
+    let (inside, stored, k) = (inside as f64, stored as f64, k as f64);
+    // Points and cells, weights, nodes, the sum along w, and the misfit.
+    let cost = 12.0 + 36.0 + 51.0 + 16.0 + 136.0 * k + 14.0 * k + 40.0;
+    // Eight paths of nine operations; the winner.
+    let paths = 8.0 * 9.0 / 2.0 + 6.0;
+    // Costs written and read three times; two sums, written, changed by the second pass, and read.
+    let bytes = 2.0 * (2.0 + 3.0 + 2.0 * 2.0 + 2.0 + 3.0);
+    Demand { flops: inside * cost + stored * paths, bytes: stored * bytes, ..Demand::default() }
+}
 
 /// Returns the winner of every pixel that takes part.
 ///

@@ -105,17 +105,20 @@ impl RaySource for TestImage {
     }
 }
 
-/// Asserts that winners are equal but for rounding, and for up to one pixel in a hundred: on random codewords some
-/// pixels have two equally good hypotheses, and some points lie on the edge of a lit cell.
-fn assert_agree(what: &str, found: &[Winner], expected: &[Winner]) {
+/// Asserts that winners are equal but for `rounding`, hypotheses, and for up to one pixel in a hundred: on random
+/// codewords some pixels have two equally good hypotheses, and some points lie on the edge of a lit cell.
+fn assert_agree(what: &str, found: &[Winner], expected: &[Winner], rounding: f32) {
     assert_eq!(found.len(), expected.len());
-    let same = |(a, b): &(&Winner, &Winner)| (a.index - b.index).abs() < 1e-2 || a.index.is_nan() && b.index.is_nan();
+    let same =
+        |(a, b): &(&Winner, &Winner)| (a.index - b.index).abs() < rounding || a.index.is_nan() && b.index.is_nan();
     let all = found.len();
     let pairs: Vec<(&Winner, &Winner)> = found.iter().zip(expected).filter(same).collect();
     assert!(pairs.len() + 1 + all / 100 >= all, "{what}: {} of {all}", pairs.len());
-    for (a, b) in pairs {
+    // Between two hypotheses that are equally good, rounding chooses, and their rivals differ.
+    let is_between = |w: &Winner| (w.index - w.index.round()).abs() > 0.5 - rounding;
+    for (a, b) in pairs.into_iter().filter(|(a, b)| !is_between(a) && !is_between(b)) {
         let close = |a: f32, b: f32, e: f32| a == b || a.is_nan() && b.is_nan() || (a - b).abs() < e;
-        assert!(close(a.margin, b.margin, 2e-3 * b.margin.max(1.0)), "{what}: {a:?} {b:?}");
+        assert!(close(a.margin, b.margin, 0.2 * rounding * b.margin.max(1.0)), "{what}: {a:?} {b:?}");
     }
 }
 
@@ -123,12 +126,16 @@ fn assert_agree(what: &str, found: &[Winner], expected: &[Winner]) {
 const CASES: [(usize, usize, [usize; 2]); 5] =
     [(1, 16, [30, 17]), (3, 300, [40, 21]), (6, 128, [29, 24]), (8, 140, [21, 32]), (13, 1, [9, 9])];
 
+/// What sums in 16 bits move a winner by where costs hardly depend on depth, hypotheses: by a twentieth of a standard
+/// deviation of what is measured.
+const SIXTEEN_BITS: f32 = 5e-2;
+
 #[test]
 fn the_cpu_agrees_with_the_reference() {
     for (k, count, size) in CASES {
         let image = TestImage::new(size[0], size[1], k, count, k as u64);
         let expected = reference::winners::<f32>(&image.problem());
-        assert_agree(&format!("k = {k}"), &winners(&Device::Cpu, &image.problem()).unwrap(), &expected);
+        assert_agree(&format!("k = {k}"), &winners(&Device::Cpu, &image.problem()).unwrap(), &expected, SIXTEEN_BITS);
     }
 }
 
@@ -237,7 +244,7 @@ mod on_gpu {
             let image = TestImage::new(size[0], size[1], k, count, k as u64);
             let expected = reference::winners::<f32>(&image.problem());
             let found = winners(&Device::Gpu(gpu.clone()), &image.problem()).unwrap();
-            assert_agree(&format!("k = {k}"), &found, &expected);
+            assert_agree(&format!("k = {k}"), &found, &expected, 1e-2);
         }
     }
 

@@ -57,3 +57,62 @@ fn homogeneous_coordinates_are_the_unit_coordinates() {
     let sum = frame.homogeneous([0.4, -0.3, 0.2], 1.0);
     assert!((0..4).all(|i| (a[i] + b[i] - sum[i]).abs() < 1e-12));
 }
+
+#[test]
+fn jets_are_value_slope_and_bend_along_a_curve() {
+    for k in 1..9 {
+        let cells = [7, 5, 4];
+        let nodes = uniform_f32(k as u64, cells.iter().map(|c| c + 3).product::<usize>() * k, -1.0, 1.0);
+        let lattice = Lattice { cells, k, nodes: &nodes };
+        // Lines that stay in one cell for a while, and some whose ends are outside.
+        let lines: Vec<ProjectiveLine> = (0..37)
+            .map(|i| ProjectiveLine {
+                origin: [0.05 + 0.03 * i as f32, (0.21 * i as f32) % 1.0, 1.02 - 0.02 * i as f32],
+                slope: [0.11, -0.06, 0.05 - 0.002 * i as f32],
+                bend: 0.2,
+            })
+            .collect();
+        let points: Vec<CurvePoint> = lines.iter().map(|line| line.at(0.1)).collect();
+        let mut jets = vec![0.0; points.len() * 3 * k];
+        lattice.eval_jets(&points, &mut jets);
+        let mut plain = vec![0.0; 3 * k];
+        let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
+        for (i, jet) in jets.chunks_exact(3 * k).enumerate() {
+            lattice.eval_jet(&points[i], &mut plain);
+            assert!(jet.iter().zip(&plain).all(|(a, b)| (a - b).abs() < 1e-4), "{k} {i}: {jet:?} {plain:?}");
+            let inside = points[i].q.iter().all(|q| (0.0..1.0).contains(q));
+            if !inside {
+                continue;
+            }
+            lattice.eval_along(points[i].q, points[i].dq, &mut c, &mut d);
+            assert!((0..k).all(|j| (jet[j] - c[j]).abs() < 1e-5 && (jet[k + j] - d[j]).abs() < 1e-4), "{k} {i}");
+            // The bend is the slope's change along the curve; a cubic's is not constant.
+            let h = 0.02;
+            let slope = |s: f32| {
+                let (mut c, mut d, p) = (vec![0.0; k], vec![0.0; k], lines[i].at(s));
+                lattice.eval_along(p.q, p.dq, &mut c, &mut d);
+                d
+            };
+            let (hi, lo) = (slope(0.1 + h), slope(0.1 - h));
+            let around = |j: usize| (hi[j] - lo[j]) / (2.0 * h);
+            let largest = (0..k).map(around).fold(1.0f32, |m, v| m.max(v.abs()));
+            assert!((0..k).all(|j| (jet[2 * k + j] - around(j)).abs() < 0.1 * largest), "{k} {i}");
+        }
+    }
+}
+
+#[test]
+fn a_projective_line_is_its_homogeneous_coordinates() {
+    let (base, step) = ([0.3, 0.5, 0.2, 1.1], [0.02, -0.01, 0.03, 0.05]);
+    let line = ProjectiveLine::new(base, step);
+    for s in [-0.5, 0.0, 0.7] {
+        let at = |s: f64| -> [f64; 3] { std::array::from_fn(|i| (base[i] + s * step[i]) / (base[3] + s * step[3])) };
+        let (p, here, h) = (line.at(s as f32), at(s), 1e-3);
+        let (hi, lo) = (at(s + h), at(s - h));
+        for i in 0..3 {
+            assert!((f64::from(p.q[i]) - here[i]).abs() < 1e-6);
+            assert!((f64::from(p.dq[i]) - (hi[i] - lo[i]) / (2.0 * h)).abs() < 1e-6);
+            assert!((f64::from(p.ddq[i]) - (hi[i] - 2.0 * here[i] + lo[i]) / (h * h)).abs() < 1e-5);
+        }
+    }
+}

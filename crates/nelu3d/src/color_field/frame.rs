@@ -8,7 +8,7 @@
 //! infinity (parallel light) is `kappa = 0`.
 
 use nalgebra::{Matrix3, Point3, Vector3};
-use nelu3d_field::lattice::ProjectiveFrame;
+use nelu3d_field::lattice::{ProjectiveFrame, ProjectiveLine};
 use serde::{Deserialize, Serialize};
 
 /// The point in which the lines of a [`FieldFrame`] meet.
@@ -140,6 +140,15 @@ pub struct RayInFrame {
 }
 
 impl RayInFrame {
+    /// Returns the ray by inverse depth: at s lies the point with 1/z = `inv_z` + s · `unit`, 1/mm. `dir_z` is the z
+    /// component of the ray's direction in the camera's frame.
+    pub fn by_inverse_depth(&self, inv_z: f32, unit: f32, dir_z: f32) -> ProjectiveLine {
+        // With v = dir_z / z = 1/t, a point is v · center + direction in homogeneous coordinates, linear in v.
+        let (center, dir) = (self.frame.homogeneous(self.center, 1.0), self.frame.homogeneous(self.dir, 0.0));
+        let [v, dv] = [inv_z, unit].map(|v| f64::from(v) * f64::from(dir_z));
+        ProjectiveLine::new(std::array::from_fn(|i| dir[i] + v * center[i]), center.map(|c| dv * c))
+    }
+
     /// Returns the unit coordinates at distance `t`, mm, and their derivative by `t`.
     pub fn at(&self, t: f64) -> PointOnRay {
         let ProjectiveFrame { kappa, lo, scale } = self.frame;
@@ -187,6 +196,9 @@ mod tests {
             let m = ray.at(t);
             let y = std::array::from_fn(|i| ray.center[i] + t * ray.dir[i]);
             assert_eq!(f.projective().to_unit(y), m.q);
+            let inv_z = (1.0 / (t * dir.z)) as f32;
+            let by_depth = ray.by_inverse_depth(inv_z - 2e-6, 1e-6, dir.z as f32).at(2.0);
+            assert!((0..3).all(|i| (by_depth.q[i] - m.q[i]).abs() < 1e-5), "{by_depth:?} {m:?}");
             let back = f.from_unit(q.map(f64::from));
             assert!((back - x).norm() < 1e-2, "{back} {x}");
             let (hi, lo) = (ray.at(t + 0.5), ray.at(t - 0.5));

@@ -3,6 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use cpu_time::ProcessTime;
+use nelu3d_field::bench::Demand;
+
 /// Receives the reports of long work. It is called from the thread that runs the work, and from its workers.
 pub trait Sink: Send + Sync {
     /// Receives that a new stage begins; the one before it is done.
@@ -11,6 +14,11 @@ pub trait Sink: Send + Sync {
     fn tick(&self, done: usize, total: usize);
     /// Receives one sentence that the user should know and that does not stop the work.
     fn warn(&self, message: &str);
+    /// Receives that a named part of the current stage took some processor time, s, of all threads, and what it asked
+    /// of the machine, counted by hand. Parts come again in every iteration. By default nobody wants to know.
+    fn worked(&self, part: &str, cpu_secs: f64, demand: &Demand) {
+        let _ = (part, cpu_secs, demand);
+    }
 }
 
 /// A handle on a [`Sink`] and a cancel flag; cheap to clone. The default reports to nobody and is never cancelled.
@@ -50,6 +58,22 @@ impl Progress {
         if let Some(sink) = &self.sink {
             sink.warn(message.as_ref());
         }
+    }
+
+    /// Runs a part of a stage, which returns its result and what it asked of the machine, and reports its processor
+    /// time.
+    pub fn measure<T>(&self, part: &str, run: impl FnOnce() -> (T, Demand)) -> T {
+        let start = self.sink.as_ref().map(|sink| (sink, ProcessTime::now()));
+        let (result, demand) = run();
+        if let Some((sink, start)) = start {
+            sink.worked(part, start.elapsed().as_secs_f64(), &demand);
+        }
+        result
+    }
+
+    /// Returns whether anybody hears the reports.
+    pub fn is_heard(&self) -> bool {
+        self.sink.is_some()
     }
 
     /// Returns whether to stop. Work that has to stop returns its module's `Cancelled` error and leaves nothing half

@@ -9,6 +9,7 @@ use super::light_fractions::LightFractionPrior;
 use super::options::ReconstructionOptions;
 use super::settings::FastSettings;
 use crate::color_field::{CameraRays, ColorField, SplineEvaluator};
+use crate::progress::Progress;
 use crate::sensor::Measurements;
 
 /// A decoded surface point and the codeword that its pixel measured.
@@ -37,7 +38,8 @@ pub(crate) fn decode_codewords(capture: &Capture, camera: &Camera, field: &Color
     };
     let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1));
     let spline = SplineEvaluator::new(&grid, metadata.cells_per_pixel);
-    let decoder = Decoder { camera, field, rays: &rays, spline: &spline, settings: &settings, device: &Device::Cpu };
+    let (device, progress) = (&Device::Cpu, &Progress::none());
+    let decoder = Decoder { camera, field, rays: &rays, spline: &spline, settings: &settings, device, progress };
     let inv_z = decoder.decode(&mut m).inv_z;
     let k = m.k;
     (0..m.n())

@@ -7,6 +7,7 @@
 mod codewords;
 mod context;
 mod cost_volume;
+mod demand;
 mod diagnostics;
 mod effort;
 mod error;
@@ -148,12 +149,17 @@ fn fast(
         settings = settings.after_previous_frame(opts);
     }
     let refined = refine(&scene, &initial.depth, &settings.refine, &settings.light_fractions, cx)?;
-    let depth = filter(&mut scene, &refined, initial.depth.step, &settings.filter, &settings.light_fractions, cx)?;
+    let (progress, n, k) = (cx.progress, scene.measurements.n(), scene.measurements.k);
+    let (step, prior) = (initial.depth.step, settings.light_fractions);
+    let depth = progress.measure("filter", || {
+        (filter(&mut scene, &refined, step, &settings.filter, &prior, cx), demand::filter(n, k))
+    })?;
     cx.observe(Stage::Result, 1, || depth.clone());
     cx.clock.begin("build the surface");
     let diagnostics = diagnose(&initial, &refined, &depth, settings);
     let judgment = judge(&scene, &depth, Some(&refined.chi2));
-    Ok((build_surface(scene, refined, depth), RecipeDiagnostics::Fast(Box::new(diagnostics)), judgment))
+    let surface = progress.measure("mesh", || (build_surface(scene, refined, depth), demand::mesh(n)));
+    Ok((surface, RecipeDiagnostics::Fast(Box::new(diagnostics)), judgment))
 }
 
 /// Returns what recipe `fast` puts on record.

@@ -6,6 +6,7 @@ use nelu3d_scan::rig::Capture;
 use nelu3d_scan::{Camera, Image};
 
 use super::context::Context;
+use super::demand;
 use super::error::Failure;
 use crate::color_field::grid::Grid;
 use crate::color_field::{CameraRays, ColorField, SplineEvaluator};
@@ -38,7 +39,11 @@ impl<'a> Scene<'a> {
     ) -> Result<Self, Failure> {
         cx.clock.begin("prepare");
         let metadata = &field.metadata;
-        let measurements = Measurements::new(capture, &metadata.noise, &metadata.dark, model_sigma);
+        let measurements = cx.progress.measure("normalize", || {
+            let m = Measurements::new(capture, &metadata.noise, &metadata.dark, model_sigma);
+            let demand = demand::normalization(m.n(), m.k, capture.white.channels);
+            (m, demand)
+        });
         let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1));
         cx.stop_if_cancelled()?;
         Ok(Self { camera, field, white: &capture.white, grid, rays, measurements })

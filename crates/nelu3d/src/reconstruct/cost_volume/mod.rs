@@ -15,12 +15,13 @@ pub(crate) use chi2::{chi2_of_codeword, saturation};
 pub(crate) use hypotheses::{HYPOTHESIS_PX, depth_hypotheses, depth_noise};
 pub use settings::CostVolumeSettings;
 
-use nelu3d_field::cost_volume::Winner;
+use nelu3d_field::cost_volume::{self, Winner};
 use nelu3d_field::device::Device;
 
 use super::light_fractions::LightFractionPrior;
 use crate::color_field::validity::Validity;
 use crate::color_field::{CameraRays, SplineEvaluator};
+use crate::progress::Progress;
 use crate::sensor::Measurements;
 use crate::surface::PixelStatus;
 
@@ -44,6 +45,7 @@ pub(crate) fn decode(
     s: &CostVolumeSettings,
     prior: &LightFractionPrior,
     device: &Device,
+    progress: &Progress,
 ) -> DecodedDepth {
     let (n, prior) = (m.n(), prior.weights(m));
     let mut out = DecodedDepth { inv_z: vec![f32::NAN; n], margin: vec![0.0; n], hypothesis_step: 0.0 };
@@ -52,10 +54,18 @@ pub(crate) fn decode(
     };
     let pixels: Vec<u32> = (0..n).filter(|i| m.status[*i] == PixelStatus::Valid).map(|i| i as u32).collect();
     let solve = |device: &Device| problem::solve(m, rays, grid, valid, s, prior, hypotheses, &pixels, device);
-    let winners: Vec<Winner> = solve(device).unwrap_or_else(|e| {
-        // A GPU that fails is no reason to have no result.
-        tracing::warn!("{e}; decoded on the CPU instead");
-        solve(&Device::Cpu).expect("the CPU does not fail")
+    let winners: Vec<Winner> = progress.measure("cost volume", || {
+        let winners = solve(device).unwrap_or_else(|e| {
+            // A GPU that fails is no reason to have no result.
+            tracing::warn!("{e}; decoded on the CPU instead");
+            solve(&Device::Cpu).expect("the CPU does not fail")
+        });
+        let inside = |i: &u32| {
+            let [first, end] = hypotheses.range(rays.range[*i as usize], rays.dir_z(*i as usize));
+            end.saturating_sub(first) as usize
+        };
+        let inside = if progress.is_heard() { pixels.iter().map(inside).sum() } else { 0 };
+        (winners, cost_volume::demand(inside, pixels.len() * hypotheses.count, m.k))
     });
     out.hypothesis_step = hypotheses.spacing;
     for (i, winner) in pixels.into_iter().zip(winners) {

@@ -77,8 +77,8 @@ impl SyntheticScene {
     fn decode(&self, max_hypotheses: usize, device: &Device) -> (DecodedDepth, Vec<PixelStatus>) {
         let mut m = self.measured.clone();
         let settings = CostVolumeSettings { max_hypotheses, ..SETTINGS };
-        let decoded =
-            decode(&mut m, &self.rays, &SplineEvaluator::new(&self.grid, 1), &self.valid, &settings, &PRIOR, device);
+        let spline = SplineEvaluator::new(&self.grid, 1);
+        let decoded = decode(&mut m, &self.rays, &spline, &self.valid, &settings, &PRIOR, device, &Progress::none());
         (decoded, m.status)
     }
 }

@@ -5,6 +5,7 @@ use nelu3d_scan::Camera;
 
 use super::small_components::SmallComponents;
 use crate::color_field::{CameraRays, ColorField, SplineEvaluator};
+use crate::progress::Progress;
 use crate::reconstruct::cost_volume::{decode, depth_noise};
 use crate::reconstruct::maps::{fill_from_neighbors, interpolate_within};
 use crate::reconstruct::settings::FastSettings;
@@ -20,6 +21,7 @@ pub(crate) struct Decoder<'a> {
     pub(crate) spline: &'a SplineEvaluator<'a>,
     pub(crate) settings: &'a FastSettings,
     pub(crate) device: &'a Device,
+    pub(crate) progress: &'a Progress,
 }
 
 /// A decoded surface in the unit of its depth hypotheses.
@@ -71,7 +73,16 @@ impl Decoder<'_> {
     /// Decodes measurements of one resolution.
     fn decode_at(&self, m: &mut Measurements, rays: &CameraRays, camera: &Camera) -> InitialDepth {
         let s = self.settings;
-        let found = decode(m, rays, self.spline, &self.field.validity, &s.cost_volume, &s.light_fractions, self.device);
+        let found = decode(
+            m,
+            rays,
+            self.spline,
+            &self.field.validity,
+            &s.cost_volume,
+            &s.light_fractions,
+            self.device,
+            self.progress,
+        );
         let mut inv_z = found.inv_z;
         let step = found.hypothesis_step;
         SmallComponents { spline: self.spline, settings: s, m, rays, camera, step }.settle(&mut inv_z);

@@ -9,6 +9,8 @@
 //! fixed blend, the ambient term and the mask. It is minimized by Gauss-Newton, each step one sparse linear system.
 
 mod band;
+mod bands;
+mod demand;
 mod interreflection;
 mod light_fractions;
 mod refined;
@@ -25,6 +27,7 @@ use super::initialize::InitialDepth;
 use super::light_fractions::LightFractionPrior;
 use super::observer::Stage;
 use super::scene::Scene;
+use demand::WindowDemand;
 pub(crate) use refined::Refined;
 use refinement::Refinement;
 pub use settings::RefineSettings;
@@ -43,26 +46,33 @@ pub(crate) fn refine(
     let active: Vec<bool> =
         (0..window.n()).map(|i| !window.in_ring(i) && initial.inv_z[window.at(i)].is_finite()).collect();
     let mut r = Refinement::new(scene, initial, settings, fractions, &window, &active);
+    let m = &scene.measurements;
+    let demand = WindowDemand { n: window.n(), k: m.k, channels: scene.white.channels };
     let mut losses = Vec::new();
     for step in 0..settings.steps {
         if cx.progress.cancelled() {
             break;
         }
         cx.progress.tick(step, settings.steps);
+        let progress = cx.progress;
         let slopes = r.slopes();
         if settings.patches > 0 && settings.gathers_at(step) {
-            r.gather_interreflection(&slopes);
+            progress.measure("gathering", || ((), r.gather_interreflection(&slopes)));
         }
-        r.render(&slopes, settings.width_mm(step));
-        r.update_fractions();
-        losses.push(r.linearize());
-        let change = r.gauss_newton_step(step);
+        progress.measure("bands", || ((), r.render(&slopes, settings.width_mm(step))));
+        progress.measure("light fractions", || (r.update_fractions(), demand.fractions()));
+        losses.push(progress.measure("data term", || (r.linearize(), demand.data_term())));
+        progress.measure("prior", || (r.reweight(step), demand.prior()));
+        let change = progress.measure("solver", || {
+            let swept = r.gauss_newton_step(step);
+            (swept.change, swept.demand())
+        });
         cx.observe(Stage::Refine, step + 1, || r.depth());
         if settings.is_final(step) && change < f64::from(settings.settled) * r.n_active as f64 {
             break;
         }
     }
-    let refined = r.finish(losses);
+    let refined = cx.progress.measure("sigma", || (r.finish(losses), demand.sigma()));
     cx.stop_if_cancelled()?;
     Ok(refined)
 }

@@ -1,15 +1,17 @@
 //! The state of the refinement and its steps.
 
+use nelu3d_field::bench::Demand;
+use nelu3d_field::plate::{PlateStop, Sweep, sweep};
 use nelu3d_scan::statistics::median;
 use rayon::prelude::*;
 
-use super::band;
+use super::bands::Bands;
 use super::interreflection::{GatherSurface, gather};
 use super::light_fractions::LightFractions;
 use super::refined::Refined;
 use super::settings::RefineSettings;
 use super::slopes::{cosine, slopes};
-use super::thin_plate::{StopCriterion, ThinPlatePrior};
+use super::thin_plate::ThinPlatePrior;
 use super::uncertainty::{self, Information, systematic};
 use super::window::Window;
 use crate::color_field::SplineEvaluator;
@@ -17,6 +19,9 @@ use crate::reconstruct::initialize::InitialDepth;
 use crate::reconstruct::light_fractions::LightFractionPrior;
 use crate::reconstruct::scene::Scene;
 use crate::surface::MAX_SLOPE;
+
+/// Largest change of a pixel in a step, steps of depth.
+const MAX_CHANGE: f32 = 2.0;
 
 /// The data term of one pixel at its present depth: the normal equation of its step, and its χ².
 #[derive(Clone, Copy, Default)]
@@ -53,6 +58,8 @@ pub(super) struct Refinement<'a> {
     data: Vec<PixelData>,
     /// c across the narrow band, and its slope by the unknown, `n × 2 k`.
     rendered: Vec<f32>,
+    /// The rays of the pixels, and what was evaluated along them.
+    bands: Bands,
 }
 
 impl<'a> Refinement<'a> {
@@ -72,6 +79,11 @@ impl<'a> Refinement<'a> {
         let mid = (pixels().map(|i| f64::from(initial.inv_z[window.at(i)])).sum::<f64>() / n_active as f64) as f32;
         let unit = initial.step;
         let x = (0..n).map(|i| if active[i] { (initial.inv_z[window.at(i)] - mid) / unit } else { 0.0 }).collect();
+        let x: Vec<f32> = x;
+        let line = |i: usize| {
+            scene.rays.in_frame(window.at(i)).by_inverse_depth(mid + unit * x[i], unit, scene.rays.dir_z(window.at(i)))
+        };
+        let bands = Bands::new(window.w, k, active, &x, line);
         let radius = (m.width / settings.ambient_radius_divisor).max(2);
         Self {
             scene,
@@ -88,6 +100,7 @@ impl<'a> Refinement<'a> {
             fractions: LightFractions::new(m, window, active, channels, fractions, radius),
             data: vec![PixelData::default(); n],
             rendered: vec![0.0; n * 2 * k],
+            bands,
         }
     }
 
@@ -112,12 +125,13 @@ impl<'a> Refinement<'a> {
     }
 
     /// Gathers interreflection from the present surface.
-    pub(super) fn gather_interreflection(&mut self, slopes: &[[f32; 2]]) {
+    pub(super) fn gather_interreflection(&mut self, slopes: &[[f32; 2]]) -> Demand {
         let slopes: Vec<[f32; 2]> = slopes.iter().map(|s| s.map(|s| s * self.unit)).collect();
         let (rays, m) = (&self.scene.rays, &self.scene.measurements);
         let surface = GatherSurface::new(self.window, self.active, rays, |i| self.inv_z(i), &slopes);
-        let gathered = gather(&surface, m, self.channels, rays.focal_px, self.settings.patches);
+        let (gathered, demand) = gather(&surface, m, self.channels, rays.focal_px, self.settings.patches);
         self.fractions.interreflection = Some(gathered);
+        demand
     }
 
     /// Estimates the light fractions anew.
@@ -126,39 +140,16 @@ impl<'a> Refinement<'a> {
     }
 
     /// Renders the narrow band of every pixel: c and its slope per unit of the unknown. `width` is 1/inv_s, mm.
-    pub(super) fn render(&mut self, slopes: &[[f32; 2]], width: f32) {
-        let (rays, k, w) = (&self.scene.rays, self.scene.measurements.k, self.window.w);
-        let quadrature = band::quadrature();
-        let mut rendered = std::mem::take(&mut self.rendered);
-        rendered.par_chunks_mut(2 * k * w).enumerate().for_each_init(
-            || (vec![0.0; k], vec![0.0; k]),
-            |(c, d), (row, out)| {
-                for (j, out) in out.chunks_exact_mut(2 * k).enumerate() {
-                    let i = row * w + j;
-                    if !self.active[i] {
-                        continue;
-                    }
-                    let px = self.window.at(i);
-                    let inv_z = self.inv_z(i);
-                    let t = 1.0 / (inv_z * rays.dir_z(px));
-                    let stretch = width / cosine(slopes[i], self.unit, inv_z, rays.focal_px);
-                    let ray = rays.in_frame(px);
-                    out.fill(0.0);
-                    for (offset, weight) in &quadrature {
-                        let p = ray.at(f64::from(t + offset * stretch));
-                        self.spline.eval_along(p.q, p.dq, c, d);
-                        for j in 0..k {
-                            out[j] += weight * c[j];
-                            out[k + j] += weight * d[j];
-                        }
-                    }
-                    // dt / d(unit of 1/z).
-                    let dt = -t / inv_z * self.unit;
-                    out[k..].iter_mut().for_each(|d| *d *= dt);
-                }
-            },
-        );
-        self.rendered = rendered;
+    pub(super) fn render(&mut self, slopes: &[[f32; 2]], width: f32) -> Demand {
+        let (rays, unit) = (&self.scene.rays, self.unit);
+        let (x, mid, window) = (&self.x, self.mid, self.window);
+        // What a step along the ray is in the unknown: t = 1 / (inv_z · dir_z).
+        let spread = |i: usize| {
+            let inv_z = mid + unit * x[i];
+            let stretch = width / cosine(slopes[i], unit, inv_z, rays.focal_px);
+            stretch * inv_z * inv_z * rays.dir_z(window.at(i)) / unit
+        };
+        self.bands.render(&self.spline, self.active, x, spread, &mut self.rendered)
     }
 
     /// Returns the unweighted residual (model − measured) of channel `j` at pixel `i` of the window, pixel `px` of the
@@ -201,23 +192,22 @@ impl<'a> Refinement<'a> {
         (sum / self.n_active as f64) as f32 / m.independent
     }
 
-    /// Takes one Gauss-Newton step; returns the sum over pixels of how much depth changed, steps of depth. Its linear
-    /// system need not be solved better than the next step will change it.
-    pub(super) fn gauss_newton_step(&mut self, step: usize) -> f64 {
+    /// Sets the weights of the prior at a step.
+    pub(super) fn reweight(&mut self, step: usize) {
         let s = self.settings;
         self.prior.reweight(&self.x, s.roughness_at(step), s.crease, s.roughness_radius);
+    }
+
+    /// Takes one Gauss-Newton step; returns by how much depth changed, steps of depth. Its linear system need not be
+    /// solved better than the next step will change it: one sweep over its tiles is enough.
+    pub(super) fn gauss_newton_step(&mut self, step: usize) -> Sweep {
+        let s = self.settings;
         let h: Vec<f32> = self.data.iter().map(|d| d.h).collect();
-        let b: Vec<f32> = self.data.iter().zip(&self.x).map(|(d, x)| d.h * x - d.g).collect();
-        let mut next = self.x.clone();
-        let stop = StopCriterion { reduction: s.solver_reduction, iterations: s.solver_iterations };
-        self.prior.solve(&h, &b, &mut next, stop);
-        let mut change = 0.0f64;
-        for (x, next) in self.x.iter_mut().zip(&next) {
-            let by = (next - *x).clamp(-2.0, 2.0);
-            *x += by;
-            change += f64::from(by.abs());
-        }
-        change
+        let g: Vec<f32> = self.data.iter().map(|d| d.g).collect();
+        let until =
+            PlateStop { reduction: s.solver_reduction, settled: s.solver_settled, iterations: s.solver_iterations };
+        let system = self.prior.system(&h, &g);
+        sweep(&system, &mut self.x, step, MAX_CHANGE, until)
     }
 
     /// Returns one standard deviation of the unknown per pixel of the window.

@@ -35,9 +35,11 @@ pub struct RefineSettings {
     pub crease: f32,
     /// Half side of the square over which a surface's local roughness is pooled, px.
     pub roughness_radius: usize,
-    /// Factor by which the residual of one step's linear system is reduced.
+    /// Factor by which the residual of one step's linear system is reduced in every tile.
     pub solver_reduction: f64,
-    /// Largest number of iterations of one step's solver.
+    /// What is left to be gained per pixel, χ², below which a tile's linear system counts as solved.
+    pub solver_settled: f64,
+    /// Largest number of iterations of one step's solver in a tile.
     pub solver_iterations: usize,
     /// χ² per measurement at which a pixel's weight has fallen to a quarter (Geman-McClure).
     pub robust_chi2: f32,
@@ -59,7 +61,8 @@ impl Default for RefineSettings {
             roughness: 0.2,
             crease: 0.5,
             roughness_radius: 3,
-            solver_reduction: 1e-2,
+            solver_reduction: 1e-3,
+            solver_settled: 0.0,
             solver_iterations: 120,
             robust_chi2: 6.0,
         }

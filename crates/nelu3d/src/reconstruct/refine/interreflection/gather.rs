@@ -1,5 +1,7 @@
 //! Gathering the light that reaches every pixel from the reconstructed surface.
 
+use nelu3d_field::bench::Demand;
+use nelu3d_field::gathering::{self, Receiver};
 use rayon::prelude::*;
 
 use super::patches::Patches;
@@ -19,7 +21,7 @@ fn n_values(m: &Measurements, channels: usize) -> usize {
     channels + m.k
 }
 
-/// Gathers the interreflection of every active pixel. It is smooth: the surface reflects light as at most `max_patches`
+/// Gathers the interreflection of every active pixel; also returns what that asks of the machine. It is smooth: the surface reflects light as at most `max_patches`
 /// patches, and light is gathered at every second pixel of every second row and interpolated where the surface is
 /// smooth.
 pub(in crate::reconstruct::refine) fn gather(
@@ -28,7 +30,7 @@ pub(in crate::reconstruct::refine) fn gather(
     channels: usize,
     focal_px: f32,
     max_patches: usize,
-) -> Interreflection {
+) -> (Interreflection, Demand) {
     let (w, h, k) = (s.window.w, s.window.h, m.k);
     let count = s.active.iter().filter(|a| **a).count();
     let f = (1..).find(|f| count / (f * f) <= max_patches).expect("some reduction is enough");
@@ -37,17 +39,11 @@ pub(in crate::reconstruct::refine) fn gather(
     let mut codeword = vec![0.0; w * h * k];
     let mut per_albedo = vec![0.0; w * h * channels];
     codeword.par_chunks_mut(k * w).zip(per_albedo.par_chunks_mut(channels * w)).enumerate().for_each_init(
-        || (vec![0.0f32; patches.len()], vec![0.0f32; lattice.n_values]),
-        |(factors, light), (y, (codeword, per_albedo))| {
-            for x in 0..w {
-                let i = y * w + x;
-                if !s.active[i] {
-                    continue;
-                }
-                if !lattice.interpolate(s, [x, y], focal_px, light) {
-                    patches.gather(s.points[i], s.normals[i], factors, light);
-                }
-                let px = s.window.at(i);
+        || RowLight::new(w, lattice.n_values),
+        |row, (y, (codeword, per_albedo))| {
+            row.fill(s, &patches, &lattice, y, focal_px);
+            for x in (0..w).filter(|x| s.active[y * w + x]) {
+                let (px, light) = (s.window.at(y * w + x), row.of(x));
                 for c in 0..channels {
                     per_albedo[x * channels + c] = light[c] / m.light[px * channels + c].max(1e-6);
                 }
@@ -59,7 +55,50 @@ pub(in crate::reconstruct::refine) fn gather(
             }
         },
     );
-    Interreflection { codeword, per_albedo }
+    let points = (0..w * h).filter(|i| s.active[*i] && (i % w).is_multiple_of(2) && (i / w).is_multiple_of(2)).count();
+    let demand = gathering::demand(points, patches.0.len(), lattice.n_values);
+    (Interreflection { codeword, per_albedo }, demand)
+}
+
+/// Light at the pixels of one row.
+struct RowLight {
+    n_values: usize,
+    /// Light, `[pixel][value]`.
+    light: Vec<f32>,
+    /// Pixels that the lattice has no light for, and what they gather.
+    missing: Vec<usize>,
+    receivers: Vec<Receiver>,
+    gathered: Vec<f32>,
+}
+
+impl RowLight {
+    fn new(width: usize, n_values: usize) -> Self {
+        let light = vec![0.0; width * n_values];
+        Self { n_values, light, missing: Vec::new(), receivers: Vec::new(), gathered: Vec::new() }
+    }
+
+    /// Fills in the light of the active pixels of row `y`: from the lattice where it has any, else from the patches.
+    fn fill(&mut self, s: &GatherSurface<'_>, patches: &Patches, lattice: &LightLattice, y: usize, focal_px: f32) {
+        let (w, n) = (s.window.w, self.n_values);
+        self.missing.clear();
+        self.receivers.clear();
+        for x in (0..w).filter(|x| s.active[y * w + x]) {
+            if !lattice.interpolate(s, [x, y], focal_px, &mut self.light[x * n..(x + 1) * n]) {
+                self.missing.push(x);
+                self.receivers.push(s.receiver(y * w + x));
+            }
+        }
+        self.gathered.resize(self.missing.len() * n, 0.0);
+        gathering::gather(&patches.0, &self.receivers, &mut self.gathered);
+        for (x, light) in self.missing.iter().zip(self.gathered.chunks_exact(n)) {
+            self.light[x * n..(x + 1) * n].copy_from_slice(light);
+        }
+    }
+
+    /// Returns the light of the pixel at column `x`.
+    fn of(&self, x: usize) -> &[f32] {
+        &self.light[x * self.n_values..(x + 1) * self.n_values]
+    }
 }
 
 /// Light at every second pixel of every second row of a window.
@@ -77,13 +116,13 @@ impl LightLattice {
         let (w, h) = (s.window.w, s.window.h);
         let width = w.div_ceil(2);
         let mut light = vec![0.0f32; width * h.div_ceil(2) * n_values];
-        let scratch = || vec![0.0f32; patches.len()];
-        light.par_chunks_mut(width * n_values).enumerate().for_each_init(scratch, |factors, (y, row)| {
-            for (x, out) in row.chunks_exact_mut(n_values).enumerate() {
-                let i = 2 * y * w + 2 * x;
-                if s.active[i] {
-                    patches.gather(s.points[i], s.normals[i], factors, out);
-                }
+        light.par_chunks_mut(width * n_values).enumerate().for_each(|(y, row)| {
+            let on: Vec<usize> = (0..width).filter(|x| s.active[2 * y * w + 2 * x]).collect();
+            let receivers: Vec<Receiver> = on.iter().map(|x| s.receiver(2 * y * w + 2 * x)).collect();
+            let mut gathered = vec![0.0; on.len() * n_values];
+            gathering::gather(&patches.0, &receivers, &mut gathered);
+            for (x, light) in on.into_iter().zip(gathered.chunks_exact(n_values)) {
+                row[x * n_values..(x + 1) * n_values].copy_from_slice(light);
             }
         });
         Self { n_values, width, light }

@@ -1,32 +1,20 @@
 //! The reconstructed surface as patches that reflect light.
 
+use nelu3d_field::gathering;
+
 use super::surface::GatherSurface;
 use super::vector::dot;
 use crate::sensor::Measurements;
 
-/// Diffuse patches of the surface, which reflect light.
-#[derive(Default)]
-pub(super) struct Patches {
-    /// Camera-frame coordinates, mm.
-    x: [Vec<f32>; 3],
-    /// Unit normals.
-    normal: [Vec<f32>; 3],
-    /// Areas, mm².
-    area: Vec<f32>,
-    /// Mean radiance of white per channel, then of each of the k patterns, patch by patch.
-    radiance: Vec<f32>,
-}
+/// Diffuse patches of the surface, which reflect light: white per channel, then each of the k patterns.
+pub(super) struct Patches(pub(super) gathering::Patches);
 
 impl Patches {
-    /// Returns the number of patches.
-    pub(super) fn len(&self) -> usize {
-        self.area.len()
-    }
-
     /// Makes one patch per block of `f × f` pixels, two where the block straddles a depth jump.
     pub(super) fn new(s: &GatherSurface<'_>, m: &Measurements, channels: usize, focal_px: f32, f: usize) -> Self {
         let (w, h) = (s.window.w, s.window.h);
-        let mut out = Self::default();
+        let sent = vec![Vec::new(); channels + m.k];
+        let mut out = Self(gathering::Patches { sent, ..Default::default() });
         let mut members = Vec::new();
         for block in 0..w.div_ceil(f) * h.div_ceil(f) {
             let (x0, y0) = (block % w.div_ceil(f) * f, block / w.div_ceil(f) * f);
@@ -61,8 +49,7 @@ impl Patches {
         pixels: impl Iterator<Item = usize>,
     ) {
         let k = m.k;
-        let at = self.radiance.len();
-        self.radiance.resize(at + channels + k, 0.0);
+        let mut radiance = vec![0.0f32; channels + k];
         let (mut x, mut normal, mut total) = ([0.0f32; 3], [0.0f32; 3], 0.0f32);
         for i in pixels {
             let (p, n, px) = (s.points[i], s.normals[i], s.window.at(i));
@@ -74,7 +61,6 @@ impl Patches {
                 x[c] += area * p[c];
                 normal[c] += area * n[c];
             }
-            let radiance = &mut self.radiance[at..];
             for c in 0..channels {
                 radiance[c] += area * m.light[px * channels + c];
             }
@@ -84,38 +70,14 @@ impl Patches {
         }
         let len = dot(normal, normal).sqrt();
         if len.is_nan() || len <= 0.0 {
-            self.radiance.truncate(at);
             return;
         }
+        let patches = &mut self.0;
         for c in 0..3 {
-            self.x[c].push(x[c] / total);
-            self.normal[c].push(normal[c] / len);
+            patches.center[c].push(x[c] / total);
+            patches.normal[c].push(normal[c] / len);
         }
-        self.radiance[at..].iter_mut().for_each(|v| *v /= total);
-        self.area.push(total);
-    }
-
-    /// Sums over patches the radiance of each times its form factor from a point, cos θ_x cos θ_y A / (π r² + A): that
-    /// of a disc that faces the point, finite however near. `factors` is scratch, one per patch.
-    pub(super) fn gather(&self, x: [f32; 3], n: [f32; 3], factors: &mut [f32], out: &mut [f32]) {
-        let count = factors.len();
-        let [px, py, pz] = [&self.x[0][..count], &self.x[1][..count], &self.x[2][..count]];
-        let [nx, ny, nz] = [&self.normal[0][..count], &self.normal[1][..count], &self.normal[2][..count]];
-        let area = &self.area[..count];
-        for j in 0..count {
-            let d = [px[j] - x[0], py[j] - x[1], pz[j] - x[2]];
-            let r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + 1e-6;
-            let here = (d[0] * n[0] + d[1] * n[1] + d[2] * n[2]).max(0.0);
-            let there = (d[0] * nx[j] + d[1] * ny[j] + d[2] * nz[j]).min(0.0);
-            factors[j] = -here * there * area[j] / (r2 * (std::f32::consts::PI * r2 + area[j]));
-        }
-        out.fill(0.0);
-        for (radiance, f) in self.radiance.chunks_exact(out.len()).zip(&*factors) {
-            if *f > 0.0 {
-                for (o, s) in out.iter_mut().zip(radiance) {
-                    *o += f * s;
-                }
-            }
-        }
+        patches.area.push(total);
+        patches.sent.iter_mut().zip(radiance).for_each(|(sent, r)| sent.push(r / total));
     }
 }

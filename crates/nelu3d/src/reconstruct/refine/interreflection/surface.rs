@@ -1,5 +1,6 @@
 //! The reconstructed surface as points and normals.
 
+use nelu3d_field::gathering::Receiver;
 use rayon::prelude::*;
 
 use super::vector::dot;
@@ -49,6 +50,11 @@ impl<'a> GatherSurface<'a> {
             })
             .unzip();
         Self { window, active, points, normals }
+    }
+
+    /// Returns pixel `i` as a receiver of light.
+    pub(super) fn receiver(&self, i: usize) -> Receiver {
+        Receiver { point: self.points[i], normal: self.normals[i] }
     }
 
     /// Returns whether pixels `i` and `j`, close to each other, lie on one smooth piece of surface.

@@ -30,7 +30,7 @@ fn a_corner_gathers_what_its_form_factors_say() {
     for i in 0..m.n() {
         m.p[i] = if i % (w - 2) < 120 { 0.2 } else { 0.8 };
     }
-    let got = gather(&surface, &m, 1, focal, 4000);
+    let (got, _) = gather(&surface, &m, 1, focal, 4000);
     let far = surface.points[window_index(&window, 239, 299)][0] * 2f32.sqrt();
     for column in [130, 150, 180, 220] {
         let i = window_index(&window, column, 299);

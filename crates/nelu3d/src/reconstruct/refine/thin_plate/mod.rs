@@ -2,15 +2,12 @@
 //! can break between pixels.
 //!
 //! Minimizes Σ_i h_i (x_i − y_i)² + Σ w_d (D x)_d² over the second differences D along x, along y and mixed. The
-//! unknown is inverse depth, in which planes are linear over the image: planes cost nothing, however slanted.
+//! unknown is inverse depth, in which planes are linear over the image: planes cost nothing, however slanted. The system
+//! is solved by [`nelu3d_field::plate`].
 
-mod operator;
 mod prior;
-mod row_sums;
-mod solver;
 
 pub(super) use prior::ThinPlatePrior;
-pub(super) use solver::StopCriterion;
 
 #[cfg(test)]
 mod tests;

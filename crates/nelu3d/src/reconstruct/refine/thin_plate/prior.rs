@@ -1,5 +1,6 @@
 //! The prior itself: second differences of the surface and their weights.
 
+use nelu3d_field::plate::PlateSystem;
 use nelu3d_scan::image::box_mean;
 use rayon::prelude::*;
 
@@ -93,6 +94,12 @@ impl ThinPlatePrior {
             })
             .collect();
         [self.wxx, self.wyy, self.wxy] = weights.try_into().expect("three directions");
+    }
+
+    /// Returns the linear system of the change of a surface whose data have information `h` and gradient `g` there.
+    pub(in crate::reconstruct::refine) fn system<'a>(&'a self, h: &'a [f32], g: &'a [f32]) -> PlateSystem<'a> {
+        let Self { width, height, active, wxx, wyy, wxy } = self;
+        PlateSystem { width: *width, height: *height, active, xx: wxx, yy: wyy, xy: wxy, h, g }
     }
 
     /// Returns Σ w (D x)² of the differences at each pixel.

@@ -1,8 +1,11 @@
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
+use nelu3d_field::plate::PlateStop;
+use nelu3d_field::plate::reference::solve;
+
 use super::{Information, sigma, systematic};
-use crate::reconstruct::refine::thin_plate::{StopCriterion, ThinPlatePrior};
+use crate::reconstruct::refine::thin_plate::ThinPlatePrior;
 
 fn normals(n: usize, seed: u64) -> Vec<f32> {
     let mut rng = rand::rngs::StdRng::seed_from_u64(seed);
@@ -78,16 +81,19 @@ fn sigma_is_that_of_the_errors_whatever_the_roughness() {
             .into_iter()
             .map(|v| v * part)
             .collect();
-        let mut expected = vec![0.0f32; n];
-        prior.solve(&weak, &b, &mut expected, StopCriterion { reduction: 1e-6, iterations: 4000 });
+        let solution = |h: &[f32], b: &[f32]| -> Vec<f32> {
+            let g: Vec<f32> = b.iter().map(|b| -b).collect();
+            let until = PlateStop { reduction: 1e-6, settled: 0.0, iterations: 4000 };
+            solve(&prior.system(h, &g), &vec![0.0; n], until).0.into_iter().map(|v| v as f32).collect()
+        };
+        let expected = solution(&weak, &b);
         // Measured with noise of variance 1/h.
         let info: Vec<Information> =
             active.iter().map(|a| Information { h: if *a { 0.5 } else { 0.0 }, chi2: 1.0 }).collect();
         let data: Vec<f32> = info.iter().map(|i| i.h).collect();
         let noise = normals(n, 31 + case as u64);
         let b: Vec<f32> = (0..n).map(|i| data[i] * expected[i] + data[i].sqrt() * noise[i]).collect();
-        let mut x = vec![0.0f32; n];
-        prior.solve(&data, &b, &mut x, StopCriterion { reduction: 1e-6, iterations: 4000 });
+        let x = solution(&data, &b);
         let s = sigma(&prior, &x, &info, &vec![0.0; n]);
         let inner: Vec<usize> =
             (0..n).filter(|i| (8..w - 8).contains(&(i % w)) && (8..h - 8).contains(&(i / w))).collect();

@@ -1,0 +1,250 @@
+//! The narrow bands of all pixels: c across the surface along every ray, evaluated anew only where the surface has
+//! moved.
+//!
+//! Along a ray, c is its value, slope and bend at the last place where it was looked up. As long as the surface stays
+//! near it, and the band is narrow, a quadrature of that is exact to the third order; a wider band is sampled.
+
+use nelu3d_field::bench::Demand;
+use nelu3d_field::lattice::{CurvePoint, Lattice, ProjectiveLine};
+use rayon::prelude::*;
+
+use super::band::quadrature;
+use crate::color_field::SplineEvaluator;
+
+/// Distance from the last place, cells of the spline, beyond which c is evaluated anew.
+const NEAR: f32 = 0.1;
+/// Standard deviation of the band, cells of the spline, up to which c is a parabola across it.
+const NARROW: f32 = 0.1;
+
+/// A pixel's ray, and where c was evaluated on it.
+#[derive(Clone, Copy, Default)]
+struct Band {
+    /// The ray by the unknown, from where the surface was at first.
+    line: ProjectiveLine,
+    /// The unknown there.
+    begin: f32,
+    /// The unknown where c was evaluated last; NaN before that.
+    at: f32,
+    /// Cells of the spline per unit of the unknown.
+    speed: f32,
+}
+
+/// The bands of a window's pixels.
+pub(super) struct Bands {
+    width: usize,
+    k: usize,
+    bands: Vec<Band>,
+    /// Value, slope and bend of c by the unknown, `n × 3 k`.
+    jets: Vec<f32>,
+}
+
+impl Bands {
+    /// Prepares the rays of the active pixels of a window of some width: `line` gives a pixel's by the unknown, from
+    /// `x` on.
+    pub(super) fn new(
+        width: usize,
+        k: usize,
+        active: &[bool],
+        x: &[f32],
+        line: impl Fn(usize) -> ProjectiveLine + Sync,
+    ) -> Self {
+        let band = |i: usize| {
+            if active[i] { Band { line: line(i), begin: x[i], at: f32::NAN, speed: 0.0 } } else { Band::default() }
+        };
+        let bands = (0..active.len()).into_par_iter().with_min_len(width).map(band).collect();
+        Self { width, k, bands, jets: vec![0.0; active.len() * 3 * k] }
+    }
+
+    /// Renders the band of every active pixel into `rendered`, `n × 2 k`: c and its slope by the unknown. `spread`
+    /// returns a pixel's width 1/inv_s along its ray, in units of the unknown. Returns what that asks of the machine.
+    pub(super) fn render(
+        &mut self,
+        spline: &SplineEvaluator<'_>,
+        active: &[bool],
+        x: &[f32],
+        spread: impl Fn(usize) -> f32 + Sync,
+        rendered: &mut [f32],
+    ) -> Demand {
+        let (w, k, lattice) = (self.width, self.k, spline.lattice());
+        let quadrature = quadrature();
+        let deviation = quadrature.iter().map(|(offset, weight)| weight * offset * offset).sum::<f32>().sqrt();
+        let bands = self.bands.par_chunks_mut(w).zip(self.jets.par_chunks_mut(3 * k * w));
+        let evaluated: usize = bands
+            .zip(rendered.par_chunks_mut(2 * k * w))
+            .enumerate()
+            .map_init(Row::default, |row, (y, ((bands, jets), out))| {
+                let pixels = || (y * w..(y + 1) * w).filter(|i| active[*i]);
+                row.clear();
+                for i in pixels() {
+                    let spread = spread(i);
+                    row.variances.push((spread * deviation).powi(2));
+                    row.look_up(i - y * w, &mut bands[i - y * w], x[i], [spread, spread * deviation], &lattice);
+                }
+                row.evaluate(&lattice, jets);
+                for (i, variance) in pixels().zip(&row.variances) {
+                    let j = i - y * w;
+                    let jet = &jets[j * 3 * k..(j + 1) * 3 * k];
+                    integrate(&bands[j], jet, x[i], *variance, &mut out[j * 2 * k..(j + 1) * 2 * k]);
+                }
+                row.columns.len() + row.sample_wide(&lattice, &quadrature, bands, x, y * w, out)
+            })
+            .sum();
+        let (n, k) = (active.len() as f64, k as f64);
+        // Of every pixel its ray, its parabola, and what is rendered.
+        let bytes = n * 4.0 * (10.0 + 3.0 * k + 2.0 * 2.0 * k);
+        let flops = evaluated as f64 * lattice.flops_of_jet() + n * (30.0 + 8.0 * k);
+        Demand { flops, bytes, ..Demand::default() }
+    }
+}
+
+/// What is to be evaluated for the pixels of one row.
+#[derive(Default)]
+struct Row {
+    points: Vec<CurvePoint>,
+    /// The pixels of the points.
+    columns: Vec<usize>,
+    jets: Vec<f32>,
+    /// Variances of the bands of the row's active pixels, squared units of the unknown.
+    variances: Vec<f32>,
+    /// Pixels whose bands are wide, and their widths.
+    wide: Vec<(usize, f32)>,
+}
+
+impl Row {
+    fn clear(&mut self) {
+        self.points.clear();
+        self.columns.clear();
+        self.variances.clear();
+        self.wide.clear();
+    }
+
+    /// Notes a pixel whose c is to be evaluated anew. `spread` is the width of its band, and the band's standard
+    /// deviation.
+    fn look_up(&mut self, column: usize, band: &mut Band, x: f32, spread: [f32; 2], lattice: &Lattice<'_>) {
+        if band.at.is_nan() {
+            band.speed = cells_per_unit(&band.line.at(x - band.begin), lattice);
+        }
+        if spread[1] * band.speed > NARROW {
+            self.wide.push((column, spread[0]));
+        } else if band.at.is_nan() || (x - band.at).abs() * band.speed > NEAR {
+            let point = band.line.at(x - band.begin);
+            (band.at, band.speed) = (x, cells_per_unit(&point, lattice));
+            self.points.push(point);
+            self.columns.push(column);
+        }
+    }
+
+    /// Evaluates c where it was noted.
+    fn evaluate(&mut self, lattice: &Lattice<'_>, jets: &mut [f32]) {
+        let n = 3 * lattice.k;
+        self.jets.resize(self.points.len() * n, 0.0);
+        lattice.eval_jets(&self.points, &mut self.jets);
+        for (column, jet) in self.columns.iter().zip(self.jets.chunks_exact(n)) {
+            jets[column * n..(column + 1) * n].copy_from_slice(jet);
+        }
+    }
+
+    /// Samples the wide bands, which were noted; returns the number of samples.
+    fn sample_wide(
+        &mut self,
+        lattice: &Lattice<'_>,
+        quadrature: &[(f32, f32)],
+        bands: &[Band],
+        x: &[f32],
+        first: usize,
+        out: &mut [f32],
+    ) -> usize {
+        let k = lattice.k;
+        self.points.clear();
+        for (column, spread) in &self.wide {
+            let (band, x) = (&bands[*column], x[first + column]);
+            // Farther along the ray is a smaller inverse depth.
+            let at = |offset: f32| band.line.at(x - band.begin - offset * spread);
+            self.points.extend(quadrature.iter().map(|(offset, _)| at(*offset)));
+        }
+        self.jets.resize(self.points.len() * 3 * k, 0.0);
+        lattice.eval_jets(&self.points, &mut self.jets);
+        for ((column, _), jets) in self.wide.iter().zip(self.jets.chunks_exact(quadrature.len() * 3 * k)) {
+            let out = &mut out[column * 2 * k..(column + 1) * 2 * k];
+            out.fill(0.0);
+            for ((_, weight), jet) in quadrature.iter().zip(jets.chunks_exact(3 * k)) {
+                out.iter_mut().zip(jet).for_each(|(out, v)| *out += weight * v);
+            }
+        }
+        self.points.len()
+    }
+}
+
+/// Integrates the parabola over a band, where there is one.
+fn integrate(band: &Band, jet: &[f32], x: f32, variance: f32, out: &mut [f32]) {
+    if band.at.is_nan() {
+        return;
+    }
+    let (k, by) = (out.len() / 2, x - band.at);
+    let (c, rest) = jet.split_at(k);
+    let (d, e) = rest.split_at(k);
+    let (value, slope) = out.split_at_mut(k);
+    for j in 0..k {
+        value[j] = c[j] + by * d[j] + 0.5 * (by * by + variance) * e[j];
+        slope[j] = d[j] + by * e[j];
+    }
+}
+
+/// Returns by how many cells of the spline the point moves per unit of the curve's parameter.
+fn cells_per_unit(point: &CurvePoint, lattice: &Lattice<'_>) -> f32 {
+    (0..3).map(|i| (point.dq[i] * lattice.cells[i] as f32).powi(2)).sum::<f32>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::color_field::grid::Grid;
+
+    /// While a surface settles and its bands get narrow, what is rendered is what sampling every band anew gives.
+    #[test]
+    fn parabolas_are_as_good_as_samples() {
+        for k in [3, 7] {
+            let mut grid = Grid::new([40, 12, 3], k);
+            for (i, c) in grid.coeffs.iter_mut().enumerate() {
+                let (channel, a) = (i % k, i / k / 6 % 43);
+                *c = 0.5 + 0.4 * (0.6 * a as f32 + channel as f32).sin();
+            }
+            let spline = SplineEvaluator::new(&grid, 1);
+            let (w, h) = (18, 5);
+            let active: Vec<bool> =
+                (0..w * h).map(|i| i % w > 0 && i % w + 1 < w && i / w > 0 && i / w + 1 < h && i % 7 != 3).collect();
+            // 0.7 cells per unit of the unknown.
+            let line = |i: usize| ProjectiveLine {
+                origin: [0.1 + 0.04 * (i % w) as f32, 0.2 + 0.1 * (i / w) as f32, 0.5],
+                slope: [0.7 / 40.0, 0.001, 0.01],
+                bend: 0.002,
+            };
+            let mut x: Vec<f32> = (0..w * h).map(|i| if active[i] { 0.1 * (i % 5) as f32 } else { 0.0 }).collect();
+            let begin = x.clone();
+            let mut bands = Bands::new(w, k, &active, &x, line);
+            let mut rendered = vec![0.0; w * h * 2 * k];
+            let mut jets = vec![0.0; 3 * k];
+            let mut samples = Vec::new();
+            for step in 0..12 {
+                let width = 0.5 * 0.7f32.powi(step);
+                let work = bands.render(&spline, &active, &x, |_| width, &mut rendered);
+                samples.push(work.flops);
+                for i in (0..w * h).filter(|i| active[*i]) {
+                    let mut expected = vec![0.0; 2 * k];
+                    for (offset, weight) in quadrature() {
+                        spline.lattice().eval_jet(&line(i).at(x[i] - begin[i] - offset * width), &mut jets);
+                        expected.iter_mut().zip(&jets).for_each(|(e, v)| *e += weight * v);
+                    }
+                    let found = &rendered[i * 2 * k..(i + 1) * 2 * k];
+                    for j in 0..k {
+                        let (c, d) = ((found[j] - expected[j]).abs(), (found[k + j] - expected[k + j]).abs());
+                        assert!(c < 2e-3 && d < 1e-2, "{k}, step {step}, pixel {i}: {c} {d}");
+                    }
+                }
+                x.iter_mut().enumerate().for_each(|(i, x)| *x += 0.4 * 0.5f32.powi(step) * (i as f32).sin());
+            }
+            // At the end hardly anything is evaluated any more.
+            assert!(samples[11] < 0.2 * samples[0], "{samples:?}");
+        }
+    }
+}
