@@ -40,6 +40,7 @@ pub mod occupancy;
 mod prefetch;
 mod real;
 mod reduce;
+pub mod state;
 pub mod surface;
 pub mod volrend;
 
