@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use nelu3d::reconstruct::neural::TrainingCheckpointError;
 use nelu3d_scan::rig::RigError;
 
 use super::lookup3d;
@@ -17,6 +18,9 @@ pub enum DecodeError {
     /// The lookup table.
     #[error(transparent)]
     Lookup3d(#[from] lookup3d::LookupTableError),
+    /// The checkpoint of a training (TurboSL) belongs to something else, or cannot be read or written.
+    #[error(transparent)]
+    Checkpoint(#[from] TrainingCheckpointError),
     /// A file that the decoder needs is missing or does not fit.
     #[error("{}: {problem}; {remedy}", path.display())]
     File {

@@ -44,6 +44,7 @@ pub mod plate;
 mod prefetch;
 mod real;
 mod reduce;
+pub mod state;
 pub mod surface;
 pub mod volrend;
 

@@ -7,6 +7,9 @@
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
+use std::io::{self, Read, Write};
+
+use crate::state::{TrainingState, other_configuration, read_floats, read_u64, write_floats, write_u64};
 
 /// Settings of an [`OccupancyGrid`]; the defaults are those of NerfAcc 0.3, with the threshold of TurboSL.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -127,6 +130,25 @@ impl OccupancyGrid {
                 self.occupied[c as usize / 64] |= 1 << (c % 64);
             }
         }
+    }
+}
+
+impl TrainingState for OccupancyGrid {
+    fn save(&self, out: &mut dyn Write) -> io::Result<()> {
+        write_u64(out, self.cells.len() as u64)?;
+        write_floats(out, &self.values)?;
+        self.occupied.iter().try_for_each(|bits| write_u64(out, *bits))
+    }
+
+    fn load(&mut self, from: &mut dyn Read) -> io::Result<()> {
+        if read_u64(from)? != self.cells.len() as u64 {
+            return Err(other_configuration());
+        }
+        read_floats(from, &mut self.values)?;
+        for bits in &mut self.occupied {
+            *bits = read_u64(from)?;
+        }
+        Ok(())
     }
 }
 

@@ -9,7 +9,10 @@
 //!
 //! There is no light beyond the image, and what is blurred is clipped to [0, 1]. All taps begin at 0.
 
+use std::io::{self, Read, Write};
+
 use nelu3d_field::adam::{self, AdamConfig, MomentBuffers, Schedule};
+use nelu3d_field::state::{TrainingState, read_floats, read_u64, write_floats, write_u64};
 
 /// Free taps on either side.
 pub(crate) const HALF: usize = 5;
@@ -91,6 +94,23 @@ impl Blur {
         let rate = learning_rate * schedule.factor(self.n_steps);
         adam::cpu::step(adam, rate, self.n_steps, &mut self.free, self.moments.all(), d);
         self.n_steps += 1;
+    }
+}
+
+impl TrainingState for Blur {
+    fn save(&self, out: &mut dyn Write) -> io::Result<()> {
+        write_floats(out, &self.free)?;
+        write_floats(out, &self.moments.first)?;
+        write_floats(out, &self.moments.second)?;
+        write_u64(out, self.n_steps)
+    }
+
+    fn load(&mut self, from: &mut dyn Read) -> io::Result<()> {
+        read_floats(from, &mut self.free)?;
+        read_floats(from, &mut self.moments.first)?;
+        read_floats(from, &mut self.moments.second)?;
+        self.n_steps = read_u64(from)?;
+        Ok(())
     }
 }
 

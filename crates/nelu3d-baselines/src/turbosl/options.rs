@@ -1,5 +1,6 @@
 //! What a caller chooses about TurboSL.
 
+use nelu3d::reconstruct::neural::CheckpointOptions;
 #[cfg(feature = "clap")]
 use nelu3d::reconstruct::neural::positive;
 use nelu3d::reconstruct::neural::start::Start;
@@ -37,6 +38,10 @@ pub struct TurboSlOptions {
     /// of the volume (default: a third of that volume's longest side)
     #[cfg_attr(feature = "clap", arg(long, value_name = "MM", value_parser = positive))]
     pub unit_mm: Option<f64>,
+    /// Whether and where the state of the training is kept; with `stop_after` it stays when that is reached.
+    #[serde(skip)]
+    #[cfg_attr(feature = "clap", command(flatten))]
+    pub checkpoint: CheckpointOptions,
 }
 
 impl Default for TurboSlOptions {
@@ -50,6 +55,7 @@ impl Default for TurboSlOptions {
             seed: 0,
             no_reverse: false,
             unit_mm: None,
+            checkpoint: CheckpointOptions::default(),
         }
     }
 }

@@ -7,6 +7,7 @@ use super::projected::ProjectedPlanes;
 use crate::captured::Captured;
 use crate::error::DecodeError;
 use nelu3d::reconstruct::neural::bounds::Bounds;
+use nelu3d::reconstruct::neural::checkpoint::SceneDigest;
 use nelu3d::reconstruct::neural::march::March;
 use nelu3d::surface::PixelStatus;
 
@@ -92,6 +93,15 @@ impl<'a> TurboSlScene<'a> {
             shown,
             n_channels,
         })
+    }
+
+    /// Adds everything that the training sees to a digest.
+    pub(super) fn digest(&self, digest: &mut SceneDigest) {
+        let pose = self.projector.proj_from_cam.to_homogeneous();
+        digest.floats(&self.captured).indices(&self.drawn).text(&self.is_lit).floats(self.plane.as_flattened());
+        digest.text(&(&self.depth, self.bounds.unit_mm, pose.as_slice())).text(&format!("{:?}", self.camera));
+        digest.text(&format!("{:?}", self.projector.optics));
+        self.shown.digest(digest);
     }
 
     /// Returns the number of captures of a pixel.

@@ -2,12 +2,14 @@
 
 use nelu3d_field::HashField;
 use nelu3d_field::occupancy::OccupancyGrid;
-use nelu3d_field::surface::{NeuralSurface, RayGradient, RayLoss, RayScratch, SurfaceLosses};
+use nelu3d_field::state::TrainingState;
+use nelu3d_field::surface::{NeuralSurface, RayGradient, RayLoss, RayScratch, SurfaceLoss, SurfaceLosses};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 
 use super::blur::Blur;
+use super::options::TurboSlOptions;
 use super::ray::{self, Along, Gradient, Kind, Weights};
 use super::scene::TurboSlScene;
 use nelu3d::reconstruct::neural::config;
@@ -45,6 +47,32 @@ struct Batch {
 }
 
 impl Model {
+    /// Initializes everything that is learned.
+    pub(super) fn new(scene: &TurboSlScene<'_>, opts: &TurboSlOptions) -> Self {
+        let loss = SurfaceLoss { mask_weight: config::MASK_WEIGHT, ..SurfaceLoss::default() };
+        let image_field = |seed| {
+            let config = config::image_field_config(scene.n_channels, opts.steps);
+            HashField::new(config, seed).expect("the published configuration is valid")
+        };
+        Self {
+            surface: opts.start.surface(config::surface_config(loss, opts.steps), opts.seed),
+            albedo: image_field(opts.seed.wrapping_add(1)),
+            ambient: image_field(opts.seed.wrapping_add(2)),
+            blur: [Blur::new(), Blur::new()],
+        }
+    }
+
+    /// Returns what a checkpoint holds, in its order.
+    pub(super) fn parts<'a>(&'a self, grid: &'a OccupancyGrid) -> [&'a dyn TrainingState; 6] {
+        [&self.surface, &self.albedo, &self.ambient, &self.blur[0], &self.blur[1], grid]
+    }
+
+    /// Returns what a checkpoint holds, in its order, to be read.
+    pub(super) fn parts_mut<'a>(&'a mut self, grid: &'a mut OccupancyGrid) -> [&'a mut dyn TrainingState; 6] {
+        let [x, y] = &mut self.blur;
+        [&mut self.surface, &mut self.albedo, &mut self.ambient, x, y, grid]
+    }
+
     /// One step; half of the `n_rays` are the projector's unless `reverse` is `None`, and their image loss has that
     /// weight. A ray has at most `per_ray` samples; `None` marches. Returns the losses and the number of samples.
     pub(crate) fn step(

@@ -44,7 +44,6 @@ impl Training {
     }
 
     /// Makes the state of a training that was done elsewhere.
-    #[cfg(feature = "gpu")]
     pub(crate) fn restored(n_steps: u64, moments: MomentBuffers, raw: Vec<f32>) -> Self {
         let d_raw = vec![0.0; raw.len()];
         Self { n_steps, moments, raw: [raw, d_raw], ..Self::default() }

@@ -26,6 +26,7 @@ mod losses;
 mod neural;
 mod ray_loss;
 pub mod reference;
+mod state;
 
 pub use batch::{Intervals, SurfaceBatch, eikonal_samples};
 pub use config::{SurfaceConfig, SurfaceError, SurfaceLoss};

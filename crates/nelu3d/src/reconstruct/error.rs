@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use nelu3d_field::device::DeviceError;
 use nelu3d_scan::rig::RigError;
 
+use super::neural::checkpoint::TrainingCheckpointError;
 use crate::color_field::FieldMismatch;
 
 /// The error of a rig's scene that could not be reconstructed.
@@ -27,6 +28,9 @@ pub enum ReconstructionError {
         /// Why every pixel was rejected, and what to check.
         reason: String,
     },
+    /// The checkpoint of the training belongs to something else, or cannot be read or written.
+    #[error(transparent)]
+    Checkpoint(#[from] TrainingCheckpointError),
     /// The caller stopped the work.
     #[error("stopped before the surface was finished; nothing was written")]
     Cancelled,
@@ -38,6 +42,9 @@ pub enum Failure {
     /// Every pixel was rejected; the text says why.
     #[error("no pixel can be reconstructed: {0}")]
     Nothing(String),
+    /// The checkpoint of the training belongs to something else, or cannot be read or written.
+    #[error(transparent)]
+    Checkpoint(#[from] TrainingCheckpointError),
     /// The caller stopped the work.
     #[error("stopped before the surface was finished")]
     Cancelled,
@@ -48,6 +55,7 @@ impl Failure {
     pub fn at(self, scene: &Path) -> ReconstructionError {
         match self {
             Failure::Nothing(reason) => ReconstructionError::Nothing { path: scene.to_owned(), reason },
+            Failure::Checkpoint(e) => ReconstructionError::Checkpoint(e),
             Failure::Cancelled => ReconstructionError::Cancelled,
         }
     }

@@ -3,6 +3,7 @@
 //! An image that changes along one axis is kept as a line, which is blurred along that axis alone; any other is kept as
 //! it is, and blurred along x and then along y. What is blurred is clipped to [0, 1].
 
+use nelu3d::reconstruct::neural::checkpoint::SceneDigest;
 use nelu3d_scan::pattern::{Axis, Stripes};
 use nelu3d_scan::rig::PatternSet;
 use nelu3d_scan::{Projector, Rig};
@@ -63,6 +64,16 @@ impl ProjectedPlanes {
     #[cfg(test)]
     fn new(size: [usize; 2], planes: Vec<Projected>) -> Self {
         Self { size, planes }
+    }
+
+    /// Adds what is shown to a digest.
+    pub(super) fn digest(&self, digest: &mut SceneDigest) {
+        for plane in &self.planes {
+            match plane {
+                Projected::Line(axis, values) => digest.text(&format!("{axis:?}")).floats(values),
+                Projected::Image(values) => digest.text(&"image").floats(values),
+            };
+        }
     }
 
     /// Returns the number of planes.

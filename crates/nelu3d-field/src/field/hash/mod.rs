@@ -4,6 +4,7 @@ mod config;
 mod encoder;
 mod field;
 mod query;
+mod state;
 mod train;
 
 pub use config::HashFieldConfig;

@@ -38,6 +38,18 @@ impl AmbientField {
         Self { kind, field: HashField::new(config, seed).expect("the published configuration is valid") }
     }
 
+    /// Makes the fractions begin at 2 %. They begin at a half as published: beside a surface that is right already, all
+    /// of them would have to fall, and the surface would move away for as long as they do.
+    pub(super) fn darken(&mut self) {
+        const LOGIT: f32 = -4.0;
+        let mut params = self.field.params().to_vec();
+        let n_biases = self.field.n_outputs();
+        let first = params.len() - n_biases;
+        params[first..].fill(LOGIT);
+        let config = self.field.config().clone();
+        self.field = HashField::from_params(config, params).expect("only the biases differ");
+    }
+
     /// Evaluates the ambient fractions, `[ray][channel]`, at points in the unit square of the image, given I_white
     /// there, `[ray][channel]`.
     pub(super) fn query(&self, image_points: &[[f32; 2]], white: &[f32], out: &mut Vec<f32>) {

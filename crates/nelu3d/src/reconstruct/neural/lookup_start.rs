@@ -6,26 +6,45 @@
 use nalgebra::{Point3, Vector3};
 use nelu3d_field::adam::Schedule;
 use nelu3d_field::encoding::hash_grid::HashGridConfig;
-use nelu3d_field::field::{RegressionLoss, TrainConfig};
-use nelu3d_field::surface::{NeuralSurface, SurfaceConfig};
+use nelu3d_field::field::TrainConfig;
+use nelu3d_field::surface::{NeuralSurface, RayGradient, RayLoss, RayScratch, SurfaceConfig, SurfaceLoss};
 use nelu3d_field::{HashField, HashFieldConfig};
 use nelu3d_scan::Camera;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 
-use super::bounds::Bounds;
+use super::bounds::{Bounds, SIDE};
+use super::distances::signed_distances;
 use super::start::VALID;
 
 /// Thickness of the body behind the decoded surface, units: what lies farther behind is free again, so that occupancy
 /// empties there too.
-const THICKNESS: f64 = 0.5;
-/// Levels of the hash grid that learn the start: to 1.447^7 times the base, 213 cells. Finer ones would wrinkle it.
-const LEVELS: usize = 8;
-/// Nodes per axis of the coarse distances.
-const NODES: usize = 33;
-/// Surface points of the coarse distances.
-const COARSE_POINTS: usize = 3000;
+const THICKNESS: f32 = 0.2;
+/// Levels of the hash grid that learn the start: to 1.447^9 times the base, 446 cells: about a pixel, so that the outline
+/// is where the image has it. Finer ones would wrinkle it.
+const LEVELS: usize = 10;
+/// Cells per axis of the coarse distances.
+const CELLS: usize = 128;
+
+/// Distance to the outline up to which a pixel is at it, px.
+const EDGE_PX: f32 = 3.0;
+
+/// What the camera sees in the direction of a point.
+#[derive(Clone, Copy)]
+struct Seen {
+    /// How far the surface lies ahead along its normal, units; negative if it is behind; NaN if there is none.
+    ahead: f32,
+    /// Distance to the outline across the ray, units; negative within it.
+    aside: f32,
+}
+
+impl Seen {
+    /// Returns whether the point lies in the body.
+    fn is_inside(self) -> bool {
+        self.ahead < 0.0 && self.ahead > -THICKNESS
+    }
+}
 
 /// A decoded depth map as a body with a signed distance.
 pub(super) struct DecodedBody<'a> {
@@ -39,7 +58,11 @@ pub(super) struct DecodedBody<'a> {
     cosine: Vec<f32>,
     /// Pixels with a depth.
     lit: Vec<u32>,
-    /// Distance to the surface at the nodes of a coarse grid, x fastest, units.
+    /// Those of them that are near one without.
+    edge: Vec<u32>,
+    /// Distances in the image to the outline of what was decoded, px; negative within it.
+    outline: Vec<f32>,
+    /// Signed distance at the centers of coarse cells, x fastest, units; good to half a cell.
     coarse: Vec<f32>,
 }
 
@@ -53,7 +76,11 @@ impl<'a> DecodedBody<'a> {
         if lit.is_empty() {
             return None;
         }
-        let mut body = Self { camera, bounds, t, dirs, cosine: Vec::new(), lit, coarse: Vec::new() };
+        let size = [camera.width, camera.height];
+        let is_lit: Vec<bool> = t.iter().map(|t| t.is_finite()).collect();
+        let outline = signed_distances(&is_lit, &size);
+        let edge: Vec<u32> = lit.iter().copied().filter(|&i| outline[i as usize] > -EDGE_PX).collect();
+        let mut body = Self { camera, bounds, t, dirs, cosine: Vec::new(), lit, edge, outline, coarse: Vec::new() };
         body.cosine = (0..depth.len()).map(|i| body.cosine_at(i)).collect();
         body.coarse = body.coarse_distances();
         Some(body)
@@ -82,27 +109,31 @@ impl<'a> DecodedBody<'a> {
         (right.cross(&down).normalize().dot(&self.dirs[i]).abs() as f32).max(0.17)
     }
 
-    /// Computes distances to the decoded points, whatever the side.
-    fn coarse_distances(&self) -> Vec<f32> {
-        let every = self.lit.len().div_ceil(COARSE_POINTS);
-        let points: Vec<[f32; 3]> =
-            self.lit.iter().step_by(every).map(|&i| self.bounds.to_cube(&self.point(i as usize))).collect();
-        let side = super::bounds::SIDE as f32;
-        let node = |i: usize| [i % NODES, i / NODES % NODES, i / NODES / NODES].map(|n| n as f32 / (NODES - 1) as f32);
-        (0..NODES.pow(3))
-            .into_par_iter()
-            .map(|i| {
-                let q = node(i);
-                let square = |p: &[f32; 3]| (0..3).map(|a| (p[a] - q[a]) * (p[a] - q[a])).sum::<f32>();
-                side * points.iter().map(square).fold(f32::INFINITY, f32::min).sqrt()
-            })
-            .collect()
+    /// Returns what the camera sees in the direction of a point of the cube; `None` beside the image.
+    fn seen(&self, q: [f32; 3]) -> Option<Seen> {
+        let x = self.bounds.from_cube(q);
+        let [u, v] = self.camera.project(&x)?.map(f64::round);
+        let inside = u >= 0.0 && v >= 0.0 && u < self.camera.width as f64 && v < self.camera.height as f64;
+        let i = inside.then(|| v as usize * self.camera.width + u as usize)?;
+        let ahead = (f64::from(self.t[i]) - x.coords.norm()) / self.bounds.unit_mm * f64::from(self.cosine[i]);
+        let pixel = x.z / (0.5 * (self.camera.fx + self.camera.fy)) / self.bounds.unit_mm;
+        Some(Seen { ahead: ahead as f32, aside: self.outline[i] * pixel as f32 })
     }
 
-    /// Returns the distance to the surface, whatever the side, units: interpolated, so good to about a tenth.
+    /// Computes the signed distances of the coarse cells to the body: what lies behind a decoded surface, up to its
+    /// thickness. Everything else is free.
+    fn coarse_distances(&self) -> Vec<f32> {
+        let cells: Vec<u32> = (0..CELLS.pow(3) as u32).collect();
+        let inside: Vec<bool> =
+            cells.into_par_iter().map(|c| self.seen(center(c)).is_some_and(|s| s.is_inside())).collect();
+        let cell = SIDE as f32 / CELLS as f32;
+        signed_distances(&inside, &[CELLS; 3]).into_iter().map(|d| d * cell).collect()
+    }
+
+    /// Returns the coarse signed distance at a point of the cube, units, interpolated.
     fn coarse_at(&self, q: [f32; 3]) -> f32 {
-        let at = q.map(|q| q.clamp(0.0, 1.0) * (NODES - 1) as f32);
-        let low = at.map(|p| (p as usize).min(NODES - 2));
+        let at = q.map(|q| (q * CELLS as f32 - 0.5).clamp(0.0, (CELLS - 1) as f32));
+        let low = at.map(|p| (p as usize).min(CELLS - 2));
         let mut sum = 0.0;
         for corner in 0..8 {
             let (mut weight, mut node, mut stride) = (1.0, 0, 1);
@@ -111,70 +142,80 @@ impl<'a> DecodedBody<'a> {
                 let t = at[a] - low[a] as f32;
                 weight *= if upper == 1 { t } else { 1.0 - t };
                 node += (low[a] + upper) * stride;
-                stride *= NODES;
+                stride *= CELLS;
             }
             sum += weight * self.coarse[node];
         }
         sum
     }
 
-    /// Returns the signed distance at a point of the cube, units.
+    /// Returns the signed distance at a point of the cube, units: the coarse one, or, where the surface that the pixel
+    /// shows or the outline is as near as anything, that to these.
     fn distance(&self, q: [f32; 3]) -> f32 {
-        let x = self.bounds.from_cube(q);
-        let far = self.coarse_at(q);
-        let pixel = self.camera.project(&x).and_then(|[u, v]| {
-            let (u, v) = (u.round(), v.round());
-            let inside = u >= 0.0 && v >= 0.0 && u < self.camera.width as f64 && v < self.camera.height as f64;
-            inside.then(|| v as usize * self.camera.width + u as usize)
-        });
-        match pixel.filter(|&i| self.t[i].is_finite()) {
+        let coarse = self.coarse_at(q);
+        let cell = SIDE as f32 / CELLS as f32;
+        match self.seen(q) {
+            Some(seen) if seen.is_inside() => {
+                // Steps within the object are known to half a cell only.
+                let near = seen.ahead.max(seen.aside).max(-THICKNESS - seen.ahead);
+                if near < coarse - cell { coarse.min(0.0) } else { near }
+            }
             // Beside the object everything is free.
-            None => far,
-            Some(i) => {
-                let ahead = (f64::from(self.t[i]) - x.coords.norm()) / self.bounds.unit_mm;
-                self.of_body(ahead * f64::from(self.cosine[i]), far)
-            }
+            Some(seen) if seen.aside > 0.0 => coarse.max(seen.aside),
+            Some(seen) if seen.ahead >= 0.0 && seen.ahead < coarse.abs() + cell => seen.ahead,
+            _ => coarse.max(0.0),
         }
     }
 
-    /// Returns the signed distance of the body, given how far the surface lies ahead along its normal (negative:
-    /// behind), and the distance to the nearest decoded point, units.
-    fn of_body(&self, ahead: f64, nearest: f32) -> f32 {
-        let ahead = ahead as f32;
-        // The surface ahead may be far while another part of it is near.
-        let front = if ahead.abs() < 0.1 { ahead } else { ahead.abs().min(nearest.max(0.1)).copysign(ahead) };
-        front.max(-front - THICKNESS as f32)
-    }
-
-    /// Draws points and their signed distances: half of them near the surface, half anywhere.
+    /// Draws points and their signed distances: half of them along the rays near the surface, a quarter around the
+    /// outline, a quarter anywhere.
     fn draw(&self, n: usize, rng: &mut StdRng) -> (Vec<[f32; 3]>, Vec<f32>) {
-        let mut points = Vec::with_capacity(n);
-        let mut targets = Vec::with_capacity(n);
-        while points.len() < n {
-            if points.len() % 2 == 0 {
-                let q: [f32; 3] = std::array::from_fn(|_| rng.random());
-                points.push(q);
-                targets.push(self.distance(q));
-                continue;
-            }
-            let i = self.lit[rng.random_range(0..self.lit.len())] as usize;
-            // Dense near the surface, up to a fifth of a unit away.
-            let u: f64 = rng.random_range(-1.0..1.0);
-            let away = 0.2 * u * u.abs();
-            let x = Point3::from(self.dirs[i] * (f64::from(self.t[i]) + away * self.bounds.unit_mm));
-            points.push(self.bounds.to_cube(&x));
-            targets.push(self.of_body(-away * f64::from(self.cosine[i]), away.abs() as f32));
-        }
+        let points: Vec<[f32; 3]> = (0..n)
+            .map(|j| match j % 4 {
+                0 => std::array::from_fn(|_| rng.random()),
+                1 if !self.edge.is_empty() => self.draw_at_outline(rng),
+                _ => self.draw_at_surface(rng),
+            })
+            .collect();
+        let targets = points.par_iter().map(|q| self.distance(*q)).collect();
         (points, targets)
     }
 
-    /// Fits a surface to the body: the coarse levels of the hash table and the network learn it; fine levels begin as
-    /// small as ever.
+    /// Draws a point on the ray of a decoded pixel, dense near the surface, up to a fifth of a unit away.
+    fn draw_at_surface(&self, rng: &mut StdRng) -> [f32; 3] {
+        let i = self.lit[rng.random_range(0..self.lit.len())] as usize;
+        let u: f64 = rng.random_range(-1.0..1.0);
+        let away = 0.2 * u * u.abs() * self.bounds.unit_mm;
+        self.bounds.to_cube(&Point3::from(self.dirs[i] * (f64::from(self.t[i]) + away)))
+    }
+
+    /// Draws a point around the outline, before or behind the surface.
+    fn draw_at_outline(&self, rng: &mut StdRng) -> [f32; 3] {
+        let i = self.edge[rng.random_range(0..self.edge.len())] as usize;
+        let (w, h) = (self.camera.width, self.camera.height);
+        let mut aside = |at: usize, n: usize| {
+            let to = at as f64 + rng.random_range(-2.0..2.0) * f64::from(EDGE_PX);
+            to.round().clamp(0.0, n as f64 - 1.0) as usize
+        };
+        let (x, y) = (aside(i % w, w), aside(i / w, h));
+        let away = rng.random_range(-0.1..f64::from(THICKNESS) + 0.1) * self.bounds.unit_mm;
+        self.bounds.to_cube(&Point3::from(self.dirs[y * w + x] * (f64::from(self.t[i]) + away)))
+    }
+
+    /// Returns v of the sharpness exp(10 v), per unit, of a surface that is as soft as a pixel is wide.
+    pub(super) fn sharpness(&self) -> f64 {
+        let mut z: Vec<f64> = self.lit.iter().map(|&i| self.point(i as usize).z).collect();
+        let middle = z.len() / 2;
+        let (_, z, _) = z.select_nth_unstable_by(middle, f64::total_cmp);
+        0.1 * (self.bounds.unit_mm * 0.5 * (self.camera.fx + self.camera.fy) / *z).ln()
+    }
+
+    /// Fits a surface to the body: the coarse levels of the hash table and the network learn it, with slopes of length 1
+    /// as the training asks for them; fine levels begin as small as ever.
     pub(super) fn surface(&self, config: SurfaceConfig, seed: u64) -> NeuralSurface {
         const STEPS: u64 = 600;
         const POINTS: usize = 4096;
         let training = TrainConfig {
-            loss: RegressionLoss::Huber { delta: 0.05 },
             encoding_learning_rate: 1e-2,
             network_learning_rate: 5e-3,
             schedule: Schedule { n_warmup_steps: 20, n_steps: STEPS, final_factor: 0.02, ..Default::default() },
@@ -189,15 +230,53 @@ impl<'a> DecodedBody<'a> {
             finest_resolution: whole.levels()[n_levels - 1].resolution,
             ..published.clone()
         };
-        let mut coarse =
-            HashField::new(HashFieldConfig { encoding, training, ..config.field.clone() }, seed).expect(VALID);
+        let field = HashFieldConfig { encoding, training, ..config.field.clone() };
+        let loss = SurfaceLoss { sparsity_weight: 0.0, ..SurfaceLoss::default() };
+        let settings = SurfaceConfig { field, sharpness_learning_rate: 0.0, loss, ..config.clone() };
+        let mut coarse = NeuralSurface::new(settings, seed).expect(VALID);
         let mut rng = StdRng::seed_from_u64(seed);
+        let offsets: Vec<usize> = (0..=POINTS).collect();
         for _ in 0..STEPS {
             let (points, targets) = self.draw(POINTS, &mut rng);
-            coarse.train_step(&points, &targets, &[]);
+            coarse.step(&offsets, &points, &KnownDistances(&targets), &mut [], &mut []);
         }
-        let params = widen(&coarse, &whole);
+        let params = widen(coarse.field(), &whole);
         NeuralSurface::from_params(config, params).expect(VALID)
+    }
+}
+
+/// Returns the center of a coarse cell, in the unit cube.
+fn center(cell: u32) -> [f32; 3] {
+    let n = CELLS as u32;
+    [cell % n, cell / n % n, cell / n / n].map(|c| (c as f32 + 0.5) / n as f32)
+}
+
+/// The loss of a fit (Huber): every ray is one point, whose signed distance is known.
+struct KnownDistances<'a>(&'a [f32]);
+
+impl KnownDistances<'_> {
+    /// Error up to which the loss is quadratic, units.
+    const DELTA: f32 = 0.01;
+}
+
+impl RayLoss for KnownDistances<'_> {
+    fn needs_gradients(&self) -> bool {
+        false
+    }
+
+    fn n_ray_outputs(&self) -> usize {
+        0
+    }
+
+    fn n_sample_outputs(&self) -> usize {
+        0
+    }
+
+    fn ray(&self, r: usize, sdf: &[f32], _: &[[f32; 3]], _: f64, _: &mut RayScratch, out: RayGradient<'_>) {
+        let n = self.0.len() as f32;
+        let d = sdf[0] - self.0[r];
+        out.d_sdf[0] = (d / Self::DELTA).clamp(-1.0, 1.0) / n;
+        out.losses.image += f64::from(d.abs() / n);
     }
 }
 
@@ -246,22 +325,38 @@ mod tests {
         let at = |i: usize, away: f64| bounds.to_cube(&Point3::from(body.dirs[i] * (f64::from(body.t[i]) + away)));
         let mut points = Vec::new();
         for &i in &body.lit {
-            points.extend([at(i as usize, 0.0), at(i as usize, -10.0), at(i as usize, 10.0), at(i as usize, 80.0)]);
+            points.extend([at(i as usize, 0.0), at(i as usize, -6.0), at(i as usize, 6.0), at(i as usize, 50.0)]);
         }
         let mut found = vec![0.0; points.len()];
-        surface.field().query(&points, &mut found);
+        let mut slopes = vec![[0.0; 3]; points.len()];
+        surface.field().query_with_jacobian(&points, &mut found, &mut slopes);
         let n = body.lit.len() as f32;
         let mean = |k: usize| found.iter().skip(k).step_by(4).sum::<f32>() / n;
         let error = found.iter().step_by(4).map(|f| f.abs()).sum::<f32>() / n;
-        // Units of 100 mm: half a millimeter on the surface, a tenth of a unit on either side, free far behind.
+        // Units of 100 mm: half a millimeter on the surface, known on either side, free far behind.
         assert!(error < 0.005, "{error}");
-        assert!((mean(1) - 0.09).abs() < 0.03 && (mean(2) + 0.09).abs() < 0.03, "{} {}", mean(1), mean(2));
+        assert!((mean(1) - 0.057).abs() < 0.01 && (mean(2) + 0.057).abs() < 0.01, "{} {}", mean(1), mean(2));
+        // The slopes before and on the surface, per unit: of length 1, as the eikonal loss asks for them.
+        let lengths = slopes.chunks_exact(4).flat_map(|s| &s[..2]);
+        let slope = lengths.map(|s| s.iter().map(|d| (d / 3.0).powi(2)).sum::<f32>().sqrt() - 1.0);
+        let deviation = (slope.map(|d| d * d).sum::<f32>() / (2.0 * n)).sqrt();
+        assert!(deviation < 0.25, "{deviation}");
         assert!(mean(3) > 0.1, "{}", mean(3));
         // Beside the object nothing is in the way.
         let beside: Vec<[f32; 3]> = (0..20).map(|j| [0.9, 0.5, j as f32 / 19.0]).collect();
         let mut found = vec![0.0; 20];
         surface.field().query(&beside, &mut found);
         assert!(found.iter().all(|f| *f > 0.1), "{found:?}");
+        // And neither is there a pixel off the outline, where the training's black rays are.
+        let outside = |i: &usize| (1.0..2.5).contains(&body.outline[*i]);
+        let around: Vec<[f32; 3]> = (0..64 * 48)
+            .filter(outside)
+            .map(|i| bounds.to_cube(&Point3::from(body.dirs[i] * (505.0 / body.dirs[i].z))))
+            .collect();
+        let mut found = vec![0.0; around.len()];
+        surface.field().query(&around, &mut found);
+        let blocked = found.iter().filter(|f| **f < 0.0).count();
+        assert!(around.len() > 50 && blocked * 20 < around.len(), "{blocked} of {}", around.len());
         assert!(DecodedBody::new(&camera, bounds, &plane, &vec![f32::NAN; 64 * 48]).is_none());
     }
 }

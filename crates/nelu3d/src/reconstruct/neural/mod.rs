@@ -12,9 +12,13 @@
 mod ambient;
 mod batch;
 pub mod bounds;
+pub mod checkpoint;
 mod codewords;
 pub mod config;
+mod distances;
+mod identity;
 pub mod importance;
+mod learned;
 mod lookup_start;
 pub mod march;
 #[cfg(feature = "gpu")]
@@ -44,7 +48,10 @@ use crate::verdict::Judgment;
 pub use ambient::Ambient;
 use ambient::AmbientField;
 use batch::TrainingPixels;
+pub use checkpoint::{CheckpointOptions, TrainingCheckpointError};
 use codewords::Codewords;
+use identity::identity;
+use learned::Learned;
 use march::RaySamples;
 #[cfg(feature = "clap")]
 pub use options::positive;
@@ -77,18 +84,29 @@ pub(super) fn reconstruct(
     let pixels =
         TrainingPixels::new(&scene.measurements, &scene.rays, &opts.paper).ok_or_else(|| nothing_left(&scene))?;
 
-    let decoded = if opts.paper.start == PaperStart::Lookup { Some(decode(&mut scene, opts, cx)?) } else { None };
-    cx.clock.begin("give the field its start");
-    let mut training = Training::new(&scene, &pixels, opts, n_steps, decoded.as_deref());
+    let checkpoint = opts.paper.checkpoint.of(|| identity(&scene, &pixels, opts, n_steps));
+    let mut learned = Learned::new(&scene, &pixels, opts, n_steps);
+    let resumed = checkpoint.as_ref().map(|c| c.load(&mut learned.parts_mut())).transpose()?.flatten();
+    if resumed.is_none() {
+        let decoded = if opts.paper.start == PaperStart::Lookup { Some(decode(&mut scene, opts, cx)?) } else { None };
+        cx.clock.begin("give the field its start");
+        learned.start(&scene, &pixels, opts, decoded.as_deref());
+    }
     cx.clock.begin("train by volume rendering");
+    let reached = resumed.unwrap_or_default();
+    let (scene_read, checkpoint) = (&scene, checkpoint.as_ref());
+    let mut training = Training { scene: scene_read, pixels: &pixels, opts, n_steps, learned, reached, checkpoint };
     training.run(cx)?;
+    if let Some(checkpoint) = checkpoint {
+        checkpoint.remove();
+    }
 
     cx.clock.begin("render the surface");
     let view = training.render_view();
-    let Training { ambient, records, .. } = training;
+    let Training { learned, reached, .. } = training;
     reject_transparent(&mut scene, &view)?;
     cx.observe(Stage::Result, 1, || view.depth.clone());
-    let (residual, mean_ambient) = residuals(&scene, &view, &ambient);
+    let (residual, mean_ambient) = residuals(&scene, &view, &learned.ambient);
 
     cx.clock.begin("build the surface");
     let judgment = judge(&scene, &view.depth, None);
@@ -97,7 +115,7 @@ pub(super) fn reconstruct(
     let mut surface = assemble(maps, camera, &scene.rays.plane, &capture.white);
     // The field's own gradient, not that of the depth map.
     surface.replace_normals(&view.normals);
-    let diagnostics = PaperDiagnostics { iterations: n_steps, unit_mm: pixels.bounds.unit_mm, losses: records };
+    let diagnostics = PaperDiagnostics { iterations: n_steps, unit_mm: pixels.bounds.unit_mm, losses: reached.records };
     Ok((surface, RecipeDiagnostics::Paper(diagnostics), judgment))
 }
 

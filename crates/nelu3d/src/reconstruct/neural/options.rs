@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::ambient::Ambient;
-use super::config::{PUBLISHED_SAMPLES, PUBLISHED_SHARPNESS};
+use super::checkpoint::CheckpointOptions;
+use super::config::{self, PUBLISHED_SAMPLES};
 use super::start::Start;
 
 /// The first shape of the signed distance field of recipe `paper`.
@@ -23,9 +24,10 @@ pub enum PaperStart {
 }
 
 impl PaperStart {
-    /// Returns v of the sharpness exp(10 v) that training begins with.
-    pub(super) fn sharpness(self) -> f64 {
-        if self == Self::Lookup { 0.45 } else { PUBLISHED_SHARPNESS }
+    /// Returns how far the cosine of the alphas is annealed at a step, 0 to 1. The published schedule takes slopes for
+    /// steeper than they are while the surface has none; a decoded one has its slopes from the start.
+    pub(super) fn anneal(self, step: usize, n_steps: usize) -> f32 {
+        if self == Self::Lookup { 1.0 } else { config::anneal(step, n_steps) }
     }
 
     /// Returns the shape that needs no scene; `None` for the decoded surface.
@@ -80,14 +82,18 @@ pub struct PaperOptions {
     /// half where these see the surface; 0 marches as published
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = Self::default().ray_samples))]
     pub ray_samples: usize,
-    /// v of the sharpness exp(10 v) that the surface begins with, per unit (default: 0.3 as published; 0.45 with
-    /// `--start lookup`, whose surface is known better)
+    /// v of the sharpness exp(10 v) that the surface begins with, per unit (default: 0.3 as published; as sharp as a pixel
+    /// is wide with `--start lookup`, whose surface is known better)
     #[cfg_attr(feature = "clap", arg(long, value_name = "V"))]
     pub sharpness: Option<f64>,
     /// Length of the unit in which distances and losses are measured; the field is a cube of 3 units around the middle
     /// of the calibrated volume (default: a third of that volume's longest side)
     #[cfg_attr(feature = "clap", arg(long, value_name = "MM", value_parser = positive))]
     pub unit_mm: Option<f64>,
+    /// Whether and where the state of the training is kept.
+    #[serde(skip)]
+    #[cfg_attr(feature = "clap", command(flatten))]
+    pub checkpoint: CheckpointOptions,
 }
 
 /// Reads a positive number from the command line.
@@ -118,6 +124,7 @@ impl Default for PaperOptions {
             ray_samples: 64,
             sharpness: None,
             unit_mm: None,
+            checkpoint: CheckpointOptions::default(),
         }
     }
 }

@@ -64,5 +64,5 @@ pub(super) fn diverged(iteration: usize) -> Failure {
 /// Returns whether an observer is shown the surface after this many iterations: a few times at first, then every
 /// thousand.
 pub(super) fn is_observed_after(done: usize, n_steps: usize) -> bool {
-    matches!(done, 100 | 200 | 350 | 500 | 700) || done.is_multiple_of(1000) || done == n_steps
+    matches!(done, 10 | 25 | 50 | 100 | 200 | 350 | 500 | 700) || done.is_multiple_of(1000) || done == n_steps
 }

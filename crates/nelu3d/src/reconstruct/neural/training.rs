@@ -3,17 +3,16 @@
 #[cfg(feature = "gpu")]
 use nelu3d_field::device::Device;
 use nelu3d_field::occupancy::OccupancyGrid;
-use nelu3d_field::surface::{NeuralSurface, SurfaceConfig, SurfaceLoss};
+use nelu3d_field::surface::NeuralSurface;
 
-use super::ambient::AmbientField;
 use super::batch::{RayBatch, TrainingPixels};
+use super::checkpoint::{Checkpoint, Reached};
 use super::codewords::Codewords;
 use super::config;
 use super::importance;
-use super::lookup_start::DecodedBody;
+use super::learned::Learned;
 #[cfg(feature = "gpu")]
 use super::on_gpu;
-use super::options::Background;
 use super::record::{IterationCounts, TrainingRecord, diverged, is_observed_after};
 use super::view::{self, RenderedView};
 use crate::color_field::CameraRays;
@@ -27,74 +26,40 @@ use crate::reconstruct::scene::Scene;
 
 /// A training and its state.
 pub(super) struct Training<'a> {
-    scene: &'a Scene<'a>,
-    pixels: &'a TrainingPixels,
-    opts: &'a ReconstructionOptions,
-    n_steps: usize,
-    surface: NeuralSurface,
-    /// The ambient term.
-    pub(super) ambient: AmbientField,
-    occupancy: OccupancyGrid,
-    n_rays: usize,
-    /// Records of every hundredth iteration and the last.
-    pub(super) records: Vec<TrainingRecord>,
+    pub(super) scene: &'a Scene<'a>,
+    pub(super) pixels: &'a TrainingPixels,
+    pub(super) opts: &'a ReconstructionOptions,
+    pub(super) n_steps: usize,
+    /// The fields.
+    pub(super) learned: Learned,
+    /// How far they are; records are of every hundredth iteration and the last.
+    pub(super) reached: Reached,
+    /// Where the state is kept, if it is.
+    pub(super) checkpoint: Option<&'a Checkpoint>,
 }
 
-impl<'a> Training<'a> {
-    /// Initializes the fields. `decoded` is the depth map from which training starts, camera z in mm, if it does.
-    pub(super) fn new(
-        scene: &'a Scene<'a>,
-        pixels: &'a TrainingPixels,
-        opts: &'a ReconstructionOptions,
-        n_steps: usize,
-        decoded: Option<&[f32]>,
-    ) -> Self {
-        let settings = &opts.paper;
-        let loss = SurfaceLoss {
-            lookup_loss_weight: settings.lookup_loss_weight,
-            clamped_mask: settings.background != Background::Carve,
-            ..SurfaceLoss::default()
-        };
-        let occupancy =
-            OccupancyGrid::new(config::occupancy_config(n_steps), |q| pixels.reaches(scene.camera, &scene.rays, q));
-        let sharpness = settings.sharpness.unwrap_or(settings.start.sharpness());
-        let mut config = SurfaceConfig { sharpness, ..config::surface_config(loss, n_steps) };
-        config::hasten(&mut config, n_steps);
-        let body = decoded.and_then(|z| DecodedBody::new(scene.camera, pixels.bounds, &scene.rays.plane, z));
-        let surface = match body {
-            Some(body) => body.surface(config, opts.seed),
-            None => settings.start.shape().unwrap_or_default().surface(config, opts.seed),
-        };
-        Self {
-            scene,
-            pixels,
-            opts,
-            n_steps,
-            surface,
-            ambient: AmbientField::new(settings.ambient, scene.white.channels, n_steps, opts.seed),
-            occupancy,
-            n_rays: config::FIRST_RAYS,
-            records: Vec::new(),
-        }
-    }
-
+impl Training<'_> {
     /// Trains all iterations.
     pub(super) fn run(&mut self, cx: &mut Context<'_>) -> Result<(), Failure> {
         #[cfg(feature = "gpu")]
-        let done = self.run_on_gpu(cx)?;
-        #[cfg(not(feature = "gpu"))]
-        let done = 0;
-        self.run_on_cpu(done, cx)
+        if self.reached.done == 0 {
+            self.run_on_gpu(cx)?;
+        }
+        self.run_on_cpu(cx)
     }
 
-    /// Trains on the device, if it is a GPU; returns the number of iterations that are done: all, or those up to the
-    /// last checkpoint of a device that failed.
+    /// Trains on the device, if it is a GPU: all iterations, or those up to the last state fetched from a device that
+    /// failed.
     #[cfg(feature = "gpu")]
-    fn run_on_gpu(&mut self, cx: &mut Context<'_>) -> Result<usize, Failure> {
-        let Device::Gpu(gpu) = cx.device.clone() else { return Ok(0) };
+    fn run_on_gpu(&mut self, cx: &mut Context<'_>) -> Result<(), Failure> {
+        let Device::Gpu(gpu) = cx.device.clone() else { return Ok(()) };
         if let Form::Published(_) = self.scene.field.form {
             cx.progress.warn("recipe `paper` is trained on the CPU, where form `published` is queried");
-            return Ok(0);
+            return Ok(());
+        }
+        if self.checkpoint.is_some() {
+            cx.progress.warn("a training with a checkpoint is done on the CPU: a GPU's state is not kept");
+            return Ok(());
         }
         cx.progress.warn(
             "on a GPU, recipe `paper` marches every ray and takes alphas between neighboring samples, not at \
@@ -102,7 +67,7 @@ impl<'a> Training<'a> {
         );
         let (scene, pixels, opts) = (self.scene, self.pixels, self.opts);
         let on_device = on_gpu::DeviceScene::new(pixels, scene, &opts.paper, opts.seed);
-        let (records, unit_mm) = (&mut self.records, pixels.bounds.unit_mm);
+        let (records, unit_mm) = (&mut self.reached.records, pixels.bounds.unit_mm);
         let mut on_report = |report: &nelu3d_field::gpu::TrainingReport, done: usize| {
             let counts = IterationCounts {
                 inv_s_per_mm: report.inv_s / unit_mm,
@@ -114,59 +79,83 @@ impl<'a> Training<'a> {
             report.losses.total.is_finite()
         };
         let mut parts = on_gpu::TrainedParts {
-            surface: &mut self.surface,
-            ambient: &mut self.ambient,
-            occupancy: &mut self.occupancy,
+            surface: &mut self.learned.surface,
+            ambient: &mut self.learned.ambient,
+            occupancy: &mut self.learned.occupancy,
         };
         let (done, n_rays) = on_device.train(&gpu, &mut parts, self.n_steps, cx, &mut on_report, &|parts| {
             render_view(parts.surface, pixels, &scene.rays, parts.occupancy, scene.measurements.n()).depth
         })?;
-        self.n_rays = n_rays;
-        Ok(done)
+        (self.reached.done, self.reached.n_rays) = (done, n_rays);
+        Ok(())
     }
 
-    /// Trains the iterations from `done` on.
-    fn run_on_cpu(&mut self, done: usize, cx: &mut Context<'_>) -> Result<(), Failure> {
-        let (scene, seed) = (self.scene, self.opts.seed);
+    /// Trains the iterations that are left.
+    fn run_on_cpu(&mut self, cx: &mut Context<'_>) -> Result<(), Failure> {
+        let scene = self.scene;
         let colors = Codewords::of(scene);
         let mut batch = RayBatch::default();
-        let settings = &self.opts.paper;
-        let per_ray = importance::per_ray(settings.samples, settings.ray_samples);
-        for step in done..self.n_steps {
-            cx.stop_if_cancelled()?;
-            config::update_occupancy(&mut self.occupancy, &self.surface, step as u64, seed);
-            let (m, rays) = (&scene.measurements, &scene.rays);
-            let (grid, surface) = (&self.occupancy, &self.surface);
-            batch.draw(self.pixels, m, rays, &colors, grid, surface, self.n_rays, per_ray, seed, step as u64);
-            let anneal = config::anneal(step, self.n_steps);
-            let losses = batch.step(&mut self.surface, &mut self.ambient, anneal);
-            let n_samples = batch.n_samples();
-            if step % 100 == 0 || step + 1 == self.n_steps {
-                let counts = IterationCounts {
-                    inv_s_per_mm: self.surface.inv_s() / self.pixels.bounds.unit_mm,
-                    rays: self.n_rays,
-                    samples: n_samples,
-                    occupied: self.occupancy.occupied_fraction(),
-                };
-                self.records.push(TrainingRecord::new(step + 1, &losses, counts));
-                tracing::info!(?losses, record = ?self.records.last(), "training");
-                if !losses.total.is_finite() {
-                    return Err(diverged(step + 1));
-                }
+        if self.reached.done == 0 {
+            cx.observe(Stage::Refine, 0, || self.render_view().depth);
+        }
+        while self.reached.done < self.n_steps {
+            if cx.progress.cancelled() && self.reached.done > 0 {
+                self.save()?;
             }
-            self.n_rays = config::next_ray_count(self.n_rays, n_samples, self.opts.paper.samples);
-            cx.progress.tick(step + 1, self.n_steps);
-            if is_observed_after(step + 1, self.n_steps) {
-                cx.observe(Stage::Refine, step + 1, || self.render_view().depth);
+            cx.stop_if_cancelled()?;
+            self.iterate(&colors, &mut batch)?;
+            let done = self.reached.done;
+            cx.progress.tick(done, self.n_steps);
+            if is_observed_after(done, self.n_steps) {
+                cx.observe(Stage::Refine, done, || self.render_view().depth);
+            }
+            if self.checkpoint.is_some_and(|c| c.is_due(done)) {
+                self.save()?;
             }
         }
         Ok(())
     }
 
+    /// Trains one iteration.
+    fn iterate(&mut self, colors: &Codewords<'_>, batch: &mut RayBatch) -> Result<(), Failure> {
+        let Self { scene, pixels, opts, n_steps, learned, reached, .. } = self;
+        let (step, seed, settings) = (reached.done, opts.seed, &opts.paper);
+        let per_ray = importance::per_ray(settings.samples, settings.ray_samples);
+        config::update_occupancy(&mut learned.occupancy, &learned.surface, step as u64, seed);
+        let (m, rays) = (&scene.measurements, &scene.rays);
+        let (grid, surface) = (&learned.occupancy, &learned.surface);
+        batch.draw(pixels, m, rays, colors, grid, surface, reached.n_rays, per_ray, seed, step as u64);
+        let anneal = settings.start.anneal(step, *n_steps);
+        let losses = batch.step(&mut learned.surface, &mut learned.ambient, anneal);
+        let n_samples = batch.n_samples();
+        if step % 100 == 0 || step + 1 == *n_steps {
+            let counts = IterationCounts {
+                inv_s_per_mm: learned.surface.inv_s() / pixels.bounds.unit_mm,
+                rays: reached.n_rays,
+                samples: n_samples,
+                occupied: learned.occupancy.occupied_fraction(),
+            };
+            reached.records.push(TrainingRecord::new(step + 1, &losses, counts));
+            tracing::info!(?losses, record = ?reached.records.last(), "training");
+            if !losses.total.is_finite() {
+                return Err(diverged(step + 1));
+            }
+        }
+        reached.n_rays = config::next_ray_count(reached.n_rays, n_samples, settings.samples);
+        reached.done += 1;
+        Ok(())
+    }
+
+    /// Writes the checkpoint, if there is to be one.
+    fn save(&self) -> Result<(), Failure> {
+        let Some(checkpoint) = self.checkpoint else { return Ok(()) };
+        Ok(checkpoint.save(&self.reached, &self.learned.parts())?)
+    }
+
     /// Renders the present surface from the camera.
     pub(super) fn render_view(&self) -> RenderedView {
         let (rays, n) = (&self.scene.rays, self.scene.measurements.n());
-        render_view(&self.surface, self.pixels, rays, &self.occupancy, n)
+        render_view(&self.learned.surface, self.pixels, rays, &self.learned.occupancy, n)
     }
 }
 
