@@ -3,8 +3,8 @@
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::product::SIDE;
-use super::tile::{CORE, Tile, TileResult};
+use super::solve::{TileResult, solve};
+use super::tile::{CORE, SIDE, Tile};
 use super::{PlateStop, PlateSystem};
 use crate::bench::Demand;
 
@@ -103,6 +103,6 @@ impl WithSimd for SolveTile<'_> {
     type Output = Option<TileResult>;
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Option<TileResult> {
-        self.tile.solve(self.system, self.x, self.corner, self.until)
+        solve(self.tile, self.system, self.x, self.corner, self.until)
     }
 }

@@ -16,6 +16,7 @@
 mod cpu;
 mod product;
 pub mod reference;
+mod solve;
 mod tile;
 
 pub use cpu::{Sweep, sweep};

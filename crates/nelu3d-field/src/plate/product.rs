@@ -2,14 +2,7 @@
 //! dispatched to the machine's vectors.
 
 use super::PlateSystem;
-use super::tile::{Tile, columns, row_of};
-
-/// Pixels across a tile: its maps fill half of a second-level cache.
-pub(super) const SIDE: usize = 64;
-/// Pixels of a tile.
-pub(super) const PIXELS: usize = SIDE * SIDE;
-/// Zeros before and behind a map of a tile.
-pub(super) const AHEAD: usize = SIDE + 16;
+use super::tile::{AHEAD, SIDE, Tile, columns, row_of};
 
 /// Partial sums that are taken side by side.
 const SUMS: usize = 16;

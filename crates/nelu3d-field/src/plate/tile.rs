@@ -1,8 +1,13 @@
-//! One tile: a square of pixels that is solved with its outermost ring, and all beyond, at rest.
+//! The memory of one tile: a square of pixels that is solved with its outermost ring, and all beyond, at rest.
 
-use super::product::{AHEAD, PIXELS, SIDE, product, residual_of_surface, settle};
-use super::{PlateStop, PlateSystem};
+use super::PlateSystem;
 
+/// Pixels across a tile: its maps fill half of a second-level cache.
+pub(super) const SIDE: usize = 64;
+/// Pixels of a tile.
+pub(super) const PIXELS: usize = SIDE * SIDE;
+/// Zeros before and behind a map of a tile.
+pub(super) const AHEAD: usize = SIDE + 16;
 /// Pixels across the inside of a tile, which changes.
 pub(super) const CORE: usize = SIDE - 2;
 
@@ -23,14 +28,6 @@ pub(super) struct Tile {
     pub(super) change: Vec<f32>,
 }
 
-/// What a tile came to.
-pub(super) struct TileResult {
-    /// Change of the tile's inside, `CORE × CORE`.
-    pub(super) change: Vec<f32>,
-    /// Products with the matrix.
-    pub(super) products: usize,
-}
-
 impl Tile {
     /// Allocates a tile.
     pub(super) fn new() -> Self {
@@ -49,43 +46,8 @@ impl Tile {
         }
     }
 
-    /// Solves the tile whose ring begins at `corner` (x, y), which may lie outside the window; `None` where it has no
-    /// active pixel.
-    #[inline(always)]
-    pub(super) fn solve(
-        &mut self,
-        system: &PlateSystem<'_>,
-        x: &[f32],
-        corner: [isize; 2],
-        until: PlateStop,
-    ) -> Option<TileResult> {
-        let n_active = self.load(system, corner);
-        if n_active == 0 {
-            return None;
-        }
-        residual_of_surface(self, system, x, corner);
-        let mut rz = settle(self, 0.0);
-        let enough = (until.reduction * until.reduction * rz).max(until.settled * n_active as f64);
-        let (mut products, mut beta) = (0, 0.0);
-        while products < until.iterations && rz > enough {
-            let pap = product(self, beta);
-            products += 1;
-            if pap <= 0.0 {
-                break;
-            }
-            let next = settle(self, (rz / pap) as f32);
-            beta = (next / rz) as f32;
-            rz = next;
-        }
-        let mut change = Vec::with_capacity(CORE * CORE);
-        for y in 1..=CORE {
-            change.extend_from_slice(&self.change[AHEAD + y * SIDE + 1..][..CORE]);
-        }
-        Some(TileResult { change, products })
-    }
-
     /// Copies the system's part under the tile; returns the number of active pixels in its inside.
-    fn load(&mut self, system: &PlateSystem<'_>, corner: [isize; 2]) -> usize {
+    pub(super) fn load(&mut self, system: &PlateSystem<'_>, corner: [isize; 2]) -> usize {
         let Self { xx, yy, xy, h, inverse, p, r, change, .. } = self;
         for map in [&mut *xx, yy, xy, h, inverse, p, r, change] {
             map[AHEAD..AHEAD + PIXELS].fill(0.0);

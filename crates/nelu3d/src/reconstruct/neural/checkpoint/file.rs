@@ -1,10 +1,10 @@
 //! The file.
 
-use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read, Write};
 use std::path::PathBuf;
 
 use nelu3d_field::state::{TrainingState, read_u64, write_u64};
+use nelu3d_scan::input::open_file;
 use nelu3d_scan::output::write_atomic;
 use sha2::{Digest, Sha256};
 
@@ -43,8 +43,8 @@ impl Checkpoint {
     ///
     /// The file cannot be read, is damaged, or belongs to another training. The parts are then of no use any more.
     pub fn load(&self, parts: &mut [&mut dyn TrainingState]) -> Result<Option<Reached>, TrainingCheckpointError> {
-        let file = match File::open(&self.path) {
-            Ok(file) => file,
+        let file = match open_file(&self.path) {
+            Ok((file, _)) => file,
             Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(self.unreadable(e)),
         };
