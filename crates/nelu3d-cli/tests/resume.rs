@@ -1,5 +1,5 @@
-//! Trainings that are killed and go on: recipe `paper` and TurboSL end with the very result of an uninterrupted run, and
-//! a checkpoint of something else is refused.
+//! Trainings that are killed and go on: recipe `paper` and TurboSL end with the very result of an uninterrupted run,
+//! and a checkpoint of something else is refused.
 
 mod common;
 

@@ -137,7 +137,8 @@ impl Aggregation<'_> {
     }
 
     /// Writes the path costs of a pixel with costs `own` behind a pixel with path costs `before`, of which `least` is
-    /// the least, and adds an eighth of them to `sum`, so that all eight fit; returns the least of them. Paths lie between two [`OUTSIDE`].
+    /// the least, and adds an eighth of them to `sum`, so that all eight fit; returns the least of them. Paths lie
+    /// between two [`OUTSIDE`].
     #[inline(always)]
     fn advance(&self, own: &[u16], before: Option<(&[u16], u16)>, out: &mut [u16], sum: &mut [u16]) -> u16 {
         let n = self.stride;

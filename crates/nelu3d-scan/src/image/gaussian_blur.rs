@@ -7,8 +7,8 @@ use super::Image;
 /// Standard deviation below which nothing is blurred, px: the kernel would be a single pixel.
 const MIN_SIGMA: f32 = 0.05;
 
-/// Blurs an image of one channel with a Gaussian of standard deviation `sigma`, px, cut off at three standard deviations.
-/// Beyond its borders the image is mirrored.
+/// Blurs an image of one channel with a Gaussian of standard deviation `sigma`, px, cut off at three standard
+/// deviations. Beyond its borders the image is mirrored.
 ///
 /// # Panics
 ///

@@ -1,6 +1,7 @@
 //! In which frame the field is fitted, and how finely: the candidates are compared at positions that none has seen.
 
 use nalgebra::{Point3, Vector3};
+use nelu3d_field::device::Device;
 
 use super::candidate::{Candidate, FitContext, MAX_SHORTFALL_DB};
 use super::error::CalibrationError;
@@ -10,7 +11,6 @@ use super::placed_sweep::PlacedSweep;
 use super::pose_refinement::{RefinedPoses, refine_poses};
 use crate::color_field::frame::{Center, FieldFrame};
 use crate::progress::Progress;
-use nelu3d_field::device::Device;
 
 /// Cells per pixel across where one is not enough.
 const FINE_CELLS_PER_PIXEL: usize = 2;
@@ -18,14 +18,6 @@ const FINE_CELLS_PER_PIXEL: usize = 2;
 const FAIR_DB: f64 = 16.0;
 /// Number of positions up to which each of them is held out in turn.
 const IN_TURN: usize = 8;
-
-/// What fits run on.
-#[derive(Clone, Copy)]
-pub(super) struct Resources<'a> {
-    pub(super) opts: &'a CalibrationOptions,
-    pub(super) device: &'a Device,
-    pub(super) progress: &'a Progress,
-}
 
 /// Fits the field without the held-out positions, in the light's frame if there is one, finer if one cell per pixel is
 /// too coarse (codes with edges are finer than pixels, and the positions see them between each other's pixels), in the
@@ -38,9 +30,10 @@ pub(super) struct Resources<'a> {
 pub(super) fn fit_best_frame(
     placed: &mut PlacedSweep<'_>,
     light: Option<&LightCenter>,
-    resources: Resources<'_>,
+    opts: &CalibrationOptions,
+    device: &Device,
+    progress: &Progress,
 ) -> Result<(Candidate, Option<RefinedPoses>), CalibrationError> {
-    let Resources { opts, device, progress } = resources;
     let folds = folds(placed.n_positions(), opts.hold_out, opts.form);
     let is_good = |c: &Candidate| c.quality.psnr_db > c.quality.ceiling_db - MAX_SHORTFALL_DB;
     let (mut tried, mut refined): (Vec<Candidate>, _) = (Vec::new(), None);

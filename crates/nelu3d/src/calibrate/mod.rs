@@ -79,8 +79,7 @@ pub fn calibrate(
     clock.begin("fit the field without the held-out positions");
     // The published form knows nothing of the light.
     let light = light.filter(|_| opts.form != FormKind::Published);
-    let resources = frame_choice::Resources { opts, device: &device, progress };
-    let (mut best, refined) = frame_choice::fit_best_frame(&mut placed, light.as_ref(), resources)?;
+    let (mut best, refined) = frame_choice::fit_best_frame(&mut placed, light.as_ref(), opts, &device, progress)?;
     if let Some(refined) = &refined {
         move_boards(&mut geometry.trajectory, &placed, &refined.motions);
     }

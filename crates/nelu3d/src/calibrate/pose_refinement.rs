@@ -1,10 +1,10 @@
 //! Poses of a few boards, refined on codewords.
 //!
-//! A board's corners tell its distance and tilt far less exactly than codewords do: at 3.4 m, with corners to 0.1 px, its
-//! edge is off by a millimeter or two, while its samples agree with the field of the other boards to a tenth of that
-//! once it is moved. So each board, held out in turn, is moved along the camera's rays, by a plane, to where the others'
-//! field says it is; what all boards share stays as the corners have it. Nothing is taken that does not lower the
-//! held-out error.
+//! A board's corners tell its distance and tilt far less exactly than codewords do: at 3.4 m, with corners to 0.1 px,
+//! its edge is off by a millimeter or two, while its samples agree with the field of the other boards to a tenth of
+//! that once it is moved. So each board, held out in turn, is moved along the camera's rays, by a plane, to where the
+//! others' field says it is; what all boards share stays as the corners have it. Nothing is taken that does not lower
+//! the held-out error.
 
 use nalgebra::Isometry3;
 use serde::Serialize;
@@ -15,7 +15,8 @@ use super::placed_sweep::{BoardPlane, PlacedSweep};
 
 /// Part of the held-out squared error that displacements must explain for poses to be refined: 0.36 dB.
 const MIN_EXPLAINED: f64 = 0.08;
-/// Gain in held-out PSNR below which refined poses are not taken, dB: errors of other causes look like displacements, too.
+/// Gain in held-out PSNR below which refined poses are not taken, dB: errors of other causes look like displacements,
+/// too.
 const MIN_GAIN_DB: f64 = 0.5;
 /// Largest number of times that poses are refined.
 const MAX_ROUNDS: usize = 3;

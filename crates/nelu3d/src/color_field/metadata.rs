@@ -141,8 +141,10 @@ pub struct Quality {
     /// boards. 0 where it was not measured. Errors that all poses share (a wrong focal length) are not in it.
     #[serde(default)]
     pub pose_mm: f64,
-    /// The same as it varies over the picture, because poses are wrong by angles, too: covariance of (a, b, c), where
-    /// a + b x/z + c y/z is the displacement along the ray through (x, y, z), mm; none in fields of older versions.
+    /// Covariance, mm², of the displacement a + b x/z + c y/z, mm, that errors of the boards' poses leave in the whole
+    /// field along the ray through (x, y, z): 3 × 3, in the order (a, b, c). [`Self::pose_mm`] is its root mean square
+    /// over the boards; poses are wrong by angles, too. `None` where no board could be compared, and in fields of older
+    /// versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_covariance: Option<[[f64; 3]; 3]>,
     /// Quality at random held-out samples of the other positions; form `published` alone has it, which is trained for

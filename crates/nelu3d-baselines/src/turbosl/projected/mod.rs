@@ -147,8 +147,8 @@ impl ProjectedPlanes {
         sum
     }
 
-    /// Adds to `out` the gradients by the free taps of both axes that one pattern of two dimensions contributes. `image`
-    /// is the pattern and `d` the gradient by its blurred plane, row by row.
+    /// Adds to `out` the gradients by the free taps of both axes that one pattern of two dimensions contributes.
+    /// `image` is the pattern and `d` the gradient by its blurred plane, row by row.
     fn image_backward(&self, image: &[f32], blur: &[Blur; 2], d: &[f32], out: &mut BlurGradient) {
         let (size, taps) = (self.size, blur.each_ref().map(Blur::taps));
         let along = along_x(image, size, &taps[0]);

@@ -34,7 +34,7 @@ const FRAMES: usize = 3;
 /// A stage of the reconstruction, or a part of one.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct PartResult {
-    /// Its name.
+    /// Name of the stage, or of the part of one, as `Progress::measure` reports it.
     name: String,
     /// Processor time of all threads, s.
     cpu_secs: f64,
@@ -59,7 +59,7 @@ pub(super) struct FastReport {
     calibration: Vec<StageTime>,
     /// Stages of a reconstruction.
     stages: Vec<StageTime>,
-    /// Its parts, as far as their work is counted.
+    /// Parts of the reconstruction's stages whose operations and bytes are counted.
     parts: Vec<PartResult>,
     /// Processor time of every frame of a sequence, s: the first one begins anew, the others do not.
     frames_cpu_secs: Vec<f64>,

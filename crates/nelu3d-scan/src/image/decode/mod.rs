@@ -19,8 +19,8 @@ use self::file::File;
 use crate::image::{Channels, Image};
 use crate::input::{MAX_DATA, read_file};
 
-/// Decodes a PNG, TIFF, OpenEXR or JPEG file. With `size` = (width, height) a file of another size is refused before its
-/// pixels are read.
+/// Decodes a PNG, TIFF, OpenEXR or JPEG file. With `size` = (width, height) a file of another size is refused before
+/// its pixels are read.
 ///
 /// # Errors
 ///

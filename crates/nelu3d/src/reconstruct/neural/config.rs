@@ -67,8 +67,8 @@ pub(super) fn hasten(config: &mut SurfaceConfig, n_steps: usize) {
     config.sharpness_learning_rate *= factor;
 }
 
-/// Makes the warm-up of a training four times as long: for a surface that is nearly right at the start. The first steps of
-/// Adam are as long as the learning rate whatever the gradient is, so that a good surface is shaken by them.
+/// Makes the warm-up of a training four times as long: for a surface that is nearly right at the start. The first steps
+/// of Adam are as long as the learning rate whatever the gradient is, so that a good surface is shaken by them.
 pub(super) fn warm_up_longer(config: &mut SurfaceConfig) {
     config.field.training.schedule.n_warmup_steps *= 4;
 }

@@ -21,8 +21,8 @@ use super::start::VALID;
 /// Thickness of the body behind the decoded surface, units: what lies farther behind is free again, so that occupancy
 /// empties there too.
 const THICKNESS: f32 = 0.2;
-/// Levels of the hash grid that learn the start: to 1.447^9 times the base, 446 cells: about a pixel, so that the outline
-/// is where the image has it. Finer ones would wrinkle it.
+/// Levels of the hash grid that learn the start: to 1.447^9 times the base, 446 cells: about a pixel, so that the
+/// outline is where the image has it. Finer ones would wrinkle it.
 const LEVELS: usize = 10;
 /// Cells per axis of the coarse distances.
 const CELLS: usize = 128;
@@ -210,8 +210,8 @@ impl<'a> DecodedBody<'a> {
         0.1 * (self.bounds.unit_mm * 0.5 * (self.camera.fx + self.camera.fy) / *z).ln()
     }
 
-    /// Fits a surface to the body: the coarse levels of the hash table and the network learn it, with slopes of length 1
-    /// as the training asks for them; fine levels begin as small as ever.
+    /// Fits a surface to the body: the coarse levels of the hash table and the network learn it, with slopes of length
+    /// 1 as the training asks for them; fine levels begin as small as ever.
     pub(super) fn surface(&self, config: SurfaceConfig, seed: u64) -> NeuralSurface {
         const STEPS: u64 = 600;
         const POINTS: usize = 4096;

@@ -82,8 +82,8 @@ pub struct PaperOptions {
     /// half where these see the surface; 0 marches as published
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", default_value_t = Self::default().ray_samples))]
     pub ray_samples: usize,
-    /// v of the sharpness exp(10 v) that the surface begins with, per unit (default: 0.3 as published; as sharp as a pixel
-    /// is wide with `--start lookup`, whose surface is known better)
+    /// v of the sharpness exp(10 v) that the surface begins with, per unit (default: 0.3 as published; as sharp as a
+    /// pixel is wide with `--start lookup`, whose surface is known better)
     #[cfg_attr(feature = "clap", arg(long, value_name = "V"))]
     pub sharpness: Option<f64>,
     /// Length of the unit in which distances and losses are measured; the field is a cube of 3 units around the middle

@@ -1,4 +1,4 @@
-//! Who a checkpoint belongs to.
+//! Which training a checkpoint belongs to: its method and settings as text, and a SHA-256 digest of what it sees.
 
 use serde::Serialize;
 use sha2::{Digest, Sha256};

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use super::file::Checkpoint;
 use super::identity::Identity;
 
-/// Whether and where the state of a training is kept. Not part of a result's settings: the result does not depend on it.
+/// Whether and where the state of a training is kept. Not part of a result's settings: the result does not depend on
+/// it.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "clap", derive(clap::Args))]
 pub struct CheckpointOptions {

@@ -21,9 +21,9 @@ fn n_values(m: &Measurements, channels: usize) -> usize {
     channels + m.k
 }
 
-/// Gathers the interreflection of every active pixel; also returns what that asks of the machine. It is smooth: the surface reflects light as at most `max_patches`
-/// patches, and light is gathered at every second pixel of every second row and interpolated where the surface is
-/// smooth.
+/// Gathers the interreflection of every active pixel; also returns what that asks of the machine. It is smooth: the
+/// surface reflects light as at most `max_patches` patches, and light is gathered at every second pixel of every second
+/// row and interpolated where the surface is smooth.
 pub(in crate::reconstruct::refine) fn gather(
     s: &GatherSurface<'_>,
     m: &Measurements,
