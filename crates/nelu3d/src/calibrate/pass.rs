@@ -43,13 +43,15 @@ impl Passed {
     ) -> Self {
         let mut out = Self { gathered: into.0.clone(), validity: into.1.clone(), n: 0 };
         let width = placed.camera.width;
-        placed.for_each(p, read, |i, t, v, w| {
+        let mut w = vec![0.0; placed.sweep.k];
+        placed.for_each(p, read, |i, t, v, _| {
             out.n += 1;
             if let Some(q) = frame.to_unit(&Point3::from(placed.dirs[i] * t)) {
+                read.weights_in_means(i, &placed.noise, &mut w);
                 if w.iter().any(|w| *w > MIN_WEIGHT) {
                     out.validity.add([(i % width) as f64, (i / width) as f64], t as f32, q);
                 }
-                out.gathered.push(q, v, w);
+                out.gathered.push(q, v, &w);
             }
         });
         out
@@ -76,7 +78,7 @@ impl Pass<'_, '_> {
         let take = |wave: Vec<Passed>| {
             for p in &wave {
                 usable += p.n;
-                self.validity.merge(&p.validity);
+                self.validity.add_position(&p.validity);
                 if let Some(support) = &mut support {
                     support.add(&p.validity);
                 }
@@ -107,7 +109,10 @@ impl Pass<'_, '_> {
         let take = |wave: Vec<(Passed, (usize, HeldOutErrors))>| {
             let mut all = Vec::with_capacity(wave.len());
             for (p, e) in wave {
-                self.validity.merge(&p.validity);
+                // Those that are taken out in turn are in it already.
+                if counted == 0 {
+                    self.validity.add_position(&p.validity);
+                }
                 all.push(p.gathered);
                 errors.push(e);
             }

@@ -43,15 +43,30 @@ impl Position {
             return None;
         }
         for (j, (w, v)) in w.iter_mut().zip(v).enumerate() {
-            let contrast = contrast[j % self.channels];
-            *w = if contrast > 0.0 {
-                let stray = STRAY_LIGHT * (self.around[i] / contrast - PAPER).max(0.0);
-                1.0 / (noise.normalized_variance(*v, contrast, 0.0) + stray * stray)
-            } else {
-                0.0
-            };
+            *w = self.weight(i, j, *v, noise);
         }
         Some(v)
+    }
+
+    /// Writes the weights of a sample with which it goes into means: those of [`Self::sample`] for values in mid range.
+    /// Dark values are less noisy than bright ones, and a mean of both that gave each its own weight would be too dark:
+    /// by a hundredth where many positions meet in a pixel on the slope of a fringe.
+    #[inline]
+    pub fn weights_in_means(&self, i: usize, noise: &NoiseModel, w: &mut [f32]) {
+        for (j, w) in w.iter_mut().enumerate() {
+            *w = self.weight(i, j, 0.5, noise);
+        }
+    }
+
+    /// Returns one over the variance of channel `j` of a sample for the value `v`; 0 where it is unusable.
+    #[inline]
+    fn weight(&self, i: usize, j: usize, v: f32, noise: &NoiseModel) -> f32 {
+        let contrast = self.contrast[i * self.channels + j % self.channels];
+        if contrast <= 0.0 {
+            return 0.0;
+        }
+        let stray = STRAY_LIGHT * (self.around[i] / contrast - PAPER).max(0.0);
+        1.0 / (noise.normalized_variance(v, contrast, 0.0) + stray * stray)
     }
 
     /// Returns the position averaged over blocks of `block × block` pixels, as a camera of larger pixels would have
@@ -185,6 +200,11 @@ mod tests {
         // Contrast 0.4, L = 0.5: variance (1 + ¼ + ¼) 1e-4 / 0.16.
         assert!((w[0] - 0.16 / 1.5e-4).abs() < 1.0, "{w:?}");
         assert!(p.sample(1, &noise, &mut w).is_none());
+        // In means all values of a pixel count alike.
+        p.weights_in_means(0, &noise, &mut w);
+        assert!((w[0] - 0.16 / 1.5e-4).abs() < 1.0 && w[1] == w[0], "{w:?}");
+        p.weights_in_means(1, &noise, &mut w);
+        assert_eq!(w, [0.0; 2]);
     }
 
     #[test]

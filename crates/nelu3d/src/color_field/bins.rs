@@ -3,14 +3,16 @@
 use rayon::prelude::*;
 
 /// Samples of the field gathered in small bins: memory depends on the volume and its resolution, not on how many board
-/// positions there were. A bin keeps the weighted mean of its samples' coordinates and values, so it acts as one sample
-/// at their centroid.
+/// positions there were. A bin keeps the weighted mean of its samples' coordinates and values, and how widely they are
+/// spread across, so it acts as one sample at their centroid that sees as far around it: from many positions a bin's
+/// mean is a blurred value, and a field fitted to it as a point's would be blurred, too.
 pub struct Bins {
     /// Number of bins along a, b and w.
     counts: [usize; 3],
     /// Pattern channels.
     k: usize,
-    /// Per bin `[b][a][w]`: Σω̄, Σω̄ q (3, relative to the bin's center, in bins), Σω (k), Σω L (k).
+    /// Per bin `[b][a][w]`: Σω̄, Σω̄ q (3, relative to the bin's center, in bins), Σω̄ a² and Σω̄ b² (the same), Σω (k),
+    /// Σω L (k).
     sums: Vec<f32>,
 }
 
@@ -19,6 +21,8 @@ pub struct Bins {
 pub(crate) struct Sample<'a> {
     /// Unit coordinates.
     pub(crate) q: [f32; 3],
+    /// Variances of its samples along a and b, in squared bins.
+    pub(crate) spread: [f32; 2],
     /// Σω̄, where ω̄ is the mean weight over channels.
     pub(crate) mean: f32,
     /// Σω per channel.
@@ -27,6 +31,8 @@ pub(crate) struct Sample<'a> {
     pub(crate) moments: &'a [f32],
 }
 
+/// Sums per bin ahead of those of the channels.
+const AHEAD: usize = 6;
 /// Number of rows of bins that are filled together.
 const STRIPE: usize = 16;
 
@@ -57,7 +63,7 @@ impl Gathered {
 impl Bins {
     /// Makes empty bins over the unit cube, `counts` along a, b and w.
     pub fn new(counts: [usize; 3], k: usize) -> Self {
-        Self { counts, k, sums: vec![0.0; counts.iter().product::<usize>() * (4 + 2 * k)] }
+        Self { counts, k, sums: vec![0.0; counts.iter().product::<usize>() * (AHEAD + 2 * k)] }
     }
 
     /// Returns the number of pattern channels.
@@ -77,7 +83,7 @@ impl Bins {
 
     /// Returns the number of sums per bin.
     fn stride(&self) -> usize {
-        4 + 2 * self.k
+        AHEAD + 2 * self.k
     }
 
     /// Returns the number of sums per row of bins.
@@ -140,8 +146,12 @@ impl Bins {
                     for i in 0..3 {
                         q[i] = (cell[i] as f32 + 0.5 + bin[1 + i] * norm) * step[i];
                     }
-                    let (omegas, moments) = bin[4..].split_at(self.k);
-                    f(Sample { q, mean: bin[0], omegas, moments });
+                    let spread = [0, 1].map(|i| {
+                        let offset = bin[1 + i] * norm;
+                        (bin[4 + i] * norm - offset * offset).clamp(0.0, 0.25)
+                    });
+                    let (omegas, moments) = bin[AHEAD..].split_at(self.k);
+                    f(Sample { q, spread, mean: bin[0], omegas, moments });
                 }
             }
         }
@@ -174,7 +184,10 @@ impl Bins {
                 let Some(cell) = cell_of(counts, s.q).filter(|c| c[1] == row) else { return };
                 let bin = &mut sums[(cell[0] * counts[2] + cell[2]) * stride..][..stride];
                 add_weight(bin, counts, cell, s.q, s.mean);
-                let (w, wv) = bin[4..].split_at_mut(self.k);
+                for i in 0..2 {
+                    bin[4 + i] += s.mean * s.spread[i] * (counts[i] as f32 / self.counts[i] as f32).powi(2);
+                }
+                let (w, wv) = bin[AHEAD..].split_at_mut(self.k);
                 w.iter_mut().zip(s.omegas).for_each(|(to, from)| *to += from);
                 wv.iter_mut().zip(s.moments).for_each(|(to, from)| *to += from);
             };
@@ -189,7 +202,7 @@ impl Bins {
 fn add(sums: &mut [f32], counts: [usize; 3], first: usize, q: [f32; 3], values: &[f32], omegas: &[f32]) {
     let Some((bin, cell, mean)) = bin_of(sums, counts, first, q, omegas) else { return };
     add_weight(bin, counts, cell, q, mean);
-    let (w, wv) = bin[4..].split_at_mut(values.len());
+    let (w, wv) = bin[AHEAD..].split_at_mut(values.len());
     for j in 0..values.len() {
         w[j] += omegas[j];
         wv[j] += omegas[j] * values[j];
@@ -205,7 +218,7 @@ fn remove(sums: &mut [f32], counts: [usize; 3], first: usize, q: [f32; 3], value
         bin.fill(0.0);
         return;
     }
-    let (w, wv) = bin[4..].split_at_mut(values.len());
+    let (w, wv) = bin[AHEAD..].split_at_mut(values.len());
     for j in 0..values.len() {
         w[j] = (w[j] - omegas[j]).max(0.0);
         wv[j] -= omegas[j] * values[j];
@@ -225,7 +238,7 @@ fn bin_of<'a>(
     let cell = cell_of(counts, q)?;
     let k = omegas.len();
     let mean = omegas.iter().sum::<f32>() / k as f32;
-    let stride = 4 + 2 * k;
+    let stride = AHEAD + 2 * k;
     let at = (((cell[1] - first) * counts[0] + cell[0]) * counts[2] + cell[2]) * stride;
     (mean > 0.0).then(|| (&mut sums[at..at + stride], cell, mean))
 }
@@ -243,7 +256,11 @@ fn add_weight(bin: &mut [f32], counts: [usize; 3], cell: [usize; 3], q: [f32; 3]
     // Coordinates relative to the bin's center: a float sum of hundreds of nearly equal numbers would lose them.
     bin[0] += mean;
     for i in 0..3 {
-        bin[1 + i] += mean * (q[i] * counts[i] as f32 - cell[i] as f32 - 0.5);
+        let offset = q[i] * counts[i] as f32 - cell[i] as f32 - 0.5;
+        bin[1 + i] += mean * offset;
+        if i < 2 {
+            bin[4 + i] += mean * offset * offset;
+        }
     }
 }
 

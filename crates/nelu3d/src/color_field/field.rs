@@ -58,6 +58,29 @@ impl ColorField {
         }
     }
 
+    /// Returns the standard deviation of depth that errors of the boards' poses leave, mm, at a point with unit
+    /// coordinates `q` that the camera sees through `plane`, its (x/z, y/z); 0 where it is not known.
+    ///
+    /// Errors of n boards average out where all of them were. Codewords that m of them have shown are n/m times as
+    /// uncertain as a variance; carried ones, and those that nobody counted, rest on one.
+    pub fn pose_sigma_mm(&self, plane: [f32; 2], q: [f32; 3]) -> f32 {
+        let Some(quality) = &self.metadata.quality else { return 0.0 };
+        let variance = match quality.pose_covariance {
+            Some(covariance) => {
+                let at = [1.0, f64::from(plane[0]), f64::from(plane[1])];
+                (0..3).map(|i| (0..3).map(|j| at[i] * covariance[i][j] * at[j]).sum::<f64>()).sum::<f64>().max(0.0)
+            }
+            None => quality.pose_mm * quality.pose_mm,
+        };
+        let n = self.metadata.boards.len().max(1) as f64;
+        let fewer = if self.validity.positions.is_empty() {
+            1.0
+        } else {
+            n / f64::from(self.validity.positions_at(q).unwrap_or(1))
+        };
+        (variance * fewer.max(1.0)).sqrt() as f32
+    }
+
     /// Returns the name of the form.
     pub fn form_name(&self) -> &'static str {
         match &self.form {

@@ -70,16 +70,6 @@ impl FieldMetadata {
         let excess = q.map_or(1e-4, |q| (10f64.powf(-q.psnr_db / 10.0) - 10f64.powf(-q.ceiling_db / 10.0)).max(0.0));
         (excess.sqrt() as f32).max(min)
     }
-
-    /// Returns the standard deviation of depth that errors of the boards' poses leave, mm, along the ray through
-    /// `plane`, its point (x/z, y/z); 0 where it is not known.
-    pub fn pose_sigma_mm(&self, plane: [f32; 2]) -> f32 {
-        let Some(q) = &self.quality else { return 0.0 };
-        let Some(covariance) = q.pose_covariance else { return q.pose_mm as f32 };
-        let at = [1.0, f64::from(plane[0]), f64::from(plane[1])];
-        let variance: f64 = (0..3).map(|i| (0..3).map(|j| at[i] * covariance[i][j] * at[j]).sum::<f64>()).sum();
-        variance.max(0.0).sqrt() as f32
-    }
 }
 
 /// Where the board stood at a position of a sweep.
@@ -136,13 +126,13 @@ pub struct Quality {
     /// Median depth error that the field's error implies: |error| / |∂c/∂t|, mm.
     #[serde(deserialize_with = "or_nan")]
     pub depth_mm: f64,
-    /// Standard deviation of depth that errors of the boards' poses leave in the whole field, mm: root mean square
+    /// Standard deviation of depth that errors of the boards' poses leave where all boards were, mm: root mean square
     /// displacement of held-out boards from the field of the others, along the rays, by the root of the number of
     /// boards. 0 where it was not measured. Errors that all poses share (a wrong focal length) are not in it.
     #[serde(default)]
     pub pose_mm: f64,
-    /// Covariance, mm², of the displacement a + b x/z + c y/z, mm, that errors of the boards' poses leave in the whole
-    /// field along the ray through (x, y, z): 3 × 3, in the order (a, b, c). [`Self::pose_mm`] is its root mean square
+    /// Covariance, mm², of the displacement a + b x/z + c y/z, mm, that errors of the boards' poses leave where all
+    /// boards were, along the ray through (x, y, z): 3 × 3, in the order (a, b, c). [`Self::pose_mm`] is its root mean square
     /// over the boards; poses are wrong by angles, too. `None` where no board could be compared, and in fields of older
     /// versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 /// The range of a tile in which nothing was.
 const EMPTY: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
-/// What part of space was calibrated: a range of distances per tile of camera pixels, and the cells of the frame that
-/// were ever lit.
+/// What part of space was calibrated: a range of distances per tile of camera pixels, the cells of the frame that were
+/// ever lit, and how many board positions each column of cells rests on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Validity {
     /// Sizes.
@@ -16,6 +16,9 @@ pub struct Validity {
     pub t_range: Vec<[f32; 2]>,
     /// Per cell `[b][a][w]`, 1 where there were samples.
     pub lit: Vec<u8>,
+    /// Per column of cells `[b][a]`, number of positions that lit it, 255 at most; 0 where that is not known, as where
+    /// codewords were carried from beside it. Empty in a field without a sweep, and in files of older versions.
+    pub positions: Vec<u8>,
 }
 
 /// Sizes of a [`Validity`].
@@ -38,6 +41,7 @@ impl Validity {
             shape: ValidityShape { tile_px, tiles, cells },
             t_range: vec![EMPTY; tiles[0] * tiles[1]],
             lit: vec![0; cells.iter().product()],
+            positions: Vec::new(),
         }
     }
 
@@ -57,13 +61,24 @@ impl Validity {
         }
     }
 
-    /// Joins what another volume of the same shape has seen.
-    pub fn merge(&mut self, other: &Self) {
-        assert_eq!(self.shape, other.shape);
-        for (a, b) in self.t_range.iter_mut().zip(&other.t_range) {
+    /// Joins what one more position has seen, which is a volume of the same shape, and counts it.
+    pub fn add_position(&mut self, seen: &Self) {
+        assert_eq!(self.shape, seen.shape);
+        for (a, b) in self.t_range.iter_mut().zip(&seen.t_range) {
             *a = [a[0].min(b[0]), a[1].max(b[1])];
         }
-        self.lit.iter_mut().zip(&other.lit).for_each(|(a, b)| *a |= b);
+        self.lit.iter_mut().zip(&seen.lit).for_each(|(a, b)| *a |= b);
+        let [na, nb, nw] = self.shape.cells;
+        self.positions.resize(na * nb, 0);
+        for (count, column) in self.positions.iter_mut().zip(seen.lit.chunks_exact(nw)) {
+            *count = count.saturating_add(u8::from(column.contains(&1)));
+        }
+    }
+
+    /// Returns how many positions the field rests on along the ray of light at unit coordinates `q`, if that is known.
+    pub fn positions_at(&self, q: [f32; 3]) -> Option<u8> {
+        let column = self.cell(q)? / self.shape.cells[2];
+        self.positions.get(column).copied().filter(|n| *n > 0)
     }
 
     /// Closes pinholes: an unlit cell between lit ones along w becomes lit (board positions may be farther apart than
@@ -218,14 +233,21 @@ mod tests {
             ([14.0, 5.0], 600.0, [0.5; 3]),
         ];
         let empty = || Validity::new(24, 16, 8, [4, 4, 2]);
-        let (mut all, mut a, mut b) = (empty(), empty(), empty());
+        let (mut all, mut a, mut b, mut both) = (empty(), empty(), empty(), empty());
         for (i, (px, t, q)) in samples.into_iter().enumerate() {
             all.add(px, t, q);
             if i == 1 { &mut b } else { &mut a }.add(px, t, q);
         }
-        assert_ne!(a, all);
-        a.merge(&b);
-        assert_eq!(a, all);
-        assert_eq!(a.range(4, 4), Some([500.0, 620.0]));
+        // The second saw the ray of the first one's last sample, too, at another distance.
+        b.add([14.0, 5.0], 640.0, [0.5, 0.5, 0.9]);
+        all.add([14.0, 5.0], 640.0, [0.5, 0.5, 0.9]);
+        both.add_position(&a);
+        assert_ne!(both.lit, all.lit);
+        both.add_position(&b);
+        assert_eq!((&both.lit, &both.t_range), (&all.lit, &all.t_range));
+        assert_eq!(both.range(4, 4), Some([500.0, 620.0]));
+        let count = [[0.1, 0.2, 0.9], [0.9, 0.2, 0.1], [0.5, 0.5, 0.1], [0.9, 0.9, 0.9]].map(|q| both.positions_at(q));
+        assert_eq!(count, [Some(1), Some(1), Some(2), None]);
+        assert_eq!(all.positions_at([0.5; 3]), None);
     }
 }

@@ -184,9 +184,13 @@ fn diagnose(initial: &Initial, refined: &Refined, depth: &[f32], fast: FastSetti
 
 /// Links, normals and mesh of the valid depths.
 fn build_surface(scene: Scene<'_>, refined: Refined, depth: Vec<f32>) -> Surface {
-    // From 1/z to z; and what all depths share.
-    let pose = |i: usize| scene.field.metadata.pose_sigma_mm(scene.rays.plane[i]);
-    let sigma = |(i, (z, s)): (usize, (&f32, &f32))| if z.is_finite() { (s * z * z).hypot(pose(i)) } else { f32::NAN };
+    // From 1/z to z; and what neighbors share.
+    let pose = |i: usize, z: f32| {
+        let q = scene.rays.in_frame(i).at(f64::from(z / scene.rays.dir_z(i))).q;
+        scene.field.pose_sigma_mm(scene.rays.plane[i], q)
+    };
+    let sigma =
+        |(i, (z, s)): (usize, (&f32, &f32))| if z.is_finite() { (s * z * z).hypot(pose(i, *z)) } else { f32::NAN };
     let sigma = depth.iter().zip(&refined.sigma).enumerate().map(sigma).collect();
     let status = scene.measurements.status;
     let maps = SurfaceMaps { depth, sigma, status, residual: refined.residual, ambient: refined.ambient };

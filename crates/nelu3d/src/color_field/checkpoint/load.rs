@@ -93,7 +93,11 @@ impl Checkpoint<'_> {
         if t_range.iter().any(|r| !(r[0] > r[1] || (r[0] > 0.0 && r[0] <= r[1] && r[1].is_finite()))) {
             return Err(self.malformed("its depth ranges make no sense"));
         }
-        Ok(Validity { shape, t_range, lit: self.tensor("lit", Dtype::U8, &shape.cells)? })
+        let lit = self.tensor("lit", Dtype::U8, &shape.cells)?;
+        // Earlier versions did not count positions, and there are none to count without a sweep.
+        let counted = self.tensors.names().contains(&"positions");
+        let positions = if counted { self.tensor("positions", Dtype::U8, &shape.cells[..2])? } else { Vec::new() };
+        Ok(Validity { shape, t_range, lit, positions })
     }
 }
 

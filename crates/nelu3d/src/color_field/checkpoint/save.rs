@@ -65,13 +65,17 @@ impl ColorField {
         let [ca, cb, cw] = self.validity.shape.cells;
         let malformed =
             |e: safetensors::SafeTensorError| CheckpointError::Malformed { path: path.into(), reason: e.to_string() };
-        let lit = &self.validity.lit;
-        let json = with_checksum(&json, &checksum(&json, [(name, &bytes[..]), ("t_range", t_range), ("lit", lit)]));
-        let tensors = [
+        let (lit, positions) = (&self.validity.lit, &self.validity.positions);
+        let mut tensors = vec![
             (name, TensorView::new(dtype, shape, &bytes).map_err(malformed)?),
             ("t_range", TensorView::new(Dtype::F32, vec![self.validity.t_range.len(), 2], t_range).map_err(malformed)?),
             ("lit", TensorView::new(Dtype::U8, vec![cb, ca, cw], lit).map_err(malformed)?),
         ];
+        if !positions.is_empty() {
+            tensors.push(("positions", TensorView::new(Dtype::U8, vec![cb, ca], positions).map_err(malformed)?));
+        }
+        let content = tensors.iter().map(|(name, tensor)| (*name, tensor.data()));
+        let json = with_checksum(&json, &checksum(&json, content));
         let metadata = HashMap::from([("nelu3d".to_string(), json)]);
         let data = safetensors::serialize(tensors, Some(metadata)).map_err(malformed)?;
         Ok(write_atomic(path, |w| w.write_all(&data))?)

@@ -112,6 +112,62 @@ mod tests {
         }
     }
 
+    /// Returns the variances of a bin's samples along a, b and w, in squared cells.
+    fn spread_in_cells(spread: [f32; 2], cells: [usize; 3], bins: [usize; 3]) -> [f64; 3] {
+        let of = |i: usize| f64::from(spread[i]) * (cells[i] as f64 / bins[i] as f64).powi(2);
+        [of(0), of(1), 0.0]
+    }
+
+    /// Returns the cell at `q` and, per axis, the weights of its nodes in w + ½ v w″; w″ is the difference of slopes,
+    /// which are quadratic.
+    fn blurred(cells: [usize; 3], q: [f32; 3], spread: [f64; 3]) -> ([usize; 3], [[f64; 4]; 3]) {
+        let (cell, f) = lattice::locate(cells, q);
+        let weights = std::array::from_fn(|axis| {
+            let (weights, before, after) =
+                (lattice::weights(f[axis]), lattice::slopes(f[axis] - 0.5), lattice::slopes(f[axis] + 0.5));
+            std::array::from_fn(|j| f64::from(weights[j]) + 0.5 * spread[axis] * f64::from(after[j] - before[j]))
+        });
+        (cell, weights)
+    }
+
+    /// Returns the sum of a channel's nodes from `cell` on, weighted.
+    fn sum_of_nodes(grid: &Grid, cell: [usize; 3], weights: &[[f64; 4]; 3], c: usize) -> f64 {
+        let [na, _, nw] = grid.nodes();
+        let mut sum = 0.0;
+        for i in 0..64 {
+            let [a, b, w] = [i % 4, i / 4 % 4, i / 16];
+            let node = ((cell[1] + b) * na + cell[0] + a) * nw + cell[2] + w;
+            sum += weights[0][a] * weights[1][b] * weights[2][w] * f64::from(grid.coeffs[node * grid.k + c]);
+        }
+        sum
+    }
+
+    /// Samples of a steep wave, many to a bin, give the wave and not the blurred one that the bins' means are.
+    #[test]
+    fn bins_with_many_samples_do_not_blur() {
+        let wave = |a: f32| 0.5 + 0.5 * (std::f32::consts::TAU * a * 5.0).cos();
+        let mut bins = Bins::new([40, 4, 2], 1);
+        let mut unit = unit(7);
+        for _ in 0..40_000 {
+            let q = [unit(), unit(), unit()];
+            bins.add(q, &[wave(q[0])], &[1.0]);
+        }
+        let mut grid = Grid::new([40, 4, 1], 1);
+        fit(&mut grid, &bins, Smoothness { across: 1e-4, along: 1e-4, slope_along: 0.0 }, 100, &Progress::none());
+        let mut v = [0.0];
+        // Its part of the wave, over the middle half.
+        let (mut product, mut square) = (0.0, 0.0);
+        for i in 0..400 {
+            let a = 0.25 + 0.5 * i as f32 / 400.0;
+            grid.eval([a, 0.5, 0.5], &mut v);
+            product += (v[0] - 0.5) * (wave(a) - 0.5);
+            square += (wave(a) - 0.5).powi(2);
+        }
+        let amplitude = product / square;
+        // Eight cells a period: a mean over a cell has 0.975 of the amplitude.
+        assert!((amplitude - 1.0).abs() < 0.01, "{amplitude}");
+    }
+
     /// A fit to exact samples of a smooth function reproduces it, and its directional derivative, everywhere.
     #[test]
     fn fits_a_smooth_function() {
@@ -175,20 +231,18 @@ mod tests {
             let samples = dot(&y.coeffs, &ax) - penalty;
 
             let (mut expected, mut expected_rhs, mut trace) = (0.0f64, 0.0f64, 0.0f64);
-            let (mut vx, mut vy) = (vec![0.0; k], vec![0.0; k]);
-            bins.for_each_sample(|q, v, w| {
-                x.eval(q, &mut vx);
-                y.eval(q, &mut vy);
-                for c in 0..k {
-                    expected += f64::from(w[c] * vx[c] * vy[c]);
-                    expected_rhs += f64::from(w[c] * v[c] * vy[c]);
-                }
-                let squares = |axis: usize| -> f32 {
-                    let (_, f) = lattice::locate(cells, q);
-                    lattice::weights_by_product(f[axis]).iter().map(|w| w * w).sum()
-                };
-                trace += f64::from((0..3).map(squares).product::<f32>() * w.iter().sum::<f32>());
-            });
+            for row in 0..bins.n_rows() {
+                bins.for_each_in_row(row, |s| {
+                    let (cell, weights) = blurred(cells, s.q, spread_in_cells(s.spread, cells, bins.counts()));
+                    for c in 0..k {
+                        let [vx, vy] = [&x, &y].map(|grid| sum_of_nodes(grid, cell, &weights, c));
+                        expected += f64::from(s.omegas[c]) * vx * vy;
+                        expected_rhs += f64::from(s.moments[c]) * vy;
+                    }
+                    let squares = weights.map(|w| w.iter().map(|w| w * w).sum::<f64>());
+                    trace += squares.iter().product::<f64>() * f64::from(s.omegas.iter().sum::<f32>());
+                });
+            }
             let close = |a: f64, b: f64| (a - b).abs() < 1e-3 * b.abs().max(1.0);
             assert!(close(samples, expected), "k {k}: {samples} {expected}");
             assert!(close(dot(&y.coeffs, &rhs), expected_rhs));

@@ -1,4 +1,5 @@
-//! The samples' part of the normal equations, Bᵀ Ω B, applied without being formed: B evaluates the spline at the bins.
+//! The samples' part of the normal equations, Bᵀ Ω B, applied without being formed: B evaluates the spline at the bins,
+//! each of which is a mean over samples that are spread by variances v along a and b: c + ½ v_a ∂²c/∂a² + ½ v_b ∂²c/∂b².
 //!
 //! A sample touches 64 nodes: 16 runs of four neighbors along w, which with their channels are 4 k consecutive numbers.
 //! All work is on whole runs: 16 multiply-adds of runs to evaluate, 16 to spread. Both loops read and write what the
@@ -25,11 +26,20 @@ pub(super) struct Normal<'a> {
 /// The samples in the cells of a stripe.
 #[derive(Default)]
 struct Located {
-    /// Per sample: the beginning of the first of its runs, counted from the stripe's, and its position in the cell,
-    /// 0..1.
-    positions: Vec<(u32, [f32; 3])>,
+    places: Vec<Place>,
     /// Weights Σω, `[sample][channel]`.
     omegas: Vec<f32>,
+}
+
+/// Where a sample is.
+#[derive(Clone, Copy)]
+struct Place {
+    /// Beginning of the first of its runs, counted from the stripe's.
+    base: u32,
+    /// Position in its cell, 0..1.
+    position: [f32; 3],
+    /// Variances of what it is the mean of, along a and b, in squared cells.
+    spread: [f32; 2],
 }
 
 /// The nodes that a sample touches.
@@ -65,10 +75,16 @@ fn lanes(position: [f32; 3]) -> [[f32; 4]; 4] {
 }
 
 impl Support {
-    #[inline(always)]
     /// Returns the support of a sample.
-    fn at(base: usize, position: [f32; 3]) -> Self {
-        let weights = lanes(position);
+    #[inline(always)]
+    fn at(place: Place) -> Self {
+        let mut weights = lanes(place.position);
+        // Second derivatives of the weights.
+        for (i, v) in place.spread.into_iter().enumerate() {
+            let (x, half) = (place.position[i], 0.5 * v);
+            let bends = [1.0 - x, 3.0 * x - 2.0, 1.0 - 3.0 * x, x];
+            weights.iter_mut().zip(bends).for_each(|(w, bend)| w[i] += half * bend);
+        }
         let (mut along, mut across) = ([0.0; 4], [[0.0; 4]; 4]);
         for i in 0..4 {
             along[i] = weights[i][2];
@@ -76,7 +92,7 @@ impl Support {
                 across[i][j] = weights[i][1] * weights[j][0];
             }
         }
-        Self { base, across, along }
+        Self { base: place.base as usize, across, along }
     }
 }
 
@@ -144,15 +160,16 @@ impl<'a> Normal<'a> {
     /// Locates the samples in the cells of a stripe, in the order of their bins.
     fn locate(&self, stripe: usize) -> Located {
         let mut located = Located::default();
-        self.for_each_in(stripe, |s, base, position| {
-            located.positions.push((base as u32, position));
+        self.for_each_in(stripe, |s, place| {
+            located.places.push(place);
             located.omegas.extend_from_slice(s.omegas);
         });
         located
     }
 
-    /// Calls `f(sample, base, position in its cell)` for every sample in the cells of a stripe.
-    fn for_each_in(&self, stripe: usize, mut f: impl FnMut(&Sample<'_>, usize, [f32; 3])) {
+    /// Calls `f(sample, where it is)` for every sample in the cells of a stripe.
+    fn for_each_in(&self, stripe: usize, mut f: impl FnMut(&Sample<'_>, Place)) {
+        let cells_per_bin = [0, 1].map(|i| self.cells[i] as f32 / self.bins.counts()[i] as f32);
         let Strides { row, column } = self.strides();
         let cells = stripe * STRIPE..((stripe + 1) * STRIPE).min(self.cells[1]);
         // The rows of bins that may lie in these cells: one more on either side than geometry says.
@@ -163,7 +180,8 @@ impl<'a> Normal<'a> {
             let (cell, position) = lattice::locate(self.cells, s.q);
             if cells.contains(&cell[1]) {
                 let base = (cell[1] - cells.start) * row + cell[0] * column + cell[2] * self.k;
-                f(&s, base, position);
+                let spread = [0, 1].map(|i| s.spread[i] * cells_per_bin[i] * cells_per_bin[i]);
+                f(&s, Place { base: base as u32, position, spread });
             }
         };
         (first..last).for_each(|b| self.bins.for_each_in_row(b, &mut visit));
@@ -196,9 +214,9 @@ impl<'a> Normal<'a> {
         let (k, strides) = (self.k, self.strides());
         self.by_stripes(out, |stripe, chunk, _| {
             let mut run = vec![0.0; 4 * k];
-            let Located { positions, omegas } = &self.located[stripe];
-            for (&(base, position), omegas) in positions.iter().zip(omegas.chunks_exact(k)) {
-                let mut support = Support::at(base as usize, position);
+            let Located { places, omegas } = &self.located[stripe];
+            for (place, omegas) in places.iter().zip(omegas.chunks_exact(k)) {
+                let mut support = Support::at(*place);
                 for (node, w) in run.chunks_exact_mut(k).zip(support.along) {
                     node.iter_mut().zip(omegas).for_each(|(v, o)| *v = w * w * o);
                 }
@@ -217,8 +235,8 @@ impl<'a> Normal<'a> {
         let (k, strides) = (self.k, self.strides());
         self.by_stripes(out, |stripe, chunk, _| {
             let mut run = vec![0.0; 4 * k];
-            self.for_each_in(stripe, |s, base, position| {
-                let support = Support::at(base, position);
+            self.for_each_in(stripe, |s, place| {
+                let support = Support::at(place);
                 for (node, w) in run.chunks_exact_mut(k).zip(support.along) {
                     node.iter_mut().zip(s.moments).for_each(|(v, m)| *v = w * m);
                 }
@@ -238,9 +256,9 @@ impl<'a> Normal<'a> {
         self.by_stripes(y, |stripe, chunk, first| {
             let (mut run, mut value) = (vec![0.0; 4 * k], vec![0.0; k]);
             let (run, value) = (&mut run[..4 * k], &mut value[..k]);
-            let Located { positions, omegas } = &self.located[stripe];
-            for (&(base, position), omegas) in positions.iter().zip(omegas.chunks_exact(k)) {
-                let support = Support::at(base as usize, position);
+            let Located { places, omegas } = &self.located[stripe];
+            for (place, omegas) in places.iter().zip(omegas.chunks_exact(k)) {
+                let support = Support::at(*place);
                 gather::<R>(&x[first..], strides, &support, run);
                 for c in 0..k {
                     let v = (0..4).map(|l| support.along[l] * run[l * k + c]).sum::<f32>();

@@ -21,7 +21,7 @@ pub(super) fn judge(scene: &Scene<'_>, depth: &[f32], chi2: Option<&[f32]>) -> J
     let mut judgment = Judgment::default();
     judgment.extend(judge_clipping(&m.status));
     let (statistics, pixels) = CodewordStatistics::of_scene(m, &m.status);
-    let expected = expected(scene, &pixels);
+    let expected = expected(scene, &pixels, depth);
     judgment.extend(judge_codewords(&statistics, expected.as_ref(), &metadata.images));
     judgment.extend(response::judge(scene, depth));
     judgment.extend(chi2.and_then(|chi2| residual(depth, chi2)));
@@ -47,20 +47,28 @@ pub(super) fn drift_not_checked(why: &str) -> Finding {
     Finding::new(Code::DriftNotChecked, Verdict::Good, sentence, remedy)
 }
 
-/// What codewords the field has along the rays of `pixels`; `None` where no ray meets its volume.
-fn expected(scene: &Scene<'_>, pixels: &[usize]) -> Option<CodewordStatistics> {
+/// What codewords the field has where the surface was found, if it was found at most of `pixels`: an object may lie
+/// within one stripe of a coarse code. Else along their rays, at any depth. `None` where no ray meets the field's
+/// volume.
+fn expected(scene: &Scene<'_>, pixels: &[usize], depth: &[f32]) -> Option<CodewordStatistics> {
+    /// Fraction of the pixels with a depth from which the surface counts as found.
+    const FOUND: f64 = 0.5;
     let k = scene.measurements.k;
+    let is_found = |i: &usize| depth[*i].is_finite();
+    let found = pixels.iter().filter(|i| is_found(i)).count() as f64 > FOUND * pixels.len() as f64;
     let mut codewords = Vec::new();
     let mut c = vec![0.0; k];
-    for i in pixels.iter().step_by((pixels.len() / MAX_PIXELS).max(1)) {
-        let [near, far] = scene.rays.range[*i];
-        if near >= far {
-            continue;
-        }
-        for n in 0..DEPTHS {
-            let t = near + (far - near) * (n as f32 + 0.5) / DEPTHS as f32;
-            scene.grid.eval(scene.rays.in_frame(*i).at(f64::from(t)).q, &mut c);
+    for i in pixels.iter().filter(|i| !found || is_found(i)).step_by((pixels.len() / MAX_PIXELS).max(1)) {
+        let ray = scene.rays.in_frame(*i);
+        let mut add = |t: f32| {
+            scene.grid.eval(ray.at(f64::from(t)).q, &mut c);
             codewords.extend_from_slice(&c);
+        };
+        let [near, far] = scene.rays.range[*i];
+        if found {
+            add(depth[*i] / scene.rays.dir_z(*i));
+        } else if near < far {
+            (0..DEPTHS).for_each(|n| add(near + (far - near) * (n as f32 + 0.5) / DEPTHS as f32));
         }
     }
     (!codewords.is_empty()).then(|| CodewordStatistics::new(&codewords, k))
