@@ -1,22 +1,22 @@
 #!/usr/bin/env python3
-"""How often a sound scanner is called doubtful: presets × seeds × pattern sets × scenes, and any rigs beside them.
+"""How often a sound scanner is called doubtful: presets × pattern sets × scenes × seeds, and any rigs beside them.
 
-    python3 benches/verdict/good_rigs.py PROGRAM FOLDER [--seeds 1,2,3] [--presets demo,dlp] [--rigs RIG ...]
+    python3 benches/verdict/good_rigs.py PROGRAM FOLDER [--seeds 1,2,3] [--rigs RIG ...]
 
-Simulates every preset with every seed into FOLDER (rigs that are there are used again), calibrates every set, and
-reconstructs every scene. Prints one line a rig and set, and how many of the verdicts were not `good`. Other rigs are
-not written to: their fields and results go to FOLDER. Exit code 1 if there was an alarm.
+Runs the experiment good_rigs.toml, which lies beside this file, in FOLDER; started again, it goes on where it stopped.
+Prints a row for every calibration and every scan: the verdict, and for scans the median error of the body and the 1σ
+that was claimed, mm. A warning is a false alarm unless the error exceeds three times the 1σ in the scan (or, for
+a calibration, in one of its scans); without a warning such a scan is silent. `--rigs` adds folders, with every set and
+every scene of theirs; nothing is written to them. Exit code 1 if there was a false alarm.
 """
 
 import argparse
+import hashlib
 import json
 import pathlib
 import subprocess
 import sys
-import time
 import tomllib
-
-PRESETS = ["demo", "shapes", "color", "dlp", "lcd", "film-triton", "film-chronos"]
 
 
 def run(program, *args):
@@ -28,45 +28,52 @@ def run(program, *args):
         return {"verdict": "failed", "warnings": [{"code": done.stderr.strip()[-200:]}]}
 
 
-def simulate(program, folder, preset, seed):
-    """Makes the rig of a preset with a seed, without its sequences; returns its folder."""
-    rig = folder / f"{preset}-{seed}"
-    if (rig / "rig.toml").exists():
-        return rig
-    first = folder / f"{preset}.toml"
-    if not first.exists():
-        made = folder / f"{preset}-preset"
-        subprocess.run([program, "simulate", preset, "-o", made, "--quiet"], check=True)
-        text = (made / "simulation.toml").read_text()
-        first.write_text(text.split("[[sequences]]")[0])
-        subprocess.run(["rm", "-rf", made], check=True)
-    lines = [f"seed = {seed}" if line.startswith("seed = ") and i < 5 else line
-             for i, line in enumerate(first.read_text().splitlines())]
-    spec = folder / f"{preset}-{seed}.toml"
-    spec.write_text("\n".join(lines) + "\n")
-    subprocess.run([program, "simulate", spec, "-o", rig, "--quiet"], check=True)
-    return rig
+def presets(program, folder, seeds):
+    """Runs the experiment; returns (rig with seed, set, scene or none, answer)."""
+    spec = pathlib.Path(__file__).with_name("good_rigs.toml")
+    said = subprocess.run([program, "experiment", spec, "-o", folder, "--seeds", seeds],
+                          check=True, capture_output=True, text=True).stdout
+    own = hashlib.sha256(pathlib.Path(program).read_bytes()).hexdigest()
+    for file in sorted((folder / "steps").glob("*.json")):
+        step = json.loads(file.read_text())
+        command, rig, *rest = step["arguments"]
+        if command == "simulate" or step["program"] != own:
+            continue
+        rig = pathlib.Path(rig)
+        seed = tomllib.loads((rig / "simulation.toml").read_text())["seed"]
+        if str(seed) in seeds.split(","):
+            scene = rest[0] if command == "reconstruct" else None
+            yield f"{rig.name.rsplit('-', 1)[0]}, seed {seed}", rest[rest.index("--set") + 1], scene, step["answer"]
+    for line in said.splitlines():
+        if line.startswith("without a result: "):
+            yield line.removeprefix("without a result: "), "", "?", {"verdict": "failed", "warnings": []}
 
 
-def verdict(answer):
-    codes = ", ".join(w["code"] for w in answer["warnings"])
-    return answer["verdict"] if answer["verdict"] == "good" else f"{answer['verdict']} ({codes})"
+def folders(program, folder, rigs):
+    """Calibrates every set of every rig and reconstructs its scenes; yields the same."""
+    for rig in rigs:
+        sets = [s["name"] for s in tomllib.loads((rig / "rig.toml").read_text())["pattern_sets"]]
+        scenes = sorted(p.name for p in (rig / "scenes").iterdir() if any(p.glob("white.*")))
+        for chosen in sets:
+            field = folder / "fields" / f"{rig.name}-{chosen}.safetensors"
+            field.parent.mkdir(exist_ok=True, parents=True)
+            answer = run(program, "calibrate", rig, "--set", chosen, "-o", field, "--accept")
+            yield rig.name, chosen, None, answer
+            for scene in scenes:
+                truth = rig / "ground_truth" / "scenes" / scene
+                truth = next((t for t in (truth, rig / "scenes" / scene / "truth") if t.exists()), None)
+                out = folder / "results" / f"{rig.name}-{scene}-{chosen}"
+                more = ("--truth", truth) if truth else ()
+                yield rig.name, chosen, scene, run(
+                    program, "reconstruct", rig, scene, "--set", chosen, "--field", field, "-o", out, "--accept", *more)
 
 
-def judge(program, rig, name, folder):
-    """Yields what is judged and the verdict, for every set of a rig and every scene."""
-    sets = [s["name"] for s in tomllib.loads((rig / "rig.toml").read_text())["pattern_sets"]]
-    scenes = sorted(p.name for p in (rig / "scenes").iterdir() if (p / "white.png").exists() or any(p.glob("white.*")))
-    for set_name in sets:
-        field = folder / "fields" / f"{name}-{set_name}.safetensors"
-        field.parent.mkdir(exist_ok=True)
-        answer = run(program, "calibrate", rig, "--set", set_name, "-o", field, "--accept")
-        yield f"{name} {set_name}", verdict(answer)
-        for scene in scenes:
-            out = folder / "results" / f"{name}-{scene}-{set_name}"
-            answer = run(program, "reconstruct", rig, scene, "--set", set_name, "--field", field, "-o", out, "--accept")
-            yield f"{name} {set_name} {scene}", verdict(answer)
-            subprocess.run(["rm", "-rf", out], check=True)
+def body(answer):
+    """Median error of the body and its claimed 1σ, mm; none without ground truth."""
+    metrics = (answer.get("summary") or {}).get("metrics")
+    if not metrics or not metrics["body"]["sigma"]:
+        return None
+    return metrics["body"]["depth_mm"]["median"], metrics["body"]["sigma"]["median_mm"]
 
 
 def main():
@@ -74,27 +81,35 @@ def main():
     parser.add_argument("program")
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--seeds", default="1,2,3")
-    parser.add_argument("--presets", default=",".join(PRESETS))
     parser.add_argument("--rigs", nargs="*", type=pathlib.Path, default=[])
     args = parser.parse_args()
     args.folder.mkdir(parents=True, exist_ok=True)
-    verdicts = alarms = rigs = 0
-    presets = [p for p in args.presets.split(",") if p]
-    jobs = [(p, int(s)) for s in args.seeds.split(",") for p in presets] + [(r, None) for r in args.rigs]
-    for what, seed in jobs:
-        start = time.time()
-        rig = what if seed is None else simulate(args.program, args.folder, what, seed)
-        name = rig.name
-        rigs += 1
-        for about, said in judge(args.program, rig, name, args.folder):
-            verdicts += 1
-            alarms += said != "good"
-            print(f"| {about} | {said} |", flush=True)
-        print(f"# {name}: {time.time() - start:.0f} s; {alarms} of {verdicts} so far", file=sys.stderr, flush=True)
-        if seed is not None:
-            subprocess.run(["rm", "-rf", rig], check=True)
-    print(f"\n{alarms} alarms in {verdicts} verdicts on {rigs} rigs")
-    return 1 if alarms else 0
+    rows = list(presets(args.program, args.folder, args.seeds)) if args.seeds else []
+    rows += folders(args.program, args.folder, args.rigs)
+    rows.sort(key=lambda r: (r[0], r[1], r[2] or ""))
+
+    def is_off(answer):
+        error = body(answer)
+        return error is not None and error[0] > 3 * error[1]
+
+    off_fields = {(rig, chosen) for rig, chosen, scene, answer in rows if scene and is_off(answer)}
+    alarms = false = silent = 0
+    print("| rig | set | scene | median error, mm | claimed 1σ, mm | verdict | |\n|---|---|---|---|---|---|---|")
+    for rig, chosen, scene, answer in rows:
+        said = answer["verdict"]
+        warned = said != "good"
+        off = is_off(answer) if scene else (rig, chosen) in off_fields
+        alarms += warned
+        false += warned and not off
+        silent += bool(scene) and off and not warned
+        judged = ("right" if off else "**FALSE**") if warned else "**SILENT**" if scene and off else ""
+        codes = ", ".join(f"`{w['code']}`" for w in answer["warnings"])
+        error = body(answer) if scene else None
+        numbers = "{:.3g} | {:.3g}".format(*error) if error else "– | –"
+        print(f"| {rig} | {chosen} | {scene or '(sweep)'} | {numbers} | {said}{': ' if codes else ''}{codes} | {judged} |")
+    rigs = len({r[0] for r in rows})
+    print(f"\n{len(rows)} verdicts on {rigs} rigs: {alarms} warned, {false} of them falsely; {silent} silent")
+    return 1 if false else 0
 
 
 if __name__ == "__main__":

@@ -54,6 +54,24 @@ fn spec() -> Spec {
     spec
 }
 
+/// Makes everything but some columns of a capture as dark as a camera's black.
+fn leave_columns(dir: &Path, columns: std::ops::Range<usize>) {
+    for entry in std::fs::read_dir(dir).unwrap() {
+        let file = entry.unwrap().path();
+        if file.extension().is_some_and(|e| e == "png") {
+            let raw = nelu3d_scan::image::decode(&file, None).unwrap();
+            let nelu3d_scan::image::RawData::U16(codes) = raw.data else { panic!("{} has 16 bits", file.display()) };
+            let mut image = nelu3d_scan::Image::new(raw.width, raw.height, 1);
+            let linear = |(i, code): (usize, &u16)| match columns.contains(&(i % raw.width)) {
+                true => (f32::from(*code) - 64.0) / (4095.0 - 64.0),
+                false => 0.0,
+            };
+            image.data = codes.iter().enumerate().map(linear).collect();
+            nelu3d_scan::image::write_png16(&file, &image, 64.0, 4095.0).unwrap();
+        }
+    }
+}
+
 fn answer(args: &[&str]) -> Value {
     let out = nelu3d(&[args, &["--json", "--quiet"]].concat());
     assert!(out.status.success(), "{args:?}: {}", stderr(&out));
@@ -125,6 +143,28 @@ fn a_scene_with_the_board_in_view_tells_by_itself() {
     let output = folder.path().join("moving");
     let moving = answer(&["sequence", rig, frames.to_str().unwrap(), "-o", output.to_str().unwrap()]);
     assert_eq!((&moving["verdict"], &moving["warnings"]), (&"doubtful".into(), &serde_json::json!({ "drift": 2 })));
+
+    // A few markers at the edge of the view are enough.
+    let edge = folder.path().join("edge");
+    copy(&Path::new(rig).join("scenes/vase-before-board"), &edge.join("000"));
+    leave_columns(&edge.join("000"), 105..160);
+    let output = folder.path().join("moving-edge");
+    let moving = answer(&["sequence", rig, edge.to_str().unwrap(), "-o", output.to_str().unwrap()]);
+    assert_eq!(moving["table"][0]["drift"]["moved"], "light", "{moving}");
+    assert!(moving["warnings"]["drift"] == 1, "{moving}");
+
+    // A board that moves between white image and patterns tells nothing, however far the pattern falls off.
+    let frames = folder.path().join("carried");
+    let positions = ["004", "005", "006", "007"].map(|p| Path::new(rig).join("calibration").join(p));
+    for (i, of_patterns) in positions[..3].iter().enumerate() {
+        let frame = frames.join(format!("{i:03}"));
+        copy(of_patterns, &frame);
+        std::fs::copy(positions[i + 1].join("white.png"), frame.join("white.png")).unwrap();
+    }
+    let output = folder.path().join("moving-carried");
+    let moving = answer(&["sequence", rig, frames.to_str().unwrap(), "--accept", "-o", output.to_str().unwrap()]);
+    assert_eq!(moving["notes"], serde_json::json!({ "drift-not-checked": 3 }), "{moving}");
+    assert!(moving["warnings"].get("drift").is_none(), "{moving}");
 
     // Without a board there is nothing to correct by.
     let out = nelu3d(&["check", rig, "--drift", "calibration", "--quiet"]);

@@ -17,9 +17,9 @@ mod report;
 mod samples;
 mod view;
 
-use nelu3d_scan::Rig;
 use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
 use nelu3d_scan::statistics::median;
+use nelu3d_scan::{Image, Rig};
 
 use crate::color_field::{ColorField, LightMotion, check_field, check_mono};
 use crate::progress::Progress;
@@ -34,6 +34,9 @@ use view::BoardView;
 const MOVED_PX: f64 = 0.2;
 /// Displacement of the corners from a place of the sweep up to which the camera stood still, px.
 const STILL_PX: f64 = 0.15;
+/// Displacement of the pattern by a board's own motion from one frame to the next from which it moves, px; errors of
+/// its pose stay below.
+const MOVES_PX: f64 = 0.1;
 /// Median χ² per measurement up to which a motion explains what is seen, whatever it was without it.
 const EXPLAINED: f64 = 2.5;
 /// Part of the median χ² without a motion that it has to leave at most. Errors of the field and of the board's pose
@@ -77,6 +80,31 @@ pub fn check_drift(
 /// Why nothing was checked, as a part of a sentence.
 pub fn check_capture(rig: &Rig, capture: &Capture, field: &ColorField) -> Result<DriftReport, String> {
     Ok(compare(rig, &[BoardView::new(rig, capture, field)?], field))
+}
+
+/// Checks a frame of a sequence, whose patterns may show another moment than its white image, like [`check_capture`].
+/// `neighbors` are the white images of the frames before and after it: a board that moves from one to the next tells
+/// nothing where its own motion explains what was found.
+///
+/// # Errors
+///
+/// Why nothing was checked, as a part of a sentence.
+pub fn check_frame(
+    rig: &Rig,
+    capture: &Capture,
+    neighbors: &[&Image],
+    field: &ColorField,
+) -> Result<DriftReport, String> {
+    let view = BoardView::new(rig, capture, field)?;
+    let report = compare(rig, std::slice::from_ref(&view), field);
+    if report.moved == Moved::Nothing {
+        return Ok(report);
+    }
+    let moves_px = neighbors.iter().map(|white| view.moves_px(rig, white, field)).fold(0.0, f64::max);
+    tracing::debug!(moves_px, shift_px = report.shift_px, "the board's own motion");
+    // A pattern is no further than a frame from its white image.
+    let explained = moves_px > MOVES_PX && (!report.rigid || report.shift_px < 2.0 * moves_px);
+    if explained { Err("the board in view moves".into()) } else { Ok(report) }
 }
 
 /// Finds the motion, and who made it.

@@ -64,6 +64,21 @@ impl BoardView {
         .ok_or("the board in view stands outside the calibrated volume, or in the dark")?;
         Ok(Self { samples, pose, rms_px, place: place(rig, detector, &corners, field) })
     }
+
+    /// Returns how far the light's pattern moves on the board as the camera sees it if the board moves from here to
+    /// where another frame's white image shows it, root mean square, px; 0 where that frame has no board.
+    pub(super) fn moves_px(&self, rig: &Rig, white: &Image, field: &ColorField) -> f64 {
+        let bend = field.metadata.board_bend.as_ref();
+        let there = rig.board.as_ref().and_then(|board| {
+            let detector = Detector::new(board).ok()?.with_camera(&rig.camera);
+            locate(rig, &detector, white, bend).ok()
+        });
+        let Some((_, there, _)) = there else { return 0.0 };
+        // The light against the board moves the other way.
+        let shifts = self.samples.shifts_px(field, &rig.camera, &(self.pose * there.inverse()));
+        let n = shifts.len().max(1) as f64;
+        (shifts.iter().map(|s| s[0] * s[0] + s[1] * s[1]).sum::<f64>() / n).sqrt()
+    }
 }
 
 /// Finds the corners of the board in a white image, and its pose.

@@ -10,7 +10,7 @@ use super::pattern_time::{PatternTime, PatternTimeProblem};
 use super::state::{FrameDiagnostics, FrameState, MotionDiagnostics};
 use super::white_blend::blend_white;
 use crate::color_field::{CameraRays, ColorField};
-use crate::drift::check_capture;
+use crate::drift::check_frame;
 use crate::progress::StageTime;
 use crate::reconstruct::{
     Context, Diagnostics, Effort, Failure, PreviousFrame, Recipe, ReconstructionOptions, reconstruct_capture,
@@ -82,7 +82,7 @@ pub fn reconstruct_frame(
     mut cx: Context<'_>,
 ) -> Result<FrameReconstruction, Failure> {
     cx.clock.begin("look for drift");
-    let drift = check_capture(input.rig, &capture, input.field);
+    let drift = check_frame(input.rig, &capture, &input.neighbors.whites(), input.field);
     let taken = capture.white.clone();
     let auto = input.motion.motion == MotionMode::Auto;
     if input.motion.motion == MotionMode::Interpolate {

@@ -20,6 +20,11 @@ impl Neighbors {
         Self { before, after, motion: OnceLock::new() }
     }
 
+    /// Returns the white images of the neighbors that there are.
+    pub(super) fn whites(&self) -> Vec<&Image> {
+        self.before.iter().chain(&self.after).collect()
+    }
+
     /// Returns how the points of the white image `taken` between them move; `None` if neither neighbor determines it.
     /// Motion is estimated once, at the first call. It needs white images alone, so a caller may ask for it while the
     /// previous frame is still being computed.

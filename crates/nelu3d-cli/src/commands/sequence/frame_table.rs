@@ -28,10 +28,10 @@ impl FrameRow {
         self.summary.as_ref()?.pointer(path)?.as_f64()
     }
 
-    /// Returns the codes of the frame's warnings.
-    fn codes(&self) -> Vec<&str> {
-        let warnings = self.summary.as_ref().and_then(|s| s.get("warnings")).and_then(Value::as_array);
-        warnings.into_iter().flatten().filter_map(|w| w.get("code").and_then(Value::as_str)).collect()
+    /// Returns the codes of the frame's findings: of its "warnings" or its "notes".
+    fn codes(&self, findings: &str) -> Vec<&str> {
+        let all = self.summary.as_ref().and_then(|s| s.get(findings)).and_then(Value::as_array);
+        all.into_iter().flatten().filter_map(|f| f.get("code").and_then(Value::as_str)).collect()
     }
 
     /// Returns the row as an object.
@@ -40,7 +40,9 @@ impl FrameRow {
             "frame": self.frame,
             "failed": self.failure,
             "verdict": self.summary.as_ref().and_then(|s| s.get("verdict")),
-            "warnings": self.codes(),
+            "warnings": self.codes("warnings"),
+            "notes": self.codes("notes"),
+            "drift": self.summary.as_ref().and_then(|s| s.pointer("/method/drift")),
             "kept": self.number("/pixels/kept"),
             "start": self.summary.as_ref().and_then(|s| s.pointer("/method/start")),
             "motion": self.summary.as_ref().and_then(|s| s.pointer("/method/motion")),
@@ -68,15 +70,19 @@ impl SequenceTable {
         mean(&rows.iter().collect::<Vec<_>>())
     }
 
-    /// Returns the verdict on the frames together, that of the worst, and in how many frames each warning is.
-    pub(super) fn verdict(&self) -> (&'static str, BTreeMap<&str, usize>) {
+    /// Returns in how many frames each code is among the findings, "warnings" or "notes".
+    pub(super) fn codes(&self, findings: &str) -> BTreeMap<&str, usize> {
         let mut codes = BTreeMap::new();
-        self.0.iter().flat_map(FrameRow::codes).for_each(|code| *codes.entry(code).or_insert(0) += 1);
+        self.0.iter().flat_map(|row| row.codes(findings)).for_each(|code| *codes.entry(code).or_insert(0) += 1);
+        codes
+    }
+
+    /// Returns the verdict on the frames together: that of the worst.
+    pub(super) fn verdict(&self) -> &'static str {
         let has = |verdict: &str| {
             self.0.iter().any(|r| r.summary.as_ref().is_some_and(|s| s.get("verdict").is_some_and(|v| v == verdict)))
         };
-        let worst = ["bad", "doubtful"].into_iter().find(|v| has(v)).unwrap_or("good");
-        (worst, codes)
+        ["bad", "doubtful"].into_iter().find(|v| has(v)).unwrap_or("good")
     }
 
     /// Returns a number of every frame's result.json.

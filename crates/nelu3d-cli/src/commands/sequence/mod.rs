@@ -85,10 +85,11 @@ fn report(run: &SequenceRun<'_>, output: &Path, failed: &[(String, String)], con
         let table = outputs::write(&run.folder, &run.frames, run.args.fps)?;
         answer["table"] = table.json();
         answer["mean"] = table.mean();
-        let (verdict, codes) = table.verdict();
+        let (verdict, warnings, notes) = (table.verdict(), table.codes("warnings"), table.codes("notes"));
         answer["verdict"] = verdict.into();
-        answer["warnings"] = serde_json::json!(codes);
-        let listed: Vec<String> = codes.iter().map(|(code, n)| format!("{code} in {n}")).collect();
+        answer["warnings"] = serde_json::json!(warnings);
+        answer["notes"] = serde_json::json!(notes);
+        let listed: Vec<String> = warnings.iter().map(|(code, n)| format!("{code} in {n}")).collect();
         let of = if listed.is_empty() { String::new() } else { format!(" ({})", listed.join(", ")) };
         text = format!("verdict   {verdict}{of}\n{text}");
         text += &format!("\n{table}");
