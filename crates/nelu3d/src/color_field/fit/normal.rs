@@ -26,12 +26,13 @@ pub(super) struct Normal<'a> {
 /// The samples in the cells of a stripe.
 #[derive(Default)]
 struct Located {
+    /// Where each sample is.
     places: Vec<Place>,
     /// Weights Σω, `[sample][channel]`.
     omegas: Vec<f32>,
 }
 
-/// Where a sample is.
+/// Where a sample is, and how far what it stands for reaches around it.
 #[derive(Clone, Copy)]
 struct Place {
     /// Beginning of the first of its runs, counted from the stripe's.
@@ -79,7 +80,7 @@ impl Support {
     #[inline(always)]
     fn at(place: Place) -> Self {
         let mut weights = lanes(place.position);
-        // Second derivatives of the weights.
+        // A mean over samples: w + ½ v w″.
         for (i, v) in place.spread.into_iter().enumerate() {
             let (x, half) = (place.position[i], 0.5 * v);
             let bends = [1.0 - x, 3.0 * x - 2.0, 1.0 - 3.0 * x, x];
