@@ -14,6 +14,7 @@
 //! | occupancy grid | [`occupancy`] | Müller et al. 2022, Sec. 5.1 |
 //! | nearest codewords of a table | [`nearest`] | |
 //! | tricubic B-splines over a projective frame | [`lattice`] | |
+//! | samples of such a spline in normal equations | [`normal`] | |
 //! | depths of an image from a cost volume | [`cost_volume`] | Hirschmüller 2008, Sec. 2.3 |
 //! | light gathered from diffuse patches | [`gathering`] | Wallace et al. 1989 |
 //! | thin plate over pixels | [`plate`] | |
@@ -39,6 +40,7 @@ pub mod loss;
 mod memory;
 pub mod mlp;
 pub mod nearest;
+pub mod normal;
 pub mod occupancy;
 pub mod plate;
 mod prefetch;

@@ -5,8 +5,9 @@ use super::hypotheses::HypothesisLine;
 use super::problem::{LitCells, Problem};
 use crate::lattice::Lattice;
 use crate::lattice::lanes::{
-    LANES, Lanes, ROUND, SUMS, first_node, offsets, place, store, sum_over_ab, sum_over_w, weights_of,
+    LANES, Lanes, Place, ROUND, SUMS, first_node, of_lane, offsets, place, store, sum_over_ab, sum_over_w, weights_of,
 };
+use crate::lattice::many::{self, GROUP, Sums};
 
 /// What does not change from pixel to pixel.
 pub(super) struct Costs<'a> {
@@ -20,8 +21,10 @@ pub(super) struct Costs<'a> {
 pub(super) struct PixelScratch {
     /// Codewords, a channel after the other.
     c: Vec<Lanes>,
-    /// One codeword.
+    /// One codeword of many channels.
     one: Vec<f32>,
+    /// Sums of nodes of many channels.
+    sums: Sums<1>,
 }
 
 impl Costs<'_> {
@@ -35,7 +38,10 @@ impl Costs<'_> {
         let at = pixel as usize * k;
         let measured = [problem.p, problem.inv_var, problem.surround].map(|v| &v[at..at + k]);
         scratch.c.resize(k, [0.0; LANES]);
-        scratch.one.resize(k, 0.0);
+        if k > 6 {
+            scratch.one.resize(many::room(k), 0.0);
+            scratch.sums.resize(k);
+        }
         let [first, end] = line.range.map(|l| l as usize);
         let mut any = false;
         for begin in (first / LANES * LANES..end).step_by(LANES) {
@@ -103,16 +109,7 @@ fn look_up(cells: &LitCells<'_>, q: &[Lanes; 3], lit: &mut [bool; LANES]) {
 /// Writes the codewords of lit hypotheses, for K channels.
 #[inline(always)]
 fn codewords<const K: usize>(lattice: &Lattice<'_>, q: &[Lanes; 3], lit: &[bool; LANES], c: &mut [Lanes]) {
-    let [a, b, w] = [place(&q[0], lattice.cells[0]), place(&q[1], lattice.cells[1]), place(&q[2], lattice.cells[2])];
-    let [wa, wb, ww] = [weights_of(&a.position), weights_of(&b.position), weights_of(&w.position)];
-    let mut ab = [[0.0f32; LANES]; 16];
-    for j in 0..4 {
-        for i in 0..4 {
-            for l in 0..LANES {
-                ab[4 * j + i][l] = wa[i][l] * wb[j][l];
-            }
-        }
-    }
+    let ([a, b, w], ab, ww) = weights(lattice, q);
     let offsets = offsets(lattice);
     let mut stored = [[0.0f32; SUMS]; LANES];
     for l in 0..LANES {
@@ -124,19 +121,45 @@ fn codewords<const K: usize>(lattice: &Lattice<'_>, q: &[Lanes; 3], lit: &[bool;
         store(&sums, &mut stored[l]);
     }
     for l in 0..LANES {
-        let codeword = sum_over_w::<K>(&stored[l], [ww[0][l], ww[1][l], ww[2][l], ww[3][l]]);
+        let codeword = sum_over_w::<K>(&stored[l], of_lane(&ww, l));
         for ch in 0..K {
             c[ch][l] = codeword[ch];
         }
     }
 }
 
-/// Writes the codewords of lit hypotheses, for any number of channels.
+/// Writes the codewords of lit hypotheses, for more than six channels.
+#[inline(always)]
 fn codewords_of_many(lattice: &Lattice<'_>, q: &[Lanes; 3], lit: &[bool; LANES], scratch: &mut PixelScratch) {
-    for l in (0..LANES).filter(|l| lit[*l]) {
-        lattice.eval([q[0][l], q[1][l], q[2][l]], &mut scratch.one);
-        scratch.c.iter_mut().zip(&scratch.one).for_each(|(c, v)| c[l] = *v);
+    let (places, ab, ww) = weights(lattice, q);
+    let (offsets, ab) = (offsets(lattice), [ab]);
+    for begin in (0..LANES).step_by(GROUP) {
+        for l in (begin..begin + GROUP).filter(|l| lit[*l]) {
+            let first = first_node(lattice, places.each_ref(), l);
+            scratch.sums.set(l - begin, lattice.nodes, first, &offsets, &ab, l);
+        }
+        for l in (begin..begin + GROUP).filter(|l| lit[*l]) {
+            let sums = scratch.sums.get(l - begin, 0);
+            many::sum_over_w(lattice.k, [(sums, of_lane(&ww, l))], &mut scratch.one);
+            scratch.c.iter_mut().zip(&scratch.one).for_each(|(c, v)| c[l] = *v);
+        }
     }
+}
+
+/// Returns the places of points, the weights of their 16 rows of nodes, `[4 j + i]`, and those along w.
+#[inline(always)]
+fn weights(lattice: &Lattice<'_>, q: &[Lanes; 3]) -> ([Place; 3], [Lanes; 16], [Lanes; 4]) {
+    let [a, b, w] = [place(&q[0], lattice.cells[0]), place(&q[1], lattice.cells[1]), place(&q[2], lattice.cells[2])];
+    let [wa, wb, ww] = [weights_of(&a.position), weights_of(&b.position), weights_of(&w.position)];
+    let mut ab = [[0.0f32; LANES]; 16];
+    for j in 0..4 {
+        for i in 0..4 {
+            for l in 0..LANES {
+                ab[4 * j + i][l] = wa[i][l] * wb[j][l];
+            }
+        }
+    }
+    ([a, b, w], ab, ww)
 }
 
 /// Returns what [`super::misfit()`] returns for every codeword.

@@ -3,8 +3,10 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::lanes::{
-    LANES, Lanes, Place, SUMS, first_node, offsets, place, slopes_of, store, sum_over_w, three_sums_over_ab, weights_of,
+    LANES, Lanes, Place, SUMS, first_node, of_lane, offsets, place, slopes_of, store, sum_over_w, three_sums_over_ab,
+    weights_of,
 };
+use super::many::{self, GROUP, Sums};
 use super::view::Lattice;
 
 /// A point of a curve through the unit cube, with its first two derivatives by the curve's parameter.
@@ -78,11 +80,11 @@ impl Lattice<'_> {
             4 => Arch::new().dispatch(Jets::<4> { lattice: *self, points, out }),
             5 => Arch::new().dispatch(Jets::<5> { lattice: *self, points, out }),
             6 => Arch::new().dispatch(Jets::<6> { lattice: *self, points, out }),
-            k => points.iter().zip(out.chunks_exact_mut(3 * k)).for_each(|(point, out)| self.eval_jet(point, out)),
+            _ => Arch::new().dispatch(ManyJets { lattice: *self, points, out }),
         }
     }
 
-    /// Evaluates one point plainly, for any number of channels; see [`Self::eval_jets`].
+    /// Evaluates one point plainly; see [`Self::eval_jets`].
     pub fn eval_jet(&self, point: &CurvePoint, out: &mut [f32]) {
         let mut lanes = [[0.0; LANES]; 3];
         (0..3).for_each(|i| lanes[i][0] = point.q[i]);
@@ -161,35 +163,54 @@ impl<const K: usize> WithSimd for Jets<'_, K> {
     }
 }
 
+/// The weights of points side by side, with their first two derivatives along curves.
+struct Weights {
+    places: [Place; 3],
+    /// Weights of the 16 rows of nodes, `[4 j + i]`.
+    ab: [[Lanes; 16]; 3],
+    /// Weights along w.
+    w: [[Lanes; 4]; 3],
+}
+
+impl Weights {
+    /// Returns the weights of at most [`LANES`] points.
+    #[inline(always)]
+    fn of(lattice: &Lattice<'_>, points: &[CurvePoint]) -> Self {
+        let (mut q, mut dq, mut ddq) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        for (l, point) in points.iter().enumerate() {
+            for i in 0..3 {
+                q[i][l] = point.q[i];
+                dq[i][l] = point.dq[i];
+                ddq[i][l] = point.ddq[i];
+            }
+        }
+        let places = [place(&q[0], lattice.cells[0]), place(&q[1], lattice.cells[1]), place(&q[2], lattice.cells[2])];
+        let a = AxisWeights::new(&places[0]).along(&[dq[0], ddq[0]], lattice.cells[0]);
+        let b = AxisWeights::new(&places[1]).along(&[dq[1], ddq[1]], lattice.cells[1]);
+        let w = AxisWeights::new(&places[2]).along(&[dq[2], ddq[2]], lattice.cells[2]);
+        let mut ab = [[[0.0; LANES]; 16]; 3];
+        for j in 0..4 {
+            for i in 0..4 {
+                for l in 0..LANES {
+                    ab[0][4 * j + i][l] = a[0][i][l] * b[0][j][l];
+                    ab[1][4 * j + i][l] = a[1][i][l] * b[0][j][l] + a[0][i][l] * b[1][j][l];
+                    ab[2][4 * j + i][l] =
+                        a[2][i][l] * b[0][j][l] + 2.0 * a[1][i][l] * b[1][j][l] + a[0][i][l] * b[2][j][l];
+                }
+            }
+        }
+        Self { places, ab, w }
+    }
+}
+
 /// Evaluates at most [`LANES`] points.
 #[inline(always)]
 fn some_jets<const K: usize>(lattice: &Lattice<'_>, points: &[CurvePoint], out: &mut [f32]) {
-    let (mut q, mut dq, mut ddq) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3], [[0.0; LANES]; 3]);
-    for (l, point) in points.iter().enumerate() {
-        for i in 0..3 {
-            q[i][l] = point.q[i];
-            dq[i][l] = point.dq[i];
-            ddq[i][l] = point.ddq[i];
-        }
-    }
-    let places = [place(&q[0], lattice.cells[0]), place(&q[1], lattice.cells[1]), place(&q[2], lattice.cells[2])];
-    let a = AxisWeights::new(&places[0]).along(&[dq[0], ddq[0]], lattice.cells[0]);
-    let b = AxisWeights::new(&places[1]).along(&[dq[1], ddq[1]], lattice.cells[1]);
-    let w = AxisWeights::new(&places[2]).along(&[dq[2], ddq[2]], lattice.cells[2]);
-    let mut ab = [[[0.0; LANES]; 16]; 3];
-    for j in 0..4 {
-        for i in 0..4 {
-            for l in 0..LANES {
-                ab[0][4 * j + i][l] = a[0][i][l] * b[0][j][l];
-                ab[1][4 * j + i][l] = a[1][i][l] * b[0][j][l] + a[0][i][l] * b[1][j][l];
-                ab[2][4 * j + i][l] = a[2][i][l] * b[0][j][l] + 2.0 * a[1][i][l] * b[1][j][l] + a[0][i][l] * b[2][j][l];
-            }
-        }
-    }
+    let Weights { places, ab, w } = Weights::of(lattice, points);
     let offsets = offsets(lattice);
     let mut stored = [[[0.0f32; SUMS]; 3]; LANES];
     for l in 0..points.len() {
-        let first = first_node(lattice, [&places[0], &places[1], &places[2]], l);
+        let first = first_node(lattice, places.each_ref(), l);
         let sums = three_sums_over_ab::<K>(lattice.nodes, first, &offsets, &ab, l);
         for m in 0..3 {
             store(&sums[m], &mut stored[l][m]);
@@ -209,8 +230,43 @@ fn some_jets<const K: usize>(lattice: &Lattice<'_>, points: &[CurvePoint], out: 
     }
 }
 
-/// Returns the weights of one point.
-#[inline(always)]
-fn of_lane(weights: &[Lanes; 4], l: usize) -> [f32; 4] {
-    [weights[0][l], weights[1][l], weights[2][l], weights[3][l]]
+/// Points with more than six channels.
+struct ManyJets<'a> {
+    lattice: Lattice<'a>,
+    points: &'a [CurvePoint],
+    out: &'a mut [f32],
+}
+
+impl WithSimd for ManyJets<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { lattice, points, out } = self;
+        let k = lattice.k;
+        let (offsets, mut sums) = (offsets(&lattice), Sums::<3>::default());
+        sums.resize(k);
+        let mut jet = vec![0.0; many::room(k)];
+        for (points, out) in points.chunks(LANES).zip(out.chunks_mut(LANES * 3 * k)) {
+            let Weights { places, ab, w } = Weights::of(&lattice, points);
+            for begin in (0..points.len()).step_by(GROUP) {
+                let group = begin..(begin + GROUP).min(points.len());
+                for l in group.clone() {
+                    let first = first_node(&lattice, places.each_ref(), l);
+                    sums.set(l - begin, lattice.nodes, first, &offsets, &ab, l);
+                }
+                for l in group {
+                    let [s, ds, dds] = [0, 1, 2].map(|m| sums.get(l - begin, m));
+                    let [v, d, e] = [of_lane(&w[0], l), of_lane(&w[1], l), of_lane(&w[2], l)];
+                    let (value, rest) = out[l * 3 * k..(l + 1) * 3 * k].split_at_mut(k);
+                    let (slope, bend) = rest.split_at_mut(k);
+                    many::sum_over_w(k, [(s, v)], &mut jet);
+                    value.copy_from_slice(&jet[..k]);
+                    many::sum_over_w(k, [(s, d), (ds, v)], &mut jet);
+                    slope.copy_from_slice(&jet[..k]);
+                    many::sum_over_w(k, [(s, e), (ds, d.map(|d| 2.0 * d)), (dds, v)], &mut jet);
+                    bend.copy_from_slice(&jet[..k]);
+                }
+            }
+        }
+    }
 }

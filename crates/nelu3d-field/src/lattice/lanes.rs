@@ -67,6 +67,12 @@ pub(crate) fn slopes_of(position: &Lanes) -> [[Lanes; 4]; 2] {
     out
 }
 
+/// Returns the weights of one point.
+#[inline(always)]
+pub(crate) fn of_lane(weights: &[Lanes; 4], l: usize) -> [f32; 4] {
+    [weights[0][l], weights[1][l], weights[2][l], weights[3][l]]
+}
+
 /// Returns the offset of the first of the 4 × 4 × 4 nodes around a point.
 #[inline(always)]
 pub(crate) fn first_node(lattice: &Lattice<'_>, [a, b, w]: [&Place; 3], l: usize) -> usize {

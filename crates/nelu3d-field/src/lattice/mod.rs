@@ -5,13 +5,14 @@
 //! | `spline.rs` | the weights of four neighboring nodes and their derivatives |
 //! | `view.rs` | [`Lattice`], the nodes, and their plain evaluation for any number of channels |
 //! | `evaluator.rs` | [`LatticeEvaluator`], the fast evaluation for up to six channels |
-//! | `jet.rs` | values, slopes and bends along curves, for many points; `lanes.rs` is what its loops are made of |
+//! | `jet.rs` | values, slopes and bends along curves, for many points; `lanes.rs` is what its loops are made of, `many.rs` for more than six channels |
 //! | `frame.rs` | [`ProjectiveFrame`], the map from space to the unit cube |
 
 mod evaluator;
 mod frame;
 mod jet;
 pub(crate) mod lanes;
+pub(crate) mod many;
 mod spline;
 mod view;
 

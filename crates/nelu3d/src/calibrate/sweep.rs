@@ -103,7 +103,9 @@ impl<'a> Sweep<'a> {
         mut take: impl FnMut(Vec<T>),
     ) -> Result<(), CalibrationError> {
         let mut done = 0;
-        for wave in which.chunks(2 * self.pool.current_num_threads()) {
+        // One thread gains nothing from a second position, which is as large as the images.
+        let threads = self.pool.current_num_threads();
+        for wave in which.chunks(if threads == 1 { 1 } else { 2 * threads }) {
             let one = |p: &usize| {
                 if progress.cancelled() {
                     return Err(CalibrationError::Cancelled);
