@@ -1,11 +1,14 @@
 //! The costs of a pixel's hypotheses, many of them side by side: where they lie, how much each node of the lattice
 //! counts, and the misfit are computed in lanes; only the nodes are read one hypothesis after the other.
 
+use pulp::Simd;
+
 use super::hypotheses::HypothesisLine;
 use super::problem::{LitCells, Problem};
 use crate::lattice::Lattice;
 use crate::lattice::lanes::{
-    LANES, Lanes, Place, ROUND, SUMS, first_node, of_lane, offsets, place, store, sum_over_ab, sum_over_w, weights_of,
+    LANES, Lanes, Place, ROUND, SUMS, first_node, mul_add, of_lane, offsets, place, store, sum_over_ab, sum_over_w,
+    weights_of,
 };
 use crate::lattice::many::{self, GROUP, Sums};
 
@@ -31,7 +34,7 @@ impl Costs<'_> {
     /// Writes the costs of the hypotheses of a pixel that are inside; all others keep what they have. Returns whether
     /// there are any. `row` begins with hypothesis 0 and is a multiple of [`LANES`] long.
     #[inline(always)]
-    pub(super) fn of_pixel(&self, pixel: u32, row: &mut [u16], scratch: &mut PixelScratch) -> bool {
+    pub(super) fn of_pixel<S: Simd>(&self, pixel: u32, row: &mut [u16], scratch: &mut PixelScratch) -> bool {
         let problem = self.problem;
         let k = problem.lattice.k;
         let line = problem.rays.ray(pixel).line(&problem.frame, problem.center, &problem.hypotheses);
@@ -57,15 +60,15 @@ impl Costs<'_> {
             }
             any = true;
             match k {
-                1 => codewords::<1>(&problem.lattice, &q, &lit, &mut scratch.c),
-                2 => codewords::<2>(&problem.lattice, &q, &lit, &mut scratch.c),
-                3 => codewords::<3>(&problem.lattice, &q, &lit, &mut scratch.c),
-                4 => codewords::<4>(&problem.lattice, &q, &lit, &mut scratch.c),
-                5 => codewords::<5>(&problem.lattice, &q, &lit, &mut scratch.c),
-                6 => codewords::<6>(&problem.lattice, &q, &lit, &mut scratch.c),
-                _ => codewords_of_many(&problem.lattice, &q, &lit, scratch),
+                1 => codewords::<S, 1>(&problem.lattice, &q, &lit, &mut scratch.c),
+                2 => codewords::<S, 2>(&problem.lattice, &q, &lit, &mut scratch.c),
+                3 => codewords::<S, 3>(&problem.lattice, &q, &lit, &mut scratch.c),
+                4 => codewords::<S, 4>(&problem.lattice, &q, &lit, &mut scratch.c),
+                5 => codewords::<S, 5>(&problem.lattice, &q, &lit, &mut scratch.c),
+                6 => codewords::<S, 6>(&problem.lattice, &q, &lit, &mut scratch.c),
+                _ => codewords_of_many::<S>(&problem.lattice, &q, &lit, scratch),
             }
-            let costs = misfits(measured, &scratch.c, problem.prior, problem.saturation);
+            let costs = misfits::<S>(measured, &scratch.c, problem.prior, problem.saturation);
             let row = &mut row[begin..begin + LANES];
             for l in 0..LANES {
                 // The last bits of a rounded value are an integer.
@@ -108,7 +111,7 @@ fn look_up(cells: &LitCells<'_>, q: &[Lanes; 3], lit: &mut [bool; LANES]) {
 
 /// Writes the codewords of lit hypotheses, for K channels.
 #[inline(always)]
-fn codewords<const K: usize>(lattice: &Lattice<'_>, q: &[Lanes; 3], lit: &[bool; LANES], c: &mut [Lanes]) {
+fn codewords<S: Simd, const K: usize>(lattice: &Lattice<'_>, q: &[Lanes; 3], lit: &[bool; LANES], c: &mut [Lanes]) {
     let ([a, b, w], ab, ww) = weights(lattice, q);
     let offsets = offsets(lattice);
     let mut stored = [[0.0f32; SUMS]; LANES];
@@ -117,11 +120,11 @@ fn codewords<const K: usize>(lattice: &Lattice<'_>, q: &[Lanes; 3], lit: &[bool;
             continue;
         }
         let first = first_node(lattice, [&a, &b, &w], l);
-        let sums = sum_over_ab::<K>(lattice.nodes, first, &offsets, &ab, l);
+        let sums = sum_over_ab::<S, K>(lattice.nodes, first, &offsets, &ab, l);
         store(&sums, &mut stored[l]);
     }
     for l in 0..LANES {
-        let codeword = sum_over_w::<K>(&stored[l], of_lane(&ww, l));
+        let codeword = sum_over_w::<S, K>(&stored[l], of_lane(&ww, l));
         for ch in 0..K {
             c[ch][l] = codeword[ch];
         }
@@ -130,17 +133,17 @@ fn codewords<const K: usize>(lattice: &Lattice<'_>, q: &[Lanes; 3], lit: &[bool;
 
 /// Writes the codewords of lit hypotheses, for more than six channels.
 #[inline(always)]
-fn codewords_of_many(lattice: &Lattice<'_>, q: &[Lanes; 3], lit: &[bool; LANES], scratch: &mut PixelScratch) {
+fn codewords_of_many<S: Simd>(lattice: &Lattice<'_>, q: &[Lanes; 3], lit: &[bool; LANES], scratch: &mut PixelScratch) {
     let (places, ab, ww) = weights(lattice, q);
     let (offsets, ab) = (offsets(lattice), [ab]);
     for begin in (0..LANES).step_by(GROUP) {
         for l in (begin..begin + GROUP).filter(|l| lit[*l]) {
             let first = first_node(lattice, places.each_ref(), l);
-            scratch.sums.set(l - begin, lattice.nodes, first, &offsets, &ab, l);
+            scratch.sums.set::<S>(l - begin, lattice.nodes, first, &offsets, &ab, l);
         }
         for l in (begin..begin + GROUP).filter(|l| lit[*l]) {
             let sums = scratch.sums.get(l - begin, 0);
-            many::sum_over_w(lattice.k, [(sums, of_lane(&ww, l))], &mut scratch.one);
+            many::sum_over_w::<S, _>(lattice.k, [(sums, of_lane(&ww, l))], &mut scratch.one);
             scratch.c.iter_mut().zip(&scratch.one).for_each(|(c, v)| c[l] = *v);
         }
     }
@@ -164,19 +167,19 @@ fn weights(lattice: &Lattice<'_>, q: &[Lanes; 3]) -> ([Place; 3], [Lanes; 16], [
 
 /// Returns what [`super::misfit()`] returns for every codeword.
 #[inline(always)]
-fn misfits([p, inv_var, surround]: [&[f32]; 3], c: &[Lanes], prior: [f32; 2], saturation: f32) -> Lanes {
+fn misfits<S: Simd>([p, inv_var, surround]: [&[f32]; 3], c: &[Lanes], prior: [f32; 2], saturation: f32) -> Lanes {
     let mut sums = [[0.0f32; LANES]; 6];
     for (j, c) in c.iter().enumerate() {
         let (p, iv, around) = (p[j], inv_var[j], surround[j]);
         for l in 0..LANES {
             let (r, ambient, indirect) = (p - c[l], 1.0 - c[l], around - c[l]);
             let (ia, ib) = (iv * ambient, iv * indirect);
-            sums[0][l] += ia * ambient;
-            sums[1][l] += ia * indirect;
-            sums[2][l] += ib * indirect;
-            sums[3][l] += ia * r;
-            sums[4][l] += ib * r;
-            sums[5][l] += iv * r * r;
+            sums[0][l] = mul_add::<S>(ia, ambient, sums[0][l]);
+            sums[1][l] = mul_add::<S>(ia, indirect, sums[1][l]);
+            sums[2][l] = mul_add::<S>(ib, indirect, sums[2][l]);
+            sums[3][l] = mul_add::<S>(ia, r, sums[3][l]);
+            sums[4][l] = mul_add::<S>(ib, r, sums[4][l]);
+            sums[5][l] = mul_add::<S>(iv * r, r, sums[5][l]);
         }
     }
     let mut out = [0.0; LANES];

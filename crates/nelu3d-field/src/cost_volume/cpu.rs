@@ -77,7 +77,7 @@ impl WithSimd for SomePixels<'_> {
         for ((pixel, row), inside) in
             self.pixels.iter().zip(self.costs.chunks_exact_mut(self.stride)).zip(self.is_inside)
         {
-            *inside = of.of_pixel(*pixel, row, self.scratch);
+            *inside = of.of_pixel::<S>(*pixel, row, self.scratch);
         }
     }
 }

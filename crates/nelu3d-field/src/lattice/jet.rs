@@ -158,7 +158,7 @@ impl<const K: usize> WithSimd for Jets<'_, K> {
     fn with_simd<S: Simd>(self, _: S) {
         let Self { lattice, points, out } = self;
         for (points, out) in points.chunks(LANES).zip(out.chunks_mut(LANES * 3 * K)) {
-            some_jets::<K>(&lattice, points, out);
+            some_jets::<S, K>(&lattice, points, out);
         }
     }
 }
@@ -205,13 +205,13 @@ impl Weights {
 
 /// Evaluates at most [`LANES`] points.
 #[inline(always)]
-fn some_jets<const K: usize>(lattice: &Lattice<'_>, points: &[CurvePoint], out: &mut [f32]) {
+fn some_jets<S: Simd, const K: usize>(lattice: &Lattice<'_>, points: &[CurvePoint], out: &mut [f32]) {
     let Weights { places, ab, w } = Weights::of(lattice, points);
     let offsets = offsets(lattice);
     let mut stored = [[[0.0f32; SUMS]; 3]; LANES];
     for l in 0..points.len() {
         let first = first_node(lattice, places.each_ref(), l);
-        let sums = three_sums_over_ab::<K>(lattice.nodes, first, &offsets, &ab, l);
+        let sums = three_sums_over_ab::<S, K>(lattice.nodes, first, &offsets, &ab, l);
         for m in 0..3 {
             store(&sums[m], &mut stored[l][m]);
         }
@@ -219,9 +219,9 @@ fn some_jets<const K: usize>(lattice: &Lattice<'_>, points: &[CurvePoint], out: 
     for (l, out) in out.chunks_exact_mut(3 * K).enumerate() {
         let [v, d, e] = [of_lane(&w[0], l), of_lane(&w[1], l), of_lane(&w[2], l)];
         let [s, ds, dds] = &stored[l];
-        let value = sum_over_w::<K>(s, v);
-        let (d0, d1) = (sum_over_w::<K>(s, d), sum_over_w::<K>(ds, v));
-        let (e0, e1, e2) = (sum_over_w::<K>(s, e), sum_over_w::<K>(ds, d), sum_over_w::<K>(dds, v));
+        let value = sum_over_w::<S, K>(s, v);
+        let (d0, d1) = (sum_over_w::<S, K>(s, d), sum_over_w::<S, K>(ds, v));
+        let (e0, e1, e2) = (sum_over_w::<S, K>(s, e), sum_over_w::<S, K>(ds, d), sum_over_w::<S, K>(dds, v));
         for c in 0..K {
             out[c] = value[c];
             out[K + c] = d0[c] + d1[c];
@@ -252,18 +252,18 @@ impl WithSimd for ManyJets<'_> {
                 let group = begin..(begin + GROUP).min(points.len());
                 for l in group.clone() {
                     let first = first_node(&lattice, places.each_ref(), l);
-                    sums.set(l - begin, lattice.nodes, first, &offsets, &ab, l);
+                    sums.set::<S>(l - begin, lattice.nodes, first, &offsets, &ab, l);
                 }
                 for l in group {
                     let [s, ds, dds] = [0, 1, 2].map(|m| sums.get(l - begin, m));
                     let [v, d, e] = [of_lane(&w[0], l), of_lane(&w[1], l), of_lane(&w[2], l)];
                     let (value, rest) = out[l * 3 * k..(l + 1) * 3 * k].split_at_mut(k);
                     let (slope, bend) = rest.split_at_mut(k);
-                    many::sum_over_w(k, [(s, v)], &mut jet);
+                    many::sum_over_w::<S, _>(k, [(s, v)], &mut jet);
                     value.copy_from_slice(&jet[..k]);
-                    many::sum_over_w(k, [(s, d), (ds, v)], &mut jet);
+                    many::sum_over_w::<S, _>(k, [(s, d), (ds, v)], &mut jet);
                     slope.copy_from_slice(&jet[..k]);
-                    many::sum_over_w(k, [(s, e), (ds, d.map(|d| 2.0 * d)), (dds, v)], &mut jet);
+                    many::sum_over_w::<S, _>(k, [(s, e), (ds, d.map(|d| 2.0 * d)), (dds, v)], &mut jet);
                     bend.copy_from_slice(&jet[..k]);
                 }
             }

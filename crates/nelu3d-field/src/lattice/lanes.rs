@@ -1,5 +1,7 @@
 //! Many points side by side: cells and weights are computed in lanes. Inlined into functions that are dispatched.
 
+use pulp::Simd;
+
 use super::spline::{slopes, weights_by_product};
 use super::view::Lattice;
 
@@ -14,6 +16,13 @@ pub(crate) const ROUND: f32 = 8_388_608.0;
 
 /// Room for the sums over the nodes of up to six channels, and for reading a vector from the last of them on.
 pub(crate) const SUMS: usize = 32;
+
+/// Returns `a · b + c`, rounded once where the processor that `S` stands for does that in one instruction.
+#[inline(always)]
+pub(crate) fn mul_add<S: Simd>(a: f32, b: f32, c: f32) -> f32 {
+    // Vectors of 256 bits come with it, and every 64-bit Arm has it; elsewhere it would be a call.
+    if cfg!(target_arch = "aarch64") || size_of::<S::f32s>() >= 32 { a.mul_add(b, c) } else { a * b + c }
+}
 
 /// The place of points in a grid of cells along one axis.
 #[derive(Clone, Copy)]
@@ -107,10 +116,10 @@ fn row<const K: usize>(nodes: &[f32], at: usize) -> &AlongW<K> {
 
 /// Adds `weight` times a row of nodes.
 #[inline(always)]
-fn add<const K: usize>(sum: &mut AlongW<K>, row: &AlongW<K>, weight: f32) {
+fn add<S: Simd, const K: usize>(sum: &mut AlongW<K>, row: &AlongW<K>, weight: f32) {
     for node in 0..K {
         for c in 0..4 {
-            sum[node][c] += weight * row[node][c];
+            sum[node][c] = mul_add::<S>(weight, row[node][c], sum[node][c]);
         }
     }
 }
@@ -118,7 +127,7 @@ fn add<const K: usize>(sum: &mut AlongW<K>, row: &AlongW<K>, weight: f32) {
 /// Returns the sum of the nodes around a point over (a, b), with weights `[4 j + i]`. It is taken in four parts, as an
 /// addition waits for the one before it.
 #[inline(always)]
-pub(crate) fn sum_over_ab<const K: usize>(
+pub(crate) fn sum_over_ab<S: Simd, const K: usize>(
     nodes: &[f32],
     first: usize,
     offsets: &[usize; 16],
@@ -127,20 +136,20 @@ pub(crate) fn sum_over_ab<const K: usize>(
 ) -> AlongW<K> {
     let (mut s0, mut s1, mut s2, mut s3) = ([[0.0; 4]; K], [[0.0; 4]; K], [[0.0; 4]; K], [[0.0; 4]; K]);
     for j in 0..4 {
-        add(&mut s0, row::<K>(nodes, first + offsets[4 * j]), weights[4 * j][l]);
-        add(&mut s1, row::<K>(nodes, first + offsets[4 * j + 1]), weights[4 * j + 1][l]);
-        add(&mut s2, row::<K>(nodes, first + offsets[4 * j + 2]), weights[4 * j + 2][l]);
-        add(&mut s3, row::<K>(nodes, first + offsets[4 * j + 3]), weights[4 * j + 3][l]);
+        add::<S, K>(&mut s0, row::<K>(nodes, first + offsets[4 * j]), weights[4 * j][l]);
+        add::<S, K>(&mut s1, row::<K>(nodes, first + offsets[4 * j + 1]), weights[4 * j + 1][l]);
+        add::<S, K>(&mut s2, row::<K>(nodes, first + offsets[4 * j + 2]), weights[4 * j + 2][l]);
+        add::<S, K>(&mut s3, row::<K>(nodes, first + offsets[4 * j + 3]), weights[4 * j + 3][l]);
     }
-    add(&mut s0, &s1, 1.0);
-    add(&mut s2, &s3, 1.0);
-    add(&mut s0, &s2, 1.0);
+    add::<S, K>(&mut s0, &s1, 1.0);
+    add::<S, K>(&mut s2, &s3, 1.0);
+    add::<S, K>(&mut s0, &s2, 1.0);
     s0
 }
 
 /// Returns three sums like [`sum_over_ab`], each with its weights.
 #[inline(always)]
-pub(crate) fn three_sums_over_ab<const K: usize>(
+pub(crate) fn three_sums_over_ab<S: Simd, const K: usize>(
     nodes: &[f32],
     first: usize,
     offsets: &[usize; 16],
@@ -150,9 +159,9 @@ pub(crate) fn three_sums_over_ab<const K: usize>(
     let (mut s, mut d, mut e) = ([[0.0; 4]; K], [[0.0; 4]; K], [[0.0; 4]; K]);
     for n in 0..16 {
         let row = row::<K>(nodes, first + offsets[n]);
-        add(&mut s, row, weights[0][n][l]);
-        add(&mut d, row, weights[1][n][l]);
-        add(&mut e, row, weights[2][n][l]);
+        add::<S, K>(&mut s, row, weights[0][n][l]);
+        add::<S, K>(&mut d, row, weights[1][n][l]);
+        add::<S, K>(&mut e, row, weights[2][n][l]);
     }
     [s, d, e]
 }
@@ -165,12 +174,12 @@ pub(crate) fn store<const K: usize>(sums: &[[f32; 4]; K], to: &mut [f32; SUMS]) 
 
 /// Returns Σ weights × sums over the four nodes along w, for up to eight channels of which the first K count.
 #[inline(always)]
-pub(crate) fn sum_over_w<const K: usize>(sums: &[f32; SUMS], weights: [f32; 4]) -> [f32; 8] {
+pub(crate) fn sum_over_w<S: Simd, const K: usize>(sums: &[f32; SUMS], weights: [f32; 4]) -> [f32; 8] {
     let mut out = [0.0f32; 8];
     for (node, weight) in weights.into_iter().enumerate() {
         let from: &[f32; 8] = sums[node * K..].first_chunk().expect("room behind the sums");
         for c in 0..8 {
-            out[c] += weight * from[c];
+            out[c] = mul_add::<S>(weight, from[c], out[c]);
         }
     }
     out

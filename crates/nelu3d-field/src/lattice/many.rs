@@ -1,7 +1,9 @@
 //! Splines of any number of channels, at points side by side: the nodes along w of all channels are one row of numbers,
 //! which is summed part by part. Inlined into functions that are dispatched.
 
-use super::lanes::Lanes;
+use pulp::Simd;
+
+use super::lanes::{Lanes, mul_add};
 
 /// Points whose sums are stored before they are read again: what was just written as one vector cannot be read as
 /// another one without waiting.
@@ -34,7 +36,7 @@ impl<const M: usize> Sums<M> {
     /// Computes the sums of point `l`, whose first node is at `first`, for place `at` of the group; weights are
     /// `[4 j + i]`.
     #[inline(always)]
-    pub(crate) fn set(
+    pub(crate) fn set<S: Simd>(
         &mut self,
         at: usize,
         nodes: &[f32],
@@ -50,14 +52,14 @@ impl<const M: usize> Sums<M> {
             // Parts of at most twelve vectors of sums; the last ones begin before the end of those before them.
             let rest = len - begin;
             if M == 1 && rest >= 32 {
-                part::<32, M>(nodes, first, offsets, weights, l, begin, out);
+                part::<S, 32, M>(nodes, first, offsets, weights, l, begin, out);
                 begin += 32;
             } else if rest > 8 {
                 let from = begin.min(len - 16);
-                part::<16, M>(nodes, first, offsets, weights, l, from, out);
+                part::<S, 16, M>(nodes, first, offsets, weights, l, from, out);
                 begin = from + 16;
             } else {
-                part::<8, M>(nodes, first, offsets, weights, l, len - 8, out);
+                part::<S, 8, M>(nodes, first, offsets, weights, l, len - 8, out);
                 begin = len;
             }
         }
@@ -73,7 +75,7 @@ impl<const M: usize> Sums<M> {
 
 /// Computes N consecutive numbers of every sum, from `begin` on.
 #[inline(always)]
-fn part<const N: usize, const M: usize>(
+fn part<S: Simd, const N: usize, const M: usize>(
     nodes: &[f32],
     first: usize,
     offsets: &[usize; 16],
@@ -91,7 +93,7 @@ fn part<const N: usize, const M: usize>(
         for m in 0..M {
             let weight = weights[m][n][l];
             for i in 0..N {
-                sums[m][i] += weight * row[i];
+                sums[m][i] = mul_add::<S>(weight, row[i], sums[m][i]);
             }
         }
     }
@@ -104,14 +106,14 @@ fn part<const N: usize, const M: usize>(
 /// Writes Σ over terms of weights × sums over the four nodes along w: `k` channels, and some numbers behind them up to
 /// [`room`].
 #[inline(always)]
-pub(crate) fn sum_over_w<const T: usize>(k: usize, terms: [(&[f32], [f32; 4]); T], out: &mut [f32]) {
+pub(crate) fn sum_over_w<S: Simd, const T: usize>(k: usize, terms: [(&[f32], [f32; 4]); T], out: &mut [f32]) {
     for c in (0..k).step_by(CHANNELS) {
         let mut sum = [0.0f32; CHANNELS];
         for (sums, weights) in &terms {
             for (node, weight) in weights.iter().enumerate() {
                 let from: &[f32; CHANNELS] = sums[node * k + c..].first_chunk().expect("room behind the sums");
                 for i in 0..CHANNELS {
-                    sum[i] += weight * from[i];
+                    sum[i] = mul_add::<S>(*weight, from[i], sum[i]);
                 }
             }
         }

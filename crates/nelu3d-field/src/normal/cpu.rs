@@ -3,12 +3,38 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::{NodeStrides, Place, Weights};
-use crate::lattice::lanes::{LANES, Lanes, slopes_of, weights_of};
+use crate::lattice::lanes::{LANES, Lanes, mul_add, slopes_of, weights_of};
 
 /// Samples of a cell that are added to its nodes together.
 const TOGETHER: usize = 2;
 /// Room behind the numbers of a sample, for reading and writing whole vectors from its last channel on.
 const ROOM: usize = 8;
+
+/// Does `$call` with the beginning and the length `$N` of every part of a run of `$len` numbers, a multiple of four.
+macro_rules! by_parts {
+    ($len:expr, $begin:ident, $N:ident => $call:expr) => {
+        let mut $begin = 0;
+        while $begin + 32 <= $len {
+            const $N: usize = 32;
+            $call;
+            $begin += $N;
+        }
+        if $begin + 16 <= $len {
+            const $N: usize = 16;
+            $call;
+            $begin += $N;
+        }
+        if $begin + 8 <= $len {
+            const $N: usize = 8;
+            $call;
+            $begin += $N;
+        }
+        if $begin < $len {
+            const $N: usize = 4;
+            $call;
+        }
+    };
+}
 
 /// Adds Bᵀ Ω B x to y. `omegas` are the weights, `[sample][channel]`; x and y hold nodes from the same one on. Sums of
 /// samples are taken in their order.
@@ -37,13 +63,13 @@ fn dispatch(samples: Samples<'_>) {
         return;
     }
     match samples.strides.k {
-        1 => Arch::new().dispatch(OfChannels::<1, 4>(samples)),
-        2 => Arch::new().dispatch(OfChannels::<2, 4>(samples)),
-        3 => Arch::new().dispatch(OfChannels::<3, 4>(samples)),
-        4 => Arch::new().dispatch(OfChannels::<4, 4>(samples)),
-        5 => Arch::new().dispatch(OfChannels::<5, 8>(samples)),
-        6 => Arch::new().dispatch(OfChannels::<6, 8>(samples)),
-        _ => Arch::new().dispatch(OfChannels::<0, 8>(samples)),
+        1 => Arch::new().dispatch(OfChannels::<1, 4, 0, 4>(samples)),
+        2 => Arch::new().dispatch(OfChannels::<2, 8, 0, 4>(samples)),
+        3 => Arch::new().dispatch(OfChannels::<3, 8, 4, 4>(samples)),
+        4 => Arch::new().dispatch(OfChannels::<4, 16, 0, 4>(samples)),
+        5 => Arch::new().dispatch(OfChannels::<5, 16, 4, 8>(samples)),
+        6 => Arch::new().dispatch(OfChannels::<6, 16, 8, 8>(samples)),
+        _ => Arch::new().dispatch(OfChannels::<0, 0, 0, 8>(samples)),
     }
 }
 
@@ -57,8 +83,9 @@ struct Samples<'a> {
     y: &'a mut [f32],
 }
 
-/// Samples of K channels, which the compiler knows; 0 for any number. W channels are taken at a time.
-struct OfChannels<'a, const K: usize, const W: usize>(Samples<'a>);
+/// Samples of K channels, whose runs are vectors of N and M numbers together; 0 for any number. W channels are taken at
+/// a time.
+struct OfChannels<'a, const K: usize, const N: usize, const M: usize, const W: usize>(Samples<'a>);
 
 /// Weights of samples side by side.
 struct SomeWeights {
@@ -68,7 +95,7 @@ struct SomeWeights {
     along: [Lanes; 4],
 }
 
-impl<const K: usize, const W: usize> WithSimd for OfChannels<'_, K, W> {
+impl<const K: usize, const N: usize, const M: usize, const W: usize> WithSimd for OfChannels<'_, K, N, M, W> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
@@ -91,11 +118,18 @@ impl<const K: usize, const W: usize> WithSimd for OfChannels<'_, K, W> {
             // What was written is read as other vectors only when all samples have it.
             if let Some(x) = x {
                 for (l, place) in places.iter().enumerate() {
-                    gather(x, place.base as usize, &offsets, &weights.across, l, &mut runs[l * stride..][..len]);
+                    let (base, run) = (place.base as usize, &mut runs[l * stride..][..len]);
+                    if K > 0 {
+                        gather::<S, N, M>(x, base, &offsets, &weights.across, l, run);
+                    } else {
+                        by_parts!(len, begin, P => {
+                            gather::<S, P, 0>(x, base + begin, &offsets, &weights.across, l, &mut run[begin..]);
+                        });
+                    }
                 }
                 for l in 0..places.len() {
                     let run = &runs[l * stride..][..stride];
-                    weigh::<W>(&own[l * k..], run, &weights.along, l, k, &mut weighed[l * (k + ROOM)..]);
+                    weigh::<S, W>(&own[l * k..], run, &weights.along, l, k, &mut weighed[l * (k + ROOM)..]);
                 }
             }
             if by == Weights::Squared {
@@ -107,15 +141,26 @@ impl<const K: usize, const W: usize> WithSimd for OfChannels<'_, K, W> {
             }
             let mut l = 0;
             while l < places.len() {
-                let base = places[l].base;
-                let together = l + 1 < places.len() && places[l + 1].base == base;
-                if together {
-                    spread::<TOGETHER>(y, base as usize, &offsets, &weights.across, l, &runs, len);
-                    l += TOGETHER;
-                } else {
-                    spread::<1>(y, base as usize, &offsets, &weights.across, l, &runs, len);
-                    l += 1;
+                let (first, rest) = (&places[l], &places[l + 1..]);
+                let together = rest.first().is_some_and(|next| next.base == first.base);
+                let (base, across, runs) = (first.base as usize, &weights.across, &runs[l * stride..]);
+                match (K > 0, together) {
+                    (true, true) => spread::<S, TOGETHER, N, M>(y, base, &offsets, across, l, runs, stride),
+                    (true, false) => spread::<S, 1, N, M>(y, base, &offsets, across, l, runs, stride),
+                    (false, true) => {
+                        by_parts!(len, begin, P => {
+                            let (base, runs) = (base + begin, &runs[begin..]);
+                            spread::<S, TOGETHER, P, 0>(y, base, &offsets, across, l, runs, stride);
+                        });
+                    }
+                    (false, false) => {
+                        by_parts!(len, begin, P => {
+                            let (base, runs) = (base + begin, &runs[begin..]);
+                            spread::<S, 1, P, 0>(y, base, &offsets, across, l, runs, stride);
+                        });
+                    }
                 }
+                l += if together { TOGETHER } else { 1 };
             }
         }
     }
@@ -163,42 +208,9 @@ impl SomeWeights {
     }
 }
 
-/// Does `$call` with the beginning and the length `$N` of every part of a run of `$len` numbers, a multiple of four.
-macro_rules! by_parts {
-    ($len:expr, $begin:ident, $N:ident => $call:expr) => {
-        let mut $begin = 0;
-        while $begin + 32 <= $len {
-            const $N: usize = 32;
-            $call;
-            $begin += $N;
-        }
-        if $begin + 16 <= $len {
-            const $N: usize = 16;
-            $call;
-            $begin += $N;
-        }
-        if $begin + 8 <= $len {
-            const $N: usize = 8;
-            $call;
-            $begin += $N;
-        }
-        if $begin < $len {
-            const $N: usize = 4;
-            $call;
-        }
-    };
-}
-
-/// Computes `run = Σ weight · run of x`.
+/// Computes N + M numbers of a run: Σ weight · run of x.
 #[inline(always)]
-fn gather(x: &[f32], base: usize, offsets: &[usize; 16], across: &[Lanes; 16], l: usize, run: &mut [f32]) {
-    let len = run.len();
-    by_parts!(len, begin, N => gather_part::<N>(x, base + begin, offsets, across, l, &mut run[begin..]));
-}
-
-/// Computes N numbers of a run.
-#[inline(always)]
-fn gather_part<const N: usize>(
+fn gather<S: Simd, const N: usize, const M: usize>(
     x: &[f32],
     base: usize,
     offsets: &[usize; 16],
@@ -206,23 +218,33 @@ fn gather_part<const N: usize>(
     l: usize,
     run: &mut [f32],
 ) {
-    let last = x.len().saturating_sub(N);
-    let mut sum = [0.0f32; N];
+    let last = x.len().saturating_sub(N + M);
+    let (mut low, mut high) = ([0.0f32; N], [0.0f32; M]);
     for n in 0..16 {
         // No run begins behind this, which the compiler then knows, too.
         let at = (base + offsets[n]).min(last);
-        let x: &[f32; N] = x[at..at + N].first_chunk().expect("a part of a run");
-        let weight = across[n][l];
+        let (x, weight) = (&x[at..at + N + M], across[n][l]);
         for i in 0..N {
-            sum[i] += weight * x[i];
+            low[i] = mul_add::<S>(weight, x[i], low[i]);
+        }
+        for i in 0..M {
+            high[i] = mul_add::<S>(weight, x[N + i], high[i]);
         }
     }
-    *run.first_chunk_mut::<N>().expect("a part of a run") = sum;
+    run[..N].copy_from_slice(&low);
+    run[N..N + M].copy_from_slice(&high);
 }
 
 /// Writes a sample's values: its weights times the sums over a run's nodes.
 #[inline(always)]
-fn weigh<const W: usize>(omegas: &[f32], run: &[f32], along: &[Lanes; 4], l: usize, k: usize, values: &mut [f32]) {
+fn weigh<S: Simd, const W: usize>(
+    omegas: &[f32],
+    run: &[f32],
+    along: &[Lanes; 4],
+    l: usize,
+    k: usize,
+    values: &mut [f32],
+) {
     let weights = [along[0][l], along[1][l], along[2][l], along[3][l]];
     let mut c = 0;
     while c < k {
@@ -230,7 +252,7 @@ fn weigh<const W: usize>(omegas: &[f32], run: &[f32], along: &[Lanes; 4], l: usi
         for n in 0..4 {
             let from: &[f32; W] = run[n * k + c..].first_chunk().expect("room behind a run");
             for i in 0..W {
-                sum[i] += weights[n] * from[i];
+                sum[i] = mul_add::<S>(weights[n], from[i], sum[i]);
             }
         }
         let omegas: &[f32; W] = omegas[c..].first_chunk().expect("room behind the weights");
@@ -260,43 +282,34 @@ fn repeat<const W: usize>(values: &[f32], along: &[Lanes; 4], l: usize, k: usize
     }
 }
 
-/// Adds `weight · run` of S samples of one cell to the runs of y.
+/// Adds N + M numbers of the weighted runs of T samples of one cell, which are `stride` apart, to the runs of y.
 #[inline(always)]
-fn spread<const S: usize>(
+fn spread<S: Simd, const T: usize, const N: usize, const M: usize>(
     y: &mut [f32],
     base: usize,
     offsets: &[usize; 16],
     across: &[Lanes; 16],
     l: usize,
     runs: &[f32],
-    len: usize,
+    stride: usize,
 ) {
-    by_parts!(len, begin, N => spread_part::<S, N>(y, base + begin, offsets, across, l, &runs[begin..], len));
-}
-
-/// Adds N numbers of runs.
-#[inline(always)]
-fn spread_part<const S: usize, const N: usize>(
-    y: &mut [f32],
-    base: usize,
-    offsets: &[usize; 16],
-    across: &[Lanes; 16],
-    l: usize,
-    runs: &[f32],
-    len: usize,
-) {
-    let mut own = [[0.0f32; N]; S];
-    for s in 0..S {
-        own[s] = *runs[(l + s) * (len + ROOM)..].first_chunk().expect("a part of a run");
+    let (mut low, mut high) = ([[0.0f32; N]; T], [[0.0f32; M]; T]);
+    for t in 0..T {
+        let run = &runs[t * stride..][..N + M];
+        low[t].copy_from_slice(&run[..N]);
+        high[t].copy_from_slice(&run[N..]);
     }
-    let last = y.len().saturating_sub(N);
+    let last = y.len().saturating_sub(N + M);
     for n in 0..16 {
         let at = (base + offsets[n]).min(last);
-        let y: &mut [f32; N] = y[at..at + N].first_chunk_mut().expect("a part of a run");
-        for s in 0..S {
-            let weight = across[n][l + s];
+        let y = &mut y[at..at + N + M];
+        for t in 0..T {
+            let weight = across[n][l + t];
             for i in 0..N {
-                y[i] += weight * own[s][i];
+                y[i] = mul_add::<S>(weight, low[t][i], y[i]);
+            }
+            for i in 0..M {
+                y[N + i] = mul_add::<S>(weight, high[t][i], y[N + i]);
             }
         }
     }
