@@ -1,11 +1,17 @@
 //! The fast evaluation of a spline: what every inner loop over camera rays calls.
 
+use pulp::{Arch, Simd, WithSimd};
+
+use super::lanes::mul_add;
 use super::spline::{slopes, weights};
 use super::view::{Lattice, locate};
 
+/// Channels that are summed side by side where there are as many.
+const CHANNELS: usize = 8;
+
 /// A [`Lattice`] ready to be evaluated at many points. It gives what [`Lattice::eval`] and [`Lattice::eval_along`]
 /// give, but for rounding, faster: the four nodes along w of all channels lie side by side in memory and are summed as
-/// one vector over (a, b) before w is looked at. More than six channels go the plain way.
+/// one vector over (a, b) before w is looked at. Of eight channels or more, eight at a time are summed over all nodes.
 #[derive(Clone, Copy, Debug)]
 pub struct LatticeEvaluator<'a> {
     lattice: Lattice<'a>,
@@ -42,7 +48,12 @@ impl<'a> LatticeEvaluator<'a> {
             4 => self.eval_n::<16>(q, out),
             5 => self.eval_n::<20>(q, out),
             6 => self.eval_n::<24>(q, out),
-            _ => self.lattice.eval(q, out),
+            7 => self.eval_n::<28>(q, out),
+            _ => {
+                let (base, position) = self.locate(q);
+                let weights = products(position.map(weights));
+                Arch::new().dispatch(OfMany { of: self, base, terms: [(weights, out)] });
+            }
         }
     }
 
@@ -57,7 +68,18 @@ impl<'a> LatticeEvaluator<'a> {
             4 => self.eval_along_n::<16>(q, dq, out, dout),
             5 => self.eval_along_n::<20>(q, dq, out, dout),
             6 => self.eval_along_n::<24>(q, dq, out, dout),
-            _ => self.lattice.eval_along(q, dq, out, dout),
+            7 => self.eval_along_n::<28>(q, dq, out, dout),
+            _ => {
+                let (base, position) = self.locate(q);
+                let w = position.map(weights);
+                let mut along = [0.0; 64];
+                for axis in 0..3 {
+                    let (mut of_axis, scale) = (w, dq[axis] * self.lattice.cells[axis] as f32);
+                    of_axis[axis] = slopes(position[axis]).map(|s| scale * s);
+                    along.iter_mut().zip(products(of_axis)).for_each(|(sum, v)| *sum += v);
+                }
+                Arch::new().dispatch(OfMany { of: self, base, terms: [(products(w), out), (along, dout)] });
+            }
         }
     }
 
@@ -115,6 +137,50 @@ impl<'a> LatticeEvaluator<'a> {
             }
             out[c] = v;
             dout[c] = s;
+        }
+    }
+}
+
+/// Returns the weights of the 64 nodes around a point, `[b][a][w]`.
+#[inline(always)]
+fn products([a, b, w]: [[f32; 4]; 3]) -> [f32; 64] {
+    std::array::from_fn(|n| a[n / 4 % 4] * b[n / 16] * w[n % 4])
+}
+
+/// Sums over the nodes around a point, of eight channels or more.
+struct OfMany<'a, 'b, const T: usize> {
+    of: &'a LatticeEvaluator<'b>,
+    /// Offset of the first node.
+    base: usize,
+    /// Weights of the nodes, and where their sums go.
+    terms: [([f32; 64], &'a mut [f32]); T],
+}
+
+impl<const T: usize> WithSimd for OfMany<'_, '_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { of, base, terms } = self;
+        let (k, nodes) = (of.lattice.k, of.lattice.nodes);
+        for c in (0..k).step_by(CHANNELS) {
+            // The last vector begins before the end of the one before it.
+            let c = c.min(k - CHANNELS);
+            let mut sums = [[0.0f32; CHANNELS]; T];
+            for n in 0..16 {
+                let row = &nodes[base + n / 4 * of.stride[1] + n % 4 * of.stride[0] + c..][..3 * k + CHANNELS];
+                for l in 0..4 {
+                    let node: &[f32; CHANNELS] = row[l * k..].first_chunk().expect("channels of a node");
+                    for t in 0..T {
+                        let weight = terms[t].0[4 * n + l];
+                        for i in 0..CHANNELS {
+                            sums[t][i] = mul_add::<S>(weight, node[i], sums[t][i]);
+                        }
+                    }
+                }
+            }
+            for t in 0..T {
+                terms[t].1[c..c + CHANNELS].copy_from_slice(&sums[t]);
+            }
         }
     }
 }

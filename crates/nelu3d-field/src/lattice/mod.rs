@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `spline.rs` | the weights of four neighboring nodes and their derivatives |
 //! | `view.rs` | [`Lattice`], the nodes, and their plain evaluation for any number of channels |
-//! | `evaluator.rs` | [`LatticeEvaluator`], the fast evaluation for up to six channels |
+//! | `evaluator.rs` | [`LatticeEvaluator`], the fast evaluation at one point |
 //! | `jet.rs` | values, slopes and bends along curves, for many points; `lanes.rs` is what its loops are made of, `many.rs` for more than six channels |
 //! | `frame.rs` | [`ProjectiveFrame`], the map from space to the unit cube |
 

@@ -1,7 +1,7 @@
 //! Form `grid`: a cubic B-spline over the unit cube of a [`FieldFrame`](super::frame::FieldFrame), fitted by least
 //! squares.
 
-use nelu3d_field::lattice::Lattice;
+use nelu3d_field::lattice::{Lattice, LatticeEvaluator};
 use rayon::prelude::*;
 
 /// A uniform tricubic B-spline of `k` channels on `[0, 1]^3`. Nodes are stored `[b][a][w][k]`.
@@ -36,12 +36,12 @@ impl Grid {
     /// Evaluates c at unit coordinates `q` (clamped to the cube), into `out` (k values).
     #[inline]
     pub fn eval(&self, q: [f32; 3], out: &mut [f32]) {
-        self.lattice().eval(q, out);
+        LatticeEvaluator::new(self.lattice()).eval(q, out);
     }
 
     /// Evaluates c and its derivative in the direction `dq`, into `out` and `dout` (k values each).
     pub fn eval_along(&self, q: [f32; 3], dq: [f32; 3], out: &mut [f32], dout: &mut [f32]) {
-        self.lattice().eval_along(q, dq, out, dout);
+        LatticeEvaluator::new(self.lattice()).eval_along(q, dq, out, dout);
     }
 
     /// Sets the coefficients so that the spline passes through `values` at its nodes (`[b][a][w][k]`), by Richardson
