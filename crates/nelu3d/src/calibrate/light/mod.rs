@@ -24,12 +24,10 @@ use center::{Chart, HOME};
 use disagreement::disagreeing_blocks;
 use refine::{Refined, Steps, refine};
 use search::{search_levels, starts};
-use transport::{PULL, Seed, Transport, disagreement, seeds};
+use transport::{PULL, Transport, disagreement, seeds};
 
 /// Numbers of a sweep that the last refinement looks at: samples times channels.
 const MEASUREMENTS: usize = 720_000;
-/// Of so many samples one takes part in the refinement until its last steps.
-const SOME: usize = 6;
 /// Factor by which residuals may rise where the center is moved along the line that codes of one axis leave open.
 const MAX_WORSE: f64 = 1.005;
 /// Disagreement with the other positions beyond which a position has no consensus with them.
@@ -89,22 +87,18 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
     let all = seeds(t.camera, t.views, finest.level, MEASUREMENTS / t.views.k.max(6));
     let how =
         Steps { arm: last, count: 12, min_scale: 0.1 * finest.spread(k), pull: PULL, open: (Vector3::zeros(), 0.0) };
-    // Shorter arms only lead to the longest, and of its steps only the last need every sample.
-    let some: Vec<Seed> = all.iter().step_by(SOME).copied().collect();
     let (mut best, mut arm) = (Refined::at(state), 2);
-    while arm < last {
+    loop {
         if progress.cancelled() {
             return None;
         }
-        best = refine(t, finest.level, &some, best.state, Steps { arm, count: 6, ..how });
+        // The longest arms decide; along what the patterns hardly tell, that takes more steps.
+        let count = if arm >= last { 20 } else { 6 };
+        best = refine(t, finest.level, &all, best.state, Steps { arm: arm.min(last), count, ..how });
+        if arm >= last {
+            break;
+        }
         arm *= 2;
-    }
-    // The longest arms decide; along what the patterns hardly tell, that takes more steps.
-    for (seeds, count) in [(&some, 14), (&all, 6)] {
-        if progress.cancelled() {
-            return None;
-        }
-        best = refine(t, finest.level, seeds, best.state, Steps { arm: last, count, ..how });
     }
     if is_one_axis(&best) {
         // Anywhere on a line along the fringes is as good: as near to the camera as the codewords do not mind. Only
