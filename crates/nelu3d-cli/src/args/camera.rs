@@ -53,7 +53,7 @@ pub(crate) struct ResponseArgs {
     #[arg(id = "response", long = "response", conflicts_with_all = ["board", "step", "leave_out", "corners", "keep_uncertain"])]
     pub measure: bool,
     /// Exposure times of the images of a still scene, in the order of their names, as 1/60,1/30,1/15: the response is
-    /// measured from those.
+    /// measured from those, in the folder, or in a rig's folder `response`.
     #[arg(long, value_name = "SECS", value_delimiter = ',', value_parser = secs, requires = "response")]
     pub exposures: Option<Vec<f64>>,
     /// The code for no light, for a folder that is no rig.

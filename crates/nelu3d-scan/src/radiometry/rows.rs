@@ -91,8 +91,7 @@ pub(super) fn rows(
 fn tells(terms: impl Iterator<Item = (f64, f32)>) -> bool {
     let (mut sides, mut n) = ([[f32::MAX; MAX_TERMS]; 2], [0; 2]);
     for (weight, code) in terms {
-        // Not a number is no code, either.
-        if !(code < CLIPPED) {
+        if code.is_nan() || code >= CLIPPED {
             return false;
         }
         let side = usize::from(weight < 0.0);

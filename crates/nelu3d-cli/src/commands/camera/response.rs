@@ -40,9 +40,12 @@ pub(super) fn run(args: &CameraArgs, context: &CommandContext) -> Result<ExitCod
     context.progress.stage("measure the camera's response");
     let rig = is_rig.then(|| Rig::open_sensor(path)).transpose()?;
     let measured = match (&rig, &args.response.exposures) {
-        (_, Some(secs)) => from_exposures(path, secs, levels(rig.as_ref(), args)?)?,
+        (Some(rig), Some(secs)) => {
+            from_exposures(&rig.root.join(RESPONSE_FOLDER), secs, [rig.black_level, rig.saturation])?
+        }
+        (None, Some(secs)) => from_exposures(path, secs, levels(args)?)?,
         (Some(rig), None) => from_rig(rig, context)?,
-        (None, None) => from_superposition(path, levels(None, args)?)?,
+        (None, None) => from_superposition(path, levels(args)?)?,
     };
     context.stop_if_asked()?;
     let name = measured.response.name().to_owned();
@@ -85,11 +88,8 @@ fn state(rig: &Rig, response: &Response, force: bool, context: &CommandContext) 
     Ok(())
 }
 
-/// Returns the codes for no light and for clipped values: a rig's, or those of the files.
-fn levels(rig: Option<&Rig>, args: &CameraArgs) -> Result<[f64; 2]> {
-    if let Some(rig) = rig {
-        return Ok([rig.black_level, rig.saturation]);
-    }
+/// Returns the codes for no light and for clipped values of a folder's files.
+fn levels(args: &CameraArgs) -> Result<[f64; 2]> {
     let (_, first) = images(&args.source)?.swap_remove(0);
     let max = decode(&first, None)?.depth().max().unwrap_or(1.0);
     let saturation = args.response.saturation.unwrap_or(max);
@@ -154,8 +154,8 @@ fn is_binary(rig: &Rig, names: &[String]) -> bool {
 /// Measures from the captures of [`Superposition`] and of black in a folder.
 pub(crate) fn from_superposition(folder: &Path, levels: [f64; 2]) -> Result<MeasuredResponse> {
     let find = |stem: &str| -> Result<PathBuf> {
-        let files = ENDINGS.iter().map(|ending| folder.join(format!("{stem}.{ending}")));
-        files.into_iter().find(|file| file.exists()).with_context(|| {
+        let mut files = ENDINGS.iter().map(|ending| folder.join(format!("{stem}.{ending}")));
+        files.find(|file| file.exists()).with_context(|| {
             format!(
                 "{}: has no image {stem}; show the images of `nelu3d patterns superposition` and put their captures \
                  there under the same names, or give the exposure times of its images with --exposures",
