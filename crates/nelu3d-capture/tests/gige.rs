@@ -238,7 +238,7 @@ fn what_a_camera_cannot_do_is_said() {
     let first = emulated.connect(&GigeSettings::default()).unwrap();
     drop(first);
     let stop = Arc::new(AtomicBool::new(true));
-    let mut camera = GigeCamera::connect_at(emulated.address, &GigeSettings::default(), Instant::now(), stop).unwrap();
+    let mut camera = GigeCamera::connect_at(emulated.address, &GigeSettings::default(), stop).unwrap();
     assert!(matches!(camera.next_frame(), Err(CaptureError::Stopped)));
     // Nobody at home.
     let nobody = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
