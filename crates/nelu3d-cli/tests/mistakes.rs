@@ -18,6 +18,9 @@ const BLACK_LEVEL: f64 = 64.0;
 const SATURATION: f64 = 4095.0;
 const PATTERNS: [&str; 3] = ["sine_00.png", "triangle_00.png", "random_00.png"];
 
+/// The scanner that they are made with.
+const SPEC: &str = include_str!("mistakes/rig.toml");
+
 /// A mistake.
 struct Mistake {
     name: &'static str,
@@ -243,6 +246,27 @@ fn good_rigs_have_no_warnings() {
         good(seed, &["calibrate", path(&rig)]);
         good(seed, &["reconstruct", path(&rig), "vase"]);
     }
+}
+
+/// Where an object lies within one stripe of a coarse code, that image shows it all lit or all dark, as it should.
+#[test]
+fn an_object_within_a_stripe_is_no_mistake() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut spec: toml::Table = SPEC.parse().unwrap();
+    let gray = r#"name = "gray"
+patterns = [{ family = "gray", axis = "x", inverse = true }]"#;
+    spec["pattern_sets"] = toml::Value::Array(vec![gray.parse::<toml::Table>().unwrap().into()]);
+    let object = r#"position_mm = [-38.0, 0.0, 700.0]
+shape = { kind = "sphere", radius_mm = 14.0 }
+albedo = { kind = "constant", rgb = [0.75, 0.75, 0.75] }"#;
+    spec["scenes"][0]["objects"] = toml::Value::Array(vec![object.parse::<toml::Table>().unwrap().into()]);
+    let file = dir.path().join("spec.toml");
+    std::fs::write(&file, spec.to_string()).unwrap();
+    let rig = dir.path().join("rig");
+    nelu3d_sim::simulate(&Spec::read(&file).unwrap(), &rig, &|_, _, _| {}).unwrap();
+    run(&["calibrate", path(&rig)], &[]).unwrap();
+    let (answer, said) = run(&["reconstruct", path(&rig), "vase"], &[]).unwrap();
+    assert_eq!(answer["verdict"], "good", "{said}");
 }
 
 /// What the numbers mean is printed.

@@ -62,6 +62,12 @@ pub struct FieldMetadata {
 }
 
 impl FieldMetadata {
+    /// Returns whether unseen positions are predicted to within 3 dB of what noise allows; true for a field from a
+    /// calibrated projector, which has no positions.
+    pub fn is_at_its_noise(&self) -> bool {
+        self.quality.as_ref().is_none_or(|q| q.psnr_db > q.ceiling_db - 3.0)
+    }
+
     /// Returns the standard deviation of the color field's own error, normalized intensity: the error at held-out
     /// positions beyond their noise, and at least `min`, because interreflection, nonlinearity of the sensor and the
     /// like never vanish.

@@ -2,7 +2,9 @@
 //!
 //! A single pixel may have a codeword that nothing explains: a highlight, a mixed pixel, a corner full of
 //! interreflection. A whole component whose typical codeword does not fit, fits only with much light of unseen origin,
-//! or fits no better than codewords that belong elsewhere, is at a wrong depth.
+//! or fits no better than codewords that belong elsewhere, is at a wrong depth. Three patterns that leave no color
+//! unused (a la carte) give every codeword some depth on every ray: there it counts alone that a component fits within
+//! the noise, without any other light.
 
 use nelu3d_scan::Camera;
 use nelu3d_scan::statistics::median;
@@ -13,13 +15,15 @@ use crate::surface::{Links, MAX_SLOPE, PixelStatus};
 
 /// Rejects the connected components of a depth map (camera z, mm) that are not explained, as
 /// [`PixelStatus::Ambiguous`]. `chance` returns which fraction of foreign codewords is explained as well as those of
-/// some pixels, where that can be tried.
+/// some pixels, where that can be tried. `noise_is_known` says whether χ² is one of noise, and not of a field that is
+/// further off than its noise.
 pub(super) fn reject_unexplained_components(
     depth: &mut [f32],
     status: &mut [PixelStatus],
     camera: &Camera,
     refined: &Refined,
     settings: &FilterSettings,
+    noise_is_known: bool,
     chance: impl Fn(&[usize]) -> Option<f32>,
 ) {
     let (component, sizes) = Links::new(depth, camera, MAX_SLOPE).components(depth, camera.width);
@@ -32,10 +36,15 @@ pub(super) fn reject_unexplained_components(
         match (median_of(&refined.chi2), median_of(&refined.unseen)) {
             (Some(chi2), Some(unseen)) if pixels.len() >= settings.min_component => {
                 let light = chi2 / settings.max_component_chi2 + unseen / settings.max_component_unseen;
-                if light > 1.0 {
-                    return light;
+                let clear = chi2 / settings.clear_chi2 + unseen / settings.clear_unseen;
+                if light > 1.0 || (noise_is_known && clear < settings.max_score_alone) {
+                    tracing::debug!(pixels = pixels.len(), chi2, unseen, "component");
+                    return if light > 1.0 { light } else { clear };
                 }
-                light + chance(pixels).unwrap_or(settings.unknown_chance) / settings.max_component_chance
+                let chance = chance(pixels);
+                tracing::debug!(pixels = pixels.len(), chi2, unseen, chance, "component");
+                let tested = light + chance.unwrap_or(settings.unknown_chance) / settings.max_component_chance;
+                if noise_is_known { tested.min(clear) } else { tested }
             }
             _ => f32::INFINITY,
         }
@@ -60,6 +69,17 @@ mod tests {
 
     /// Whether two flat pieces, `first` and 20 pixels wide and 20 high, at different depths, are kept.
     fn kept(first: usize, chi2: [f32; 2], unseen: [f32; 2], chance: Option<f32>) -> [bool; 2] {
+        kept_where(false, first, chi2, unseen, chance)
+    }
+
+    /// The same, where the noise is known or not.
+    fn kept_where(
+        noise_is_known: bool,
+        first: usize,
+        chi2: [f32; 2],
+        unseen: [f32; 2],
+        chance: Option<f32>,
+    ) -> [bool; 2] {
         let camera = Camera::pinhole(50, 20, 500.0, 500.0, 25.0, 10.0);
         let n = camera.n_pixels();
         let piece = |i: usize| match i % 50 {
@@ -75,7 +95,9 @@ mod tests {
         }
         let mut status = vec![PixelStatus::Valid; n];
         let settings = FilterSettings::default();
-        reject_unexplained_components(&mut depth, &mut status, &camera, &refined, &settings, |_| chance);
+        reject_unexplained_components(&mut depth, &mut status, &camera, &refined, &settings, noise_is_known, |_| {
+            chance
+        });
         [depth[0].is_finite(), depth[49].is_finite()]
     }
 
@@ -95,6 +117,16 @@ mod tests {
         // A codeword as good as that has half of all that do not belong there.
         assert_eq!(kept(20, [0.3, 0.3], [0.0, 0.0], Some(0.3)), [true, true]);
         assert_eq!(kept(20, [0.3, 0.3], [0.0, 0.0], Some(0.55)), [false, false]);
+    }
+
+    #[test]
+    fn what_fits_within_known_noise_need_not_differ_from_chance() {
+        // A real scan under three a la carte patterns: every codeword has some depth on every ray.
+        assert_eq!(kept_where(true, 20, [1.06, 0.91], [0.0, 0.01], Some(0.6)), [true, true]);
+        assert_eq!(kept_where(false, 20, [1.06, 0.91], [0.0, 0.01], Some(0.6)), [false, false]);
+        // What wrong pieces had at best.
+        assert_eq!(kept_where(true, 20, [1.06, 2.8], [0.0, 0.0], Some(0.6)), [true, false]);
+        assert_eq!(kept_where(true, 20, [1.06, 0.9], [0.0, 0.09], Some(0.6)), [true, false]);
     }
 
     #[test]

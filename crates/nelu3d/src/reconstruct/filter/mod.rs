@@ -68,8 +68,9 @@ pub(crate) fn filter(
     reject_partly_covered(&mut depth, m, settings.least_covered);
     let mut status = std::mem::take(&mut scene.measurements.status);
     let foreign = ForeignCodewords::new(scene, &depth);
+    let noise_is_known = scene.field.metadata.is_at_its_noise();
     let chance = |pixels: &[usize]| foreign.explained_as_well(pixels, scene, refined, prior, step);
-    reject_unexplained_components(&mut depth, &mut status, scene.camera, refined, settings, chance);
+    reject_unexplained_components(&mut depth, &mut status, scene.camera, refined, settings, noise_is_known, chance);
     scene.measurements.status = status;
     let Scene { camera, rays, measurements: m, .. } = scene;
     reject_small_components(&mut depth, &mut m.status, camera, settings.min_component);

@@ -27,6 +27,11 @@ pub struct FilterSettings {
     pub max_component_chance: f32,
     /// That fraction where it cannot be tried: most of the picture's codewords may belong to the component.
     pub unknown_chance: f32,
+    /// Median χ² per measurement of a component, where it is one of known noise, below which it is explained whatever
+    /// chance achieves; wrong ones had 1.6 times as much at least.
+    pub clear_chi2: f32,
+    /// The same for the median fraction of light of unseen origin. Fractions of the two add up.
+    pub clear_unseen: f32,
     /// Fraction of the decoded pixels from which these limits hold; below, they shrink, as what is explained among much
     /// that is not may be so by chance.
     pub explained: f32,
@@ -47,6 +52,8 @@ impl Default for FilterSettings {
             max_component_unseen: 0.4,
             max_component_chance: 0.5,
             unknown_chance: 0.3,
+            clear_chi2: 1.75,
+            clear_unseen: 0.08,
             explained: 0.25,
             max_score_alone: 0.5,
             min_component: 40,
