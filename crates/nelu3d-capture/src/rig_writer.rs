@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use nelu3d_scan::Camera as Intrinsics;
 use nelu3d_scan::camera::{read_camera, write_camera};
-use nelu3d_scan::image::{Channels, Raw, RawData, write_raw_png};
+use nelu3d_scan::image::{Channels, Raw, RawData, Response, write_raw_png};
 use nelu3d_scan::input::{MAX_TEXT, read_file, read_text};
 use nelu3d_scan::output::{OutputDir, create_dir, link_or_copy, remove_abandoned, write_atomic};
-use nelu3d_scan::rig::{RIG_FILE, Rig};
+use nelu3d_scan::rig::{RIG_FILE, Rig, state_response};
 
 use crate::error::CaptureError;
 use crate::session::SlideImages;
@@ -225,6 +225,36 @@ impl RigWriter {
         }
         folder.commit()?;
         Ok(target)
+    }
+
+    /// Writes images whose light adds up, under their `names`, into the folder `folder` of the rig, which appears whole or
+    /// not at all.
+    ///
+    /// # Errors
+    ///
+    /// The frames do not fit to rig.toml, or the disk refuses.
+    pub fn write_aside(&self, folder: &str, names: &[String], images: &SlideImages) -> Result<PathBuf, CaptureError> {
+        assert_eq!(images.patterns.len(), names.len(), "one image per name");
+        self.check(&images.white.raw)?;
+        let target = self.rig.root.join(folder);
+        let made = OutputDir::create(&target, "black.png")?;
+        let flashes = [("white.png", &images.white), ("black.png", &images.black)];
+        for (name, frame) in flashes.into_iter().chain(names.iter().map(String::as_str).zip(&images.patterns)) {
+            write_raw_png(&made.path().join(name), &frame.raw)?;
+        }
+        made.commit()?;
+        Ok(target)
+    }
+
+    /// States in the rig how its camera's codes follow light.
+    ///
+    /// # Errors
+    ///
+    /// As [`state_response`].
+    pub fn set_response(&mut self, response: Response) -> Result<(), CaptureError> {
+        state_response(&self.rig.root, &response)?;
+        self.rig.response = Some(response);
+        Ok(())
     }
 
     /// Complains about frames that the rig's description does not fit.

@@ -1,5 +1,7 @@
 //! All images of one folder, and what comes before the first.
 
+use std::ops::Range;
+
 use nelu3d_scan::image::Raw;
 
 use crate::acquire::{Acquisition, FrameCounts, Known};
@@ -94,11 +96,20 @@ impl<'a> CaptureSession<'a> {
     /// The picture does not come to rest, something moved meanwhile, or a device fails. Nothing is left to clean up:
     /// call it again.
     pub fn take(&mut self, patterns: usize) -> Result<SlideImages, CaptureError> {
+        self.take_patterns(0..patterns)
+    }
+
+    /// As [`CaptureSession::take`], of some of the display's patterns.
+    ///
+    /// # Errors
+    ///
+    /// As [`CaptureSession::take`].
+    pub fn take_patterns(&mut self, patterns: Range<usize>) -> Result<SlideImages, CaptureError> {
         self.acquisition.counts = FrameCounts::default();
         let (white, samples) = self.acquisition.at_rest(Slide::White)?;
         let mut known = vec![Known { slide: Slide::White, samples }];
         let mut images = Vec::new();
-        for slide in std::iter::once(Slide::Black).chain((0..patterns).map(Slide::Pattern)) {
+        for slide in std::iter::once(Slide::Black).chain(patterns.map(Slide::Pattern)) {
             let (frame, samples) = self.acquisition.acquire(slide, &known)?;
             images.push(frame);
             known.push(Known { slide, samples });

@@ -22,6 +22,7 @@ pub mod output;
 pub mod path_text;
 pub mod pattern;
 pub mod pose;
+pub mod radiometry;
 pub mod rig;
 pub mod statistics;
 

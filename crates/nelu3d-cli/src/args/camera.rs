@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use nelu3d_scan::intrinsics::LensModel;
 
+use super::parse_code;
+
 /// Arguments of `nelu3d camera`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct CameraArgs {
@@ -33,9 +35,33 @@ pub(crate) struct CameraArgs {
     /// Write the corners that were found, too (.json), those of images that are left out included.
     #[arg(long, value_name = "FILE")]
     pub corners: Option<PathBuf>,
-    /// Replace files that exist.
+    /// Replace files that exist, and what rig.toml says of the response.
     #[arg(long)]
     pub force: bool,
+    /// Settings of the response.
+    #[command(flatten)]
+    pub response: ResponseArgs,
+}
+
+/// Measuring how codes follow light.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Response")]
+pub(crate) struct ResponseArgs {
+    /// Measure how codes follow light, not the lens: from a rig's folder `response`, which `nelu3d capture --response
+    /// measure` fills; from its sweep's two-valued images and their inverses; or from a folder with the captures of
+    /// `nelu3d patterns superposition` and black. A rig gets the curve.
+    #[arg(id = "response", long = "response", conflicts_with_all = ["board", "step", "leave_out", "corners", "keep_uncertain"])]
+    pub measure: bool,
+    /// Exposure times of the images of a still scene, in the order of their names, as 1/60,1/30,1/15: the response is
+    /// measured from those, in the folder, or in a rig's folder `response`.
+    #[arg(long, value_name = "SECS", value_delimiter = ',', value_parser = secs, requires = "response")]
+    pub exposures: Option<Vec<f64>>,
+    /// The code for no light, for a folder that is no rig.
+    #[arg(long, value_name = "CODE", value_parser = parse_code, default_value_t = 0.0, requires = "response")]
+    pub black_level: f64,
+    /// The code at and above which a value is saturated, for a folder that is no rig (default: the files' largest).
+    #[arg(long, value_name = "CODE", value_parser = parse_code, requires = "response")]
+    pub saturation: Option<f64>,
 }
 
 /// The lens model that was asked for; none: to be chosen.
@@ -56,5 +82,14 @@ fn length(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(mm) if (1e-4..=10_000.0).contains(&mm) => Ok(mm),
         _ => Err("a length in mm, from 0.0001 to 10000".into()),
+    }
+}
+
+/// Parses an exposure time, a number or a fraction, s.
+fn secs(text: &str) -> Result<f64, String> {
+    let (above, below) = text.split_once('/').unwrap_or((text, "1"));
+    match (above.trim().parse::<f64>(), below.trim().parse::<f64>()) {
+        (Ok(a), Ok(b)) if a > 0.0 && b > 0.0 && (1e-9..=1e6).contains(&(a / b)) => Ok(a / b),
+        _ => Err("a time in seconds, as 0.02 or 1/50".into()),
     }
 }

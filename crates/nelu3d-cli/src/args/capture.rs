@@ -27,12 +27,23 @@ pub(crate) struct CaptureArgs {
     /// Take this scene at once, without waiting for somebody to press a button, and end; may be repeated.
     #[arg(long, value_name = "NAME")]
     pub scene: Vec<String>,
+    /// How the camera's codes follow light: linear or srgb, for a new rig (default: srgb for a webcam, linear otherwise);
+    /// or measure it, before anything else, on whatever stands still in the projector's light.
+    #[arg(long, value_name = "linear|srgb|measure", value_parser = ["linear", "srgb", "measure"])]
+    pub response: Option<String>,
     /// Port of the page on 127.0.0.1 (default: any that is free).
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub port: u16,
     /// Settings of a new rig.
     #[command(flatten)]
     pub new: NewRigArgs,
+}
+
+impl CaptureArgs {
+    /// Returns whether the response is to be measured.
+    pub(crate) fn measures_response(&self) -> bool {
+        self.response.as_deref() == Some("measure")
+    }
 }
 
 /// Settings of a new rig.
@@ -57,9 +68,6 @@ pub(crate) struct NewRigArgs {
     /// Color format of the camera's pictures (default: rgb for a webcam, mono otherwise).
     #[arg(long, value_name = "CHANNELS", value_parser = parse_channels)]
     pub channels: Option<Channels>,
-    /// How the camera's codes follow light: linear or srgb (default: srgb for a webcam, linear otherwise).
-    #[arg(long, value_name = "linear|srgb", value_parser = ["linear", "srgb"])]
-    pub response: Option<String>,
     /// The camera's code for no light.
     #[arg(long, value_name = "CODE", value_parser = parse_code, default_value_t = 0.0)]
     pub black_level: f64,

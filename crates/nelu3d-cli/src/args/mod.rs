@@ -41,7 +41,8 @@ pub(crate) use sequence::SequenceArgs;
 #[cfg(feature = "capture")]
 use patterns::size as parse_size;
 #[cfg(feature = "capture")]
-use rig::{channels as parse_channels, code as parse_code};
+use rig::channels as parse_channels;
+use rig::code as parse_code;
 
 /// Exit codes, which scripts can rely on.
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, judged bad or stopped by Ctrl-C, 2 wrong usage, 129 or 143 \
@@ -99,7 +100,7 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     /// Print a board: PDF, SVG or PNG true to scale, and its lines for rig.toml.
     Board(BoardArgs),
-    /// Calibrate the camera from images of a board, or from the rig's own sweep.
+    /// Calibrate the camera from images of a board, or from the rig's own sweep; or measure its response.
     Camera(CameraArgs),
     /// Make the images a light source shows, or score such images as a code.
     #[command(subcommand)]

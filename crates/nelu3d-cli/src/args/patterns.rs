@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Subcommand;
 use nelu3d_scan::pattern::{
     Alacarte, Binary, Film, Gray, Hilbert, Mps, PhaseShift, RECOMMENDED_IMAGES, Ramp, Random, ScoreOptions, Sinusoid,
-    Triangle, Xor,
+    Superposition, Triangle, Xor,
 };
 
 /// Arguments of `nelu3d patterns`: the family of patterns, or their score.
@@ -116,6 +116,15 @@ pub(crate) enum PatternsCommand {
         /// Settings of the family.
         #[command(flatten)]
         settings: Alacarte,
+        /// Settings of the images.
+        #[command(flatten)]
+        sheet: PatternImageArgs,
+    },
+    /// Stripes whose light adds up, which show how a camera's codes follow light; not for scanning.
+    Superposition {
+        /// Settings of the family.
+        #[command(flatten)]
+        settings: Superposition,
         /// Settings of the images.
         #[command(flatten)]
         sheet: PatternImageArgs,

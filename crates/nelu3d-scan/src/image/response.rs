@@ -47,6 +47,17 @@ impl Response {
         Ok(Self::Table { file: file.into(), code, light })
     }
 
+    /// Returns the content of a file from which [`Response::from_json`] makes this curve; sRGB in steps of 8 bits.
+    pub fn to_json(&self) -> String {
+        let steps = |n: u32| (0..=n).map(|i| f64::from(i) / f64::from(n)).collect::<Vec<f64>>();
+        let (code, light) = match self {
+            Self::Linear => (steps(1), steps(1)),
+            Self::Srgb => (steps(255), steps(255).into_iter().map(|c| self.light(c)).collect()),
+            Self::Table { code, light, .. } => (code.clone(), light.clone()),
+        };
+        serde_json::json!({ "code": code, "light": light }).to_string() + "\n"
+    }
+
     /// Returns its name in rig.toml.
     pub fn name(&self) -> &str {
         match self {
@@ -98,6 +109,12 @@ mod tests {
         for (code, light) in [(0.25, 0.1), (0.5, 0.2), (0.75, 0.6), (1.0, 1.0), (-0.25, -0.1)] {
             assert!((curve.light(code) - light).abs() < 1e-12, "{code}");
         }
+        assert_eq!(Response::from_json("r.json", curve.to_json().as_bytes()).unwrap(), curve);
+        let srgb = Response::from_json("r.json", Response::Srgb.to_json().as_bytes()).unwrap();
+        assert!(
+            (0..=255)
+                .all(|c| (srgb.light(f64::from(c) / 255.0) - Response::Srgb.light(f64::from(c) / 255.0)).abs() < 1e-12)
+        );
         for (text, what) in [
             (r#"{"code": [0, 1], "light": [0, 0.5, 1]}"#, "2 codes and 3"),
             (r#"{"code": [0, 0.6, 0.5, 1], "light": [0, 0.1, 0.2, 1]}"#, "`code` does not rise"),

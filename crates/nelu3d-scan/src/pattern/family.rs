@@ -17,6 +17,7 @@ use super::ramp::Ramp;
 use super::random::Random;
 use super::rgb;
 use super::sinusoid::Sinusoid;
+use super::superposition::Superposition;
 use super::triangle::Triangle;
 use super::xor::Xor;
 use crate::image::Image;
@@ -47,6 +48,8 @@ pub enum Pattern {
     Hilbert(Hilbert),
     /// Optimized for decoding by ZNCC.
     Alacarte(Alacarte),
+    /// Thirds of the columns, whose light adds up: for measuring a camera's response.
+    Superposition(Superposition),
     /// Three patterns as the channels of one.
     Rgb(Rgb),
     /// A strip of color film.
@@ -119,6 +122,7 @@ impl Pattern {
             | Pattern::Xor(_)
             | Pattern::Hilbert(_)
             | Pattern::Alacarte(_)
+            | Pattern::Superposition(_)
             | Pattern::Film(_) => self.clone(),
         })
     }
@@ -139,6 +143,7 @@ impl Pattern {
             Pattern::Mps(p) => p.axis = axis,
             Pattern::Hilbert(p) => p.axis = axis,
             Pattern::Alacarte(p) => p.axis = axis,
+            Pattern::Superposition(p) => p.axis = axis,
             Pattern::Rgb(p) => p.parts.iter_mut().for_each(|part| **part = part.along(axis)),
             Pattern::Film(p) => p.axis = axis,
         }
@@ -162,6 +167,7 @@ impl Pattern {
             Pattern::Mps(p) => [p.generate(width, height)?, Vec::new()],
             Pattern::Hilbert(p) => [p.generate(width, height)?, Vec::new()],
             Pattern::Alacarte(p) => [p.generate(width, height)?, Vec::new()],
+            Pattern::Superposition(p) => [p.generate(width, height)?, Vec::new()],
             Pattern::Rgb(Rgb { parts: [r, g, b] }) => {
                 let images = |part: &Pattern| part.images(width, height).map(|[images, _]| images);
                 [rgb::interleave([images(r)?, images(g)?, images(b)?])?, Vec::new()]
@@ -183,6 +189,7 @@ impl Pattern {
             Pattern::Mps(p) => format!("mps_{}", p.axis.letter()),
             Pattern::Hilbert(p) => format!("hilbert_{}", p.axis.letter()),
             Pattern::Alacarte(p) => format!("alacarte_{}", p.axis.letter()),
+            Pattern::Superposition(_) => "superposition".into(),
             Pattern::Rgb(_) => "rgb".into(),
             Pattern::Film(_) => "film".into(),
         }

@@ -19,6 +19,7 @@ fn all() -> Vec<Pattern> {
         Pattern::Mps(Mps { frequencies: 3, ..Mps::default() }),
         Pattern::Hilbert(Hilbert { axis: Axis::X, count: 3 }),
         Pattern::Alacarte(Alacarte { max_frequency: 2.0, iterations: 3, ..Alacarte::default() }),
+        Pattern::Superposition(Superposition { axis: Axis::Y, stripe_px: 3 }),
         Pattern::Film(Film::default()),
         Pattern::Rgb(Rgb {
             parts: [

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 pub use capture::{Capture, Need, ShotReader};
 pub use check::{Finding, Severity, check};
 pub use error::RigError;
-pub use file::{board_lines, read_board};
+pub use file::{board_lines, read_board, state_response};
 pub use memory::{MemoryImages, StoredImage};
 pub use mono::LUMA;
 pub(crate) use names::{NAME_RULE, is_name};

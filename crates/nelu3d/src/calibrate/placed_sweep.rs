@@ -20,6 +20,10 @@ pub struct PlacedSweep<'a> {
     pub camera: Camera,
     /// Noise of the sensor.
     pub noise: NoiseModel,
+    /// How many times its variance in the dark the noise has in bright places; see [`NoiseEstimator::growth`].
+    ///
+    /// [`NoiseEstimator::growth`]: crate::sensor::NoiseEstimator::growth
+    pub noise_growth: Option<f64>,
     /// Unit ray direction per pixel.
     pub dirs: Vec<Vector3<f64>>,
     /// Blocks of each position's image that are not used; none where all are.
@@ -133,7 +137,7 @@ impl<'a> PlacedSweep<'a> {
             (0..camera.n_pixels()).into_par_iter().map(|i| camera.ray([(i % w) as f64, (i / w) as f64]).dir).collect();
         let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, extent_mm, bend)).collect();
         let excluded = vec![None; boards.len()];
-        Self { sweep, boards, camera, noise: NoiseModel { read: 0.0, gain: 0.0 }, dirs, excluded }
+        Self { sweep, boards, camera, noise: NoiseModel { read: 0.0, gain: 0.0 }, noise_growth: None, dirs, excluded }
     }
 
     /// Returns whether the outline of any board is in the image, lit or not.

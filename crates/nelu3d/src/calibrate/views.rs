@@ -157,7 +157,8 @@ pub(super) fn estimate_noise(
         }
     };
     placed.sweep.stream(&which, progress, NoiseEstimator::add, map, take)?;
-    placed.noise = noise.finish(quantization_step(rig.black_level, rig.saturation));
+    let step = quantization_step(rig.black_level, rig.saturation);
+    (placed.noise, placed.noise_growth) = (noise.finish(step), noise.growth(step));
     let middle = placed.mean_point().normalize();
     Ok(finest.map(|finest| Views::new(k, placed_at, finest, &middle)))
 }

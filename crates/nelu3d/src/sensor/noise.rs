@@ -109,12 +109,30 @@ impl NoiseEstimator {
         }
     }
 
+    /// Returns how many times its variance in the dark (a ninth to a third of the scale) the noise has in bright places
+    /// (beyond three fifths); `None` where one of them is hardly there. No sensor's light is less noisy where there is
+    /// more of it: below 1, something has bent the codes.
+    pub fn growth(&self, lsb: f32) -> Option<f64> {
+        /// Levels of the dark and of bright places: between (l / 24)² and ((l + 1) / 24)².
+        const DARK: std::ops::Range<usize> = 8..14;
+        const BRIGHT: std::ops::Range<usize> = 19..23;
+        /// Fewest responses of a level, and of a range.
+        const MIN_RESPONSES: u64 = 400;
+        const MIN_IN_RANGE: u64 = 4000;
+        let floor = f64::from(lsb * lsb) / 12.0;
+        let typical = |levels: std::ops::Range<usize>| {
+            let used = levels.filter(|l| self.intensity[*l].1 >= MIN_RESPONSES);
+            let of =
+                |l: usize| (variance(&self.histograms[l], self.intensity[l].1).max(floor).ln(), self.intensity[l].1);
+            let (sum, n) = used.map(of).fold((0.0, 0), |(s, n), (v, m)| (s + v * m as f64, n + m));
+            (n >= MIN_IN_RANGE).then(|| (sum / n as f64).exp())
+        };
+        Some(typical(BRIGHT)? / typical(DARK)?)
+    }
+
     /// Fits the model. A level's σ is the mean of its smallest 80 % of responses, scaled to a Gaussian, which edges in
     /// the picture cannot reach. Never below what quantization with step `lsb` alone gives.
     pub fn finish(&self, lsb: f32) -> NoiseModel {
-        // Mean of |z| below its 80 % quantile for a standard Gaussian, and the gain of the mask.
-        const TRIMMED: f64 = 0.5587;
-        const MASK: f64 = 6.0;
         let floor = f64::from(lsb * lsb) / 12.0;
         // Weighted least squares of variance against intensity; variance estimates have errors proportional to
         // themselves.
@@ -123,15 +141,7 @@ impl NoiseEstimator {
             if *n < 400 {
                 continue;
             }
-            let used = (*n as f64 * 0.8) as u64;
-            let (mut counted, mut total) = (0u64, 0.0);
-            for (i, c) in h.iter().enumerate() {
-                let take = u64::from(*c).min(used - counted);
-                total += take as f64 * 10f64.powf((i as f64 + 0.5) / BUCKETS as f64 * 6.0 - 6.0);
-                counted += take;
-            }
-            let sigma = total / used as f64 / TRIMMED / MASK;
-            let var = (sigma * sigma).max(floor);
+            let var = variance(h, *n).max(floor);
             let (x, weight) = (sum / *n as f64, (*n as f64).sqrt() / (var * var));
             s += weight;
             sx += weight * x;
@@ -154,6 +164,21 @@ impl NoiseEstimator {
         }
         NoiseModel { read: read as f32, gain: gain as f32 }
     }
+}
+
+/// Returns the variance of a level from the smallest 80 % of its `n` responses.
+fn variance(histogram: &[u32; BUCKETS], n: u64) -> f64 {
+    // Mean of |z| below its 80 % quantile for a standard Gaussian, and the gain of the mask.
+    const TRIMMED: f64 = 0.5587;
+    const MASK: f64 = 6.0;
+    let used = (n as f64 * 0.8) as u64;
+    let (mut counted, mut total) = (0u64, 0.0);
+    for (i, c) in histogram.iter().enumerate() {
+        let take = u64::from(*c).min(used - counted);
+        total += take as f64 * 10f64.powf((i as f64 + 0.5) / BUCKETS as f64 * 6.0 - 6.0);
+        counted += take;
+    }
+    (total / used as f64 / TRIMMED / MASK).powi(2)
 }
 
 /// Returns one step of the sensor's code in linear intensity, for a camera with these levels.
@@ -185,5 +210,15 @@ mod tests {
             let ratio = m.variance(i) / expected.variance(i);
             assert!((0.8..1.25).contains(&ratio), "at {i}: {ratio}");
         }
+        // Light as it is, and as cameras for people deliver it.
+        let growth = e.growth(1.0 / 4095.0).unwrap();
+        let shot = f64::from(expected.variance(0.75) / expected.variance(0.2));
+        assert!((0.8..1.25).contains(&(growth / shot)), "{growth}, not {shot}");
+        image.data.iter_mut().for_each(|v| *v = v.max(0.0).powf(1.0 / 2.2));
+        let mut e = NoiseEstimator::default();
+        e.add(&image);
+        let growth = e.growth(1.0 / 255.0).unwrap();
+        assert!((0.2..0.7).contains(&growth), "{growth}");
+        assert_eq!(NoiseEstimator::default().growth(1.0 / 255.0), None);
     }
 }

@@ -1,5 +1,6 @@
-//! `nelu3d camera`: the camera is calibrated from images of a board.
+//! `nelu3d camera`: the camera is calibrated from images of a board; its response from images whose light adds up.
 
+pub(crate) mod response;
 mod text;
 
 use std::path::{Path, PathBuf};
@@ -37,6 +38,9 @@ struct Source {
 
 /// Runs the command.
 pub(crate) fn run(args: CameraArgs, context: &CommandContext) -> Result<ExitCode> {
+    if args.response.measure {
+        return response::run(&args, context);
+    }
     let source = Source::open(&args)?;
     let output = args.output.clone().unwrap_or_else(|| source.output.clone());
     for file in [Some(&output), args.corners.as_ref()].into_iter().flatten() {
@@ -202,7 +206,7 @@ fn images(dir: &Path) -> Result<Vec<(String, PathBuf)>> {
     }
     images.sort_by(|a, b| natural_order(&a.0, &b.0));
     if images.is_empty() {
-        bail!("{}: has no images; put PNG, JPEG, TIFF or OpenEXR images of the board there", shown(dir));
+        bail!("{}: has no images; put PNG, JPEG, TIFF or OpenEXR images there", shown(dir));
     }
     Ok(images)
 }

@@ -6,12 +6,13 @@ use nelu3d_capture::{BoardView, Camera, CaptureError, CaptureSession, RigWriter,
 use nelu3d_scan::image::Raw;
 
 use super::report::CaptureReport;
+use super::response::{self, ResponseSlides};
 use crate::context::CommandContext;
 
 /// A capture under way.
 struct Desk<'a> {
     server: &'a PageServer,
-    writer: &'a RigWriter,
+    writer: &'a mut RigWriter,
     guide: SweepGuide,
     context: &'a CommandContext,
     report: CaptureReport,
@@ -21,8 +22,9 @@ struct Desk<'a> {
 pub(super) fn run(
     server: &PageServer,
     camera: &mut dyn Camera,
-    writer: &RigWriter,
+    writer: &mut RigWriter,
     scenes: &[String],
+    response: Option<&ResponseSlides>,
     context: &CommandContext,
 ) -> Result<CaptureReport> {
     let report = CaptureReport {
@@ -52,6 +54,11 @@ pub(super) fn run(
     for warning in server.screen_warnings() {
         context.progress.warn(&warning);
     }
+    if let Some(slides) = response
+        && !desk.measure_response(&mut session, slides, scenes.is_empty())?
+    {
+        return Ok(desk.report);
+    }
     if scenes.is_empty() {
         desk.follow(&mut session)?;
     }
@@ -60,6 +67,12 @@ pub(super) fn run(
     }
     desk.status("done", "the capture has ended; this page may be closed");
     Ok(desk.report)
+}
+
+/// Returns whether an error ends the capture.
+fn stops(e: &anyhow::Error) -> bool {
+    use CaptureError::{Device, OtherFrames, Stopped, Write};
+    matches!(e.downcast_ref(), Some(Device { .. } | OtherFrames { .. } | Stopped | Write(_)))
 }
 
 /// Lets the guide know of the positions that an earlier capture took.
@@ -109,6 +122,39 @@ impl Desk<'_> {
             s.exposure_text = exposure.to_string();
             s.coverage = coverage;
         });
+    }
+
+    /// Measures how the camera's codes follow light; returns whether to go on. Where somebody is at the page, what fails
+    /// is said there and tried again at the press of a button.
+    fn measure_response(
+        &mut self,
+        session: &mut CaptureSession<'_>,
+        slides: &ResponseSlides,
+        is_guided: bool,
+    ) -> Result<bool> {
+        loop {
+            self.status("busy", "measuring how the camera's codes follow light: do not touch anything");
+            let problem = match response::measure(session, self.writer, slides) {
+                Ok(measured) => {
+                    self.report.response = Some(measured);
+                    return Ok(true);
+                }
+                Err(e) if !is_guided || stops(&e) => return Err(e),
+                Err(e) => e.to_string(),
+            };
+            self.complain(&problem);
+            self.status("sweep", "press Take to measure the response again");
+            loop {
+                self.context.stop_if_asked()?;
+                let frame = session.glance()?;
+                let _ = self.look(&frame.raw)?;
+                match self.server.command() {
+                    Some(PageCommand::Stop) => return Ok(false),
+                    Some(PageCommand::Take) => break,
+                    Some(PageCommand::Finish | PageCommand::Scene(_)) | None => {}
+                }
+            }
+        }
     }
 
     /// Shows the live picture and does what the page asks for, until that is to end.

@@ -3,6 +3,7 @@
 mod guided;
 mod rehearse;
 mod report;
+mod response;
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -36,8 +37,10 @@ fn with_page(args: &CaptureArgs, context: &CommandContext) -> Result<CaptureRepo
     if let Some(command) = &args.camera_command {
         CommandCamera::check(command)?;
     }
-    let writer = rig(args, context)?;
-    let slides = slides(&writer)?;
+    let mut writer = rig(args, context)?;
+    let mut slides = slides(&writer)?;
+    let made = tempfile::tempdir().context("no place for temporary files")?;
+    let measures = args.measures_response().then(|| response::slides(&mut slides, made.path(), context)).transpose()?;
     let stop = context.cancel();
     let server = PageServer::start(slides, args.port, stop.clone())?;
     context.tell(&format!("open {} in a browser", server.address()));
@@ -47,7 +50,7 @@ fn with_page(args: &CaptureArgs, context: &CommandContext) -> Result<CaptureRepo
         (_, Some(folder)) => Box::new(WatchedFolder::new(folder, server.clock(), stop)?),
         _ => Box::new(server.camera()),
     };
-    guided::run(&server, camera.as_mut(), &writer, &args.scene, context)
+    guided::run(&server, camera.as_mut(), &mut writer, &args.scene, measures.as_ref(), context)
 }
 
 /// Opens the rig, or makes it.
@@ -58,8 +61,12 @@ fn rig(args: &CaptureArgs, context: &CommandContext) -> Result<RigWriter> {
         if let Some(patterns) = &new.patterns {
             writer.keep_patterns(patterns)?;
         }
-        let given =
-            [("--board", new.board.is_some()), ("--camera", new.camera.is_some()), ("--size", new.size.is_some())];
+        let given = [
+            ("--board", new.board.is_some()),
+            ("--camera", new.camera.is_some()),
+            ("--size", new.size.is_some()),
+            ("--response", args.response.is_some() && !args.measures_response()),
+        ];
         if let Some((option, _)) = given.iter().find(|(_, given)| *given) {
             bail!("{}: exists and says this itself; leave {option} away", shown(&args.rig.join(RIG_FILE)));
         }
@@ -79,16 +86,19 @@ fn rig(args: &CaptureArgs, context: &CommandContext) -> Result<RigWriter> {
             shown(&args.rig)
         ),
     };
-    Ok(RigWriter::create(&args.rig, &new_rig(&args.rig, new, &patterns, args.webcam)?)?)
+    Ok(RigWriter::create(&args.rig, &new_rig(args, new, &patterns)?)?)
 }
 
-fn new_rig(root: &Path, new: &NewRigArgs, patterns: &Path, webcam: bool) -> Result<NewRig> {
+fn new_rig(args: &CaptureArgs, new: &NewRigArgs, patterns: &Path) -> Result<NewRig> {
+    let (root, webcam) = (&args.rig, args.webcam);
+    // Until it is measured, what is likely.
+    let stated = args.response.clone().filter(|_| !args.measures_response());
     Ok(NewRig {
         name: root.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         channels: new.channels.unwrap_or(if webcam { Channels::Rgb } else { Channels::Mono }),
         black_level: new.black_level,
         saturation: new.saturation,
-        response: new.response.clone().or_else(|| webcam.then(|| "srgb".to_owned())),
+        response: stated.or_else(|| webcam.then(|| "srgb".to_owned())),
         intrinsics: new.camera.as_deref().map(read_camera).transpose()?,
         board: new.board.clone(),
         patterns: patterns.to_path_buf(),

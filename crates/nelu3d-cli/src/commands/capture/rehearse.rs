@@ -10,7 +10,9 @@ use nelu3d_scan::image::{Raw, decode};
 use nelu3d_scan::rig::{RIG_FILE, Rig, Shot};
 
 use super::report::CaptureReport;
+use super::response::{self, ResponseSlides};
 use crate::args::CaptureArgs;
+use crate::commands::camera::response::RESPONSE_FOLDER;
 use crate::context::CommandContext;
 
 /// Three frames late, unevenly; 1 % of the frames lost, 5 % stale, 2 % delivered twice. The images have their noise.
@@ -28,8 +30,11 @@ const FAULTS: SimulatedFaults = SimulatedFaults {
 
 /// Takes all board positions of the rig `source`, then its scenes, or those that were named.
 pub(super) fn run(args: &CaptureArgs, source: &Path, context: &CommandContext) -> Result<CaptureReport> {
+    if args.response.is_some() && !args.measures_response() {
+        anyhow::bail!("--rehearse takes the response from the rig that it shows; leave --response away, or measure it");
+    }
     let source = Rig::open(source)?;
-    let writer = if args.rig.join(RIG_FILE).exists() {
+    let mut writer = if args.rig.join(RIG_FILE).exists() {
         RigWriter::open(&args.rig)?
     } else {
         RigWriter::create_like(&args.rig, &source)?
@@ -51,11 +56,20 @@ pub(super) fn run(args: &CaptureArgs, source: &Path, context: &CommandContext) -
         has_intrinsics: writer.has_intrinsics(),
         ..CaptureReport::default()
     };
-    let Some((_, first)) = shots.first() else { return Ok(report) };
+    let n = writer.pattern_names().len();
+    let superposed = args.measures_response().then(|| superposed(&source, n)).transpose()?;
+    let first = match (&superposed, shots.first()) {
+        (Some((_, images)), _) => images.clone(),
+        (None, Some((_, first))) => images(&writer, first)?,
+        (None, None) => return Ok(report),
+    };
     context.progress.stage("capture");
-    let room = SimulatedRoom::new(images(&writer, first)?, FAULTS, all as u64);
+    let room = SimulatedRoom::new(first, FAULTS, all as u64);
     let (mut display, mut camera) = room.devices();
     let mut session = CaptureSession::start(&mut display, &mut camera)?;
+    if let Some((slides, _)) = &superposed {
+        report.response = Some(response::measure(&mut session, &mut writer, slides)?);
+    }
     for (i, (place, shot)) in shots.iter().enumerate() {
         context.progress.tick(i, shots.len());
         context.stop_if_asked()?;
@@ -67,6 +81,18 @@ pub(super) fn run(args: &CaptureArgs, source: &Path, context: &CommandContext) -
     (report.timing, report.noise) = (Some(session.timing()), Some(session.noise()));
     report.exposure = Some(session.exposure(writer.rig().black_level, writer.rig().saturation));
     Ok(report)
+}
+
+/// Reads what the source's folder for measuring its response shows; the slides come after `n` patterns.
+fn superposed(source: &Rig, n: usize) -> Result<(ResponseSlides, HashMap<Slide, Raw>)> {
+    let folder = source.root.join(RESPONSE_FOLDER);
+    let slides = ResponseSlides::after(n);
+    let read = |name: &str| decode(&folder.join(name), None);
+    let mut images = HashMap::from([(Slide::White, read("white.png")?), (Slide::Black, read("black.png")?)]);
+    for (i, name) in slides.names.iter().enumerate() {
+        images.insert(Slide::Pattern(slides.first + i), read(name)?);
+    }
+    Ok((slides, images))
 }
 
 /// Reads what a folder shows under each slide. It must have a black image.

@@ -3,9 +3,19 @@
 use std::path::PathBuf;
 
 use nelu3d_capture::{CaptureTiming, ExposureAdvice, FrameCounts, FrameNoise};
+use nelu3d_scan::radiometry::ResponseReport;
 use serde::Serialize;
 
 use crate::paths::shown;
+
+/// A measured response.
+#[derive(Debug, Serialize)]
+pub(super) struct ResponseSummary {
+    /// Its name in rig.toml.
+    pub(super) name: String,
+    #[serde(flatten)]
+    pub(super) report: ResponseReport,
+}
 
 /// What a capture did.
 #[derive(Debug, Default, Serialize)]
@@ -20,6 +30,8 @@ pub(super) struct CaptureReport {
     pub(super) timing: Option<CaptureTiming>,
     pub(super) noise: Option<FrameNoise>,
     pub(super) exposure: Option<ExposureAdvice>,
+    /// How the camera's codes follow light, where that was measured.
+    pub(super) response: Option<ResponseSummary>,
     /// Whether the rig has intrinsics.
     pub(super) has_intrinsics: bool,
 }
@@ -46,6 +58,15 @@ impl CaptureReport {
         );
         if let Some(exposure) = self.exposure {
             text += &format!("exposure  {exposure}\n");
+        }
+        if let Some(response) = &self.response {
+            text += &format!(
+                "response  {}: about code^{:.2}, ± {:.2} %; light adds up to {:.2} %\n",
+                response.name,
+                response.report.gamma,
+                response.report.standard_error_percent,
+                response.report.adds_up_percent
+            );
         }
         if !self.has_intrinsics {
             text += "next      the rig has no intrinsics yet: `nelu3d camera` makes camera.json\n";

@@ -10,7 +10,8 @@ use nelu3d_scan::Image;
 use nelu3d_scan::image::{write_png8, write_png16};
 use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::pattern::{
-    Axis, Pattern, PatternError, PatternImage, PatternImages, Ramp, Rgb, Sinusoid, Triangle, recommended_patterns,
+    Axis, Pattern, PatternError, PatternImage, PatternImages, Ramp, Rgb, Sinusoid, Superposition, Triangle,
+    recommended_patterns,
 };
 use serde::Serialize;
 
@@ -35,6 +36,9 @@ pub(crate) fn run(args: PatternsCommand, context: &CommandContext) -> Result<Exi
         PatternsCommand::Mps { settings, sheet } => ("mps", Pattern::Mps(settings), sheet),
         PatternsCommand::Hilbert { settings, sheet } => ("hilbert", Pattern::Hilbert(settings), sheet),
         PatternsCommand::Alacarte { settings, sheet } => ("alacarte", Pattern::Alacarte(settings), sheet),
+        PatternsCommand::Superposition { settings, sheet } => {
+            ("superposition", Pattern::Superposition(settings), sheet)
+        }
         PatternsCommand::Rgb { settings, sheet } => ("rgb", Pattern::Rgb(rgb(&settings)), sheet),
         PatternsCommand::Film { settings, sheet } => ("film", Pattern::Film(settings), sheet),
         PatternsCommand::Score(args) => return score::run(&args, context),
@@ -117,6 +121,14 @@ pub(crate) fn write_recommended(
     let sheet = PatternImageArgs { size, axis: AxisChoice::X, bits: 8, gamma: 1.0, output: folder.to_path_buf() };
     let set = |axis: Axis| recommended_patterns(axis.length(size[0], size[1]), axis, images);
     make(&format!("mixed{images}"), &set, &sheet, context).map(|_| ())
+}
+
+/// Writes the folder of the images whose light adds up.
+#[cfg(feature = "capture")]
+pub(crate) fn write_superposition(folder: &Path, size: [usize; 2], context: &CommandContext) -> Result<()> {
+    let sheet = PatternImageArgs { size, axis: AxisChoice::X, bits: 8, gamma: 1.0, output: folder.to_path_buf() };
+    let set = |_| Ok(vec![Pattern::Superposition(Superposition::default())]);
+    make("superposition", &set, &sheet, context).map(|_| ())
 }
 
 /// Makes the images and writes their folder; returns what it says of itself, and the number of images.

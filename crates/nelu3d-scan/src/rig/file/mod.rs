@@ -3,12 +3,14 @@
 mod board;
 mod board_file;
 mod problems;
+mod response;
 mod schema;
 mod validate;
 
 use std::path::{Path, PathBuf};
 
 pub use board_file::{board_lines, read_board};
+pub use response::state_response;
 pub(super) use schema::RigToml;
 pub(super) use validate::from_toml;
 
@@ -43,8 +45,7 @@ impl Rig {
     ///
     /// As [`Rig::open`], for rig.toml; or there is no sweep, or its first white image cannot be read.
     pub fn open_uncalibrated(path: &Path) -> Result<Self, RigError> {
-        let (root, toml) = read_toml(path)?;
-        let mut rig = Self::checked(&root, toml, Camera::pinhole(1, 1, 1.0, 1.0, 0.0, 0.0), None)?;
+        let mut rig = Self::open_sensor(path)?;
         let positions = rig.positions()?;
         // No rig has a sweep without positions.
         let first = positions.first().map(|shot| shot.dir.join(&rig.white)).unwrap_or_default();
@@ -52,6 +53,17 @@ impl Rig {
         let (w, h) = (raw.width as f64, raw.height as f64);
         rig.camera = Camera::pinhole(raw.width, raw.height, w, w, 0.5 * (w - 1.0), 0.5 * (h - 1.0));
         Ok(rig)
+    }
+
+    /// Opens a rig of whose camera only codes and channels are asked for: the intrinsics are none, and neither their file
+    /// nor a projector's is read.
+    ///
+    /// # Errors
+    ///
+    /// As [`Rig::open`], for rig.toml.
+    pub fn open_sensor(path: &Path) -> Result<Self, RigError> {
+        let (root, toml) = read_toml(path)?;
+        Self::checked(&root, toml, Camera::pinhole(1, 1, 1.0, 1.0, 0.0, 0.0), None)
     }
 
     /// Makes the rig of the folder `root` from the content of its rig.toml, its camera and its projector. No file is

@@ -51,3 +51,27 @@ fn jpeg_files_of_unknown_response_are_refused() {
     let e = read("a.jpg", half, Channels::Rgb, Some("srgb")).unwrap_err();
     assert!(e.contains("a.jpg") && e.contains("truncated or damaged"), "{e}");
 }
+
+#[test]
+fn a_measured_response_is_stated_and_the_rest_of_the_file_stays() {
+    let dir = tempfile::tempdir().unwrap();
+    let rig = Rig { black_level: 0.0, saturation: 255.0, board: None, ..rig_at(dir.path()) };
+    rig.save().unwrap();
+    let file = dir.path().join(RIG_FILE);
+    let text = fs::read_to_string(&file).unwrap().replace("[camera]\n", "# by hand\n[camera]  # mine\n");
+    fs::write(&file, &text).unwrap();
+    let table = Response::from_json("response.json", br#"{"code": [0, 0.25, 1], "light": [0, 0.1, 1]}"#).unwrap();
+    for response in [table, Response::Srgb, Response::Linear] {
+        state_response(dir.path(), &response).unwrap();
+        assert_eq!(Rig::open(dir.path()).unwrap().response.as_ref(), Some(&response));
+        let said = fs::read_to_string(&file).unwrap();
+        let rest: Vec<&str> = said.lines().filter(|l| !l.starts_with("response = ")).collect();
+        assert_eq!(rest, text.lines().collect::<Vec<_>>());
+    }
+    // Tables that are not in lines of their own are left to people.
+    let inline = "format = 1\ncamera = { channels = \"mono\", black_level = 0.0, saturation = 255.0 }\n";
+    fs::write(&file, inline).unwrap();
+    let e = state_response(dir.path(), &Response::Srgb).unwrap_err().to_string();
+    assert!(e.contains("rig.toml") && e.contains("by hand"), "{e}");
+    assert_eq!(fs::read_to_string(&file).unwrap(), inline);
+}

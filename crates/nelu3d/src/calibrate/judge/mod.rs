@@ -74,7 +74,7 @@ pub(super) fn judge(
     let (of_positions, of_ink) = residuals(field, placed, progress)?;
     let names: Vec<&str> = placed.sweep.shots.iter().map(|s| s.name.as_str()).collect();
     judgment.extend(positions::judge(of_positions, &names, &field.metadata.images));
-    judgment.extend(response::judge(&of_ink));
+    judgment.extend(response::judge(&of_ink, placed.noise_growth));
     judgment.extend(repeats::judge(field, &placed.camera));
     judgment.extend(captures(evidence.facts));
     Ok(judgment)

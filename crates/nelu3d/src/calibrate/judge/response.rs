@@ -29,6 +29,12 @@ const MIN_BUMP: f64 = 0.02;
 /// The same in standard errors.
 const MIN_SIGMAS: f64 = 6.0;
 
+/// Growth of the variance of noise from dark to bright that sensors do not fall below: theirs is 1 at least, and sRGB has
+/// 0.5.
+const MIN_GROWTH: f64 = 0.7;
+const REMEDY: &str = "take raw images, or linear ones: no gamma, no sRGB, no tone mapping; or state `[camera] response`, \
+                      which `nelu3d camera --response` measures";
+
 /// Normal equations of ink's deviation from the field at one position: what glare adds to the darkest codewords and
 /// takes from the brightest, and the height of a bump.
 #[derive(Clone, Default)]
@@ -77,8 +83,25 @@ impl InkSums {
     }
 }
 
-/// Judges the bumps of all positions.
-pub(super) fn judge(all: &[InkSums]) -> Option<Finding> {
+/// Judges the bumps of all positions; where they tell nothing, whether noise falls with light (`growth`, bright over
+/// dark, of variances). A power of light bends ink's codewords as it bends paper's, but takes the noise of bright places
+/// away: where light is bent by a slope s(light), noise is multiplied by s.
+pub(super) fn judge(all: &[InkSums], growth: Option<f64>) -> Option<Finding> {
+    of_ink(all).or_else(|| of_noise(growth?))
+}
+
+fn of_noise(growth: f64) -> Option<Finding> {
+    tracing::debug!(growth, "noise, bright over dark");
+    (growth < MIN_GROWTH).then(|| {
+        let sentence = format!(
+            "noise in bright places has {growth:.2} times the variance that it has in dark ones, and light has more of \
+             it where it is brighter: images are not linear in light"
+        );
+        Finding::new(Code::NonlinearResponse, Verdict::Doubtful, sentence, REMEDY).with("noise_growth", growth)
+    })
+}
+
+fn of_ink(all: &[InkSums]) -> Option<Finding> {
     let (bump, sigma) = bump(all)?;
     tracing::debug!(bump, sigma, samples = all.iter().map(|s| s.n).sum::<usize>(), "mid intensities on ink");
     (bump.abs() > MIN_BUMP.max(MIN_SIGMAS * sigma)).then(|| {
@@ -88,9 +111,7 @@ pub(super) fn judge(all: &[InkSums]) -> Option<Finding> {
             bump.abs(),
             if bump > 0.0 { "brighter" } else { "darker" }
         );
-        let remedy =
-            "take raw images, or linear ones: no gamma, no sRGB, no tone mapping; or state `[camera] response`";
-        Finding::new(Code::NonlinearResponse, Verdict::Doubtful, sentence, remedy)
+        Finding::new(Code::NonlinearResponse, Verdict::Doubtful, sentence, REMEDY)
             .with("mid_deviation", bump)
             .with("mid_sigma", sigma)
     })
@@ -152,9 +173,9 @@ mod tests {
 
     #[test]
     fn a_curve_is_told_from_glare() {
-        assert!(judge(&ink(|c| c)).is_none());
+        assert!(judge(&ink(|c| c), Some(1.0)).is_none());
         // Half of the light is from elsewhere.
-        assert!(judge(&ink(|c| 0.5 * c + 0.2)).is_none());
+        assert!(judge(&ink(|c| 0.5 * c + 0.2), None).is_none());
         // sRGB, ink of a twentieth of the paper's light: by paper's intensity, ink's.
         let srgb = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
         let shown = |light: f32| {
@@ -162,12 +183,15 @@ mod tests {
         };
         let (paper, ink_shows) = (shown(0.5), shown(0.025));
         let of_paper = |v: f32| (0..1000).map(|i| i as f32 / 1000.0).find(|c| paper(*c) >= v).unwrap_or(1.0);
-        let found = judge(&ink(|v| ink_shows(of_paper(v)))).unwrap();
+        let found = judge(&ink(|v| ink_shows(of_paper(v))), Some(2.0)).unwrap();
         assert!(found.code == Code::NonlinearResponse && found.sentence.contains("darker"), "{found}");
         // Black and white alone tell nothing.
         let mut binary = vec![InkSums::default(); 8];
         binary.iter_mut().for_each(|s| (0..500).for_each(|i| s.add(0.8 * (i % 2) as f32, (i % 2) as f32, 100.0)));
-        assert!(judge(&binary).is_none());
-        assert!(judge(&[]).is_none());
+        assert!(judge(&binary, None).is_none());
+        assert!(judge(&[], None).is_none());
+        // But noise does, where sensors have more of it.
+        let found = judge(&binary, Some(0.5)).unwrap();
+        assert!(found.code == Code::NonlinearResponse && found.sentence.contains("0.50 times"), "{found}");
     }
 }

@@ -1,0 +1,148 @@
+//! A camera that is not linear: its response is measured through a rehearsed capture and from files, and a scan with it
+//! is nearly as good as a linear camera's.
+#![cfg(feature = "capture")]
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use common::{nelu3d, small, stderr};
+use nelu3d_scan::Rig;
+use nelu3d_scan::image::{Raw, RawData, Response, decode, write_raw_png};
+use nelu3d_scan::pattern::{Pattern, Superposition};
+use nelu3d_sim::Spec;
+use nelu3d_sim::spec::{BlackImage, LightSpec, PatternSetSpec, SweepSpec};
+use serde_json::Value;
+
+const GAMMA: f64 = 2.2;
+
+/// What a webcam of 8 bits makes of an image of a linear camera.
+fn webcam(from: &Path, to: &Path, rig: &Rig) {
+    let raw = decode(from, None).unwrap();
+    let RawData::U16(codes) = &raw.data else { panic!("16 bits") };
+    let scale = 1.0 / (rig.saturation - rig.black_level);
+    let code = |c: &u16| {
+        let light = (scale * (f64::from(*c) - rig.black_level)).clamp(0.0, 1.0);
+        (255.0 * light.powf(1.0 / GAMMA)).round() as u8
+    };
+    let data = RawData::U8(codes.iter().map(code).collect());
+    fs::create_dir_all(to.parent().unwrap()).unwrap();
+    write_raw_png(to, &Raw { data, ..raw }).unwrap();
+}
+
+fn images(folder: &Path) -> Vec<PathBuf> {
+    let files = fs::read_dir(folder).unwrap().map(|f| f.unwrap().path());
+    files.filter(|f| f.extension().is_some_and(|e| e == "png")).collect()
+}
+
+/// Simulates the scanner, and the same one showing the images whose light adds up; returns the linear rig and a
+/// webcam's, with its folder `response`.
+fn rigs(dir: &Path) -> (PathBuf, PathBuf) {
+    let mut spec = small("demo");
+    spec.scenes = Spec::preset("demo").unwrap().scenes;
+    let (linear, source) = (dir.join("linear"), dir.join("source"));
+    nelu3d_sim::simulate(&spec, &linear, &|_, _, _| {}).unwrap();
+    let superposition = vec![Pattern::Superposition(Superposition::default())];
+    spec.pattern_sets = vec![PatternSetSpec { name: "superposition".into(), patterns: superposition }];
+    let SweepSpec::Stage { positions, .. } = &mut spec.sweep else { panic!("a stage") };
+    *positions = 3;
+    let LightSpec::Projector(projector) = &mut spec.light else { panic!("a projector") };
+    // Its gamma is its own affair, and black is what it shows as such.
+    (projector.gamma, projector.black) = (1.8.into(), BlackImage::Darkest);
+    let shown = dir.join("shown");
+    nelu3d_sim::simulate(&spec, &shown, &|_, _, _| {}).unwrap();
+    let rig = Rig::open(&linear).unwrap();
+    for part in ["calibration", "scenes"] {
+        for folder in fs::read_dir(linear.join(part)).unwrap().map(|f| f.unwrap().path()) {
+            for file in images(&folder) {
+                webcam(&file, &source.join(file.strip_prefix(&linear).unwrap()), &rig);
+            }
+        }
+    }
+    for file in images(&shown.join("scenes/vase")) {
+        webcam(&file, &source.join("response").join(file.file_name().unwrap()), &rig);
+    }
+    common::copy(&linear.join("patterns"), &source.join("patterns"));
+    Rig { root: source.clone(), black_level: 0.0, saturation: 255.0, ..rig }.save().unwrap();
+    (linear, source)
+}
+
+fn answer(args: &[&str]) -> Value {
+    let out = nelu3d(&[args, &["--json", "--quiet"]].concat());
+    assert!(out.status.success(), "{args:?}: {}", stderr(&out));
+    serde_json::from_slice(&out.stdout).unwrap()
+}
+
+/// Largest error of a curve over the codes that a webcam has of lit surfaces.
+fn error(response: &Response) -> f64 {
+    let codes = (20..=200).map(|c| f64::from(c) / 255.0);
+    // Normalized intensities do not depend on what the curve is measured by.
+    let fixed = |f: &dyn Fn(f64) -> f64, c: f64| (f(c) - f(0.08)) / (f(0.78) - f(0.08));
+    let truth = |c: f64| c.powf(GAMMA);
+    codes.map(|c| (fixed(&|c| response.light(c), c) - fixed(&truth, c)).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_webcam_whose_response_was_measured_scans_as_a_linear_camera() {
+    let dir = tempfile::tempdir().unwrap();
+    let (linear, source) = rigs(dir.path());
+    let (rig, path) = (dir.path().join("rig"), |p: &Path| p.to_str().unwrap().to_owned());
+    let taken = answer(&["capture", &path(&rig), "--rehearse", &path(&source), "--response", "measure"]);
+    assert_eq!(taken["response"]["name"], "response.json", "{taken}");
+    let opened = Rig::open(&rig).unwrap();
+    let measured = opened.response.clone().unwrap();
+    assert!(error(&measured) < 0.01, "{}: {}", error(&measured), taken["response"]);
+
+    // The same images as files of a rig that says something else.
+    fs::copy(source.join("rig.toml"), rig.join("rig.toml")).unwrap();
+    let text = fs::read_to_string(rig.join("rig.toml")).unwrap();
+    fs::write(rig.join("rig.toml"), text.replace("[camera]", "[camera]\nresponse = \"linear\"")).unwrap();
+    let out = nelu3d(&["camera", &path(&rig), "--response"]);
+    assert!(stderr(&out).contains("--force") && out.status.code() == Some(1), "{}", stderr(&out));
+    let again = answer(&["camera", &path(&rig), "--response", "--force"]);
+    assert_eq!(again["response"], "response.json");
+    assert_eq!(Rig::open(&rig).unwrap().response, Some(measured.clone()));
+    // And as those of a folder that is no rig.
+    let file = path(&dir.path().join("curve.json"));
+    answer(&["camera", &path(&source.join("response")), "--response", "-o", &file]);
+    let read = Response::from_json("response.json", &fs::read(&file).unwrap()).unwrap();
+    assert_eq!(read, measured);
+
+    let scan = |rig: &Path| {
+        answer(&["calibrate", &path(rig)]);
+        let truth = path(&linear.join("scenes/vase/truth"));
+        let said = answer(&["reconstruct", &path(rig), "vase", "--truth", &truth, "--accept"]);
+        said["summary"]["metrics"]["body"]["depth_mm"]["median"].as_f64().unwrap()
+    };
+    let (of_linear, of_webcam) = (scan(&linear), scan(&rig));
+    println!("body median: linear {of_linear:.4} mm, webcam {of_webcam:.4} mm");
+    assert!(of_webcam < 1.5 * of_linear, "{of_webcam} mm, not {of_linear} mm");
+}
+
+#[test]
+fn what_does_not_tell_the_response_is_said_in_a_sentence() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().to_str().unwrap();
+    let gray = |name: &str, code: u8| {
+        let raw = Raw { width: 320, height: 240, channels: 1, data: RawData::U8(vec![code; 320 * 240]) };
+        write_raw_png(&dir.path().join(name), &raw).unwrap();
+    };
+    let refused = |args: &[&str], what: &str| {
+        let out = nelu3d(&[&["-q", "camera", path, "--response"], args].concat());
+        let text = stderr(&out);
+        assert_eq!(out.status.code(), Some(1), "{args:?}: {text}");
+        assert!(text.trim_end().lines().count() == 1 && text.contains(what), "{args:?}: {text}");
+        assert!(fs::read_dir(dir.path()).unwrap().all(|f| f.unwrap().path().extension().unwrap() == "png"));
+    };
+    (0..3).for_each(|i| gray(&format!("{i}.png"), 40 << i));
+    refused(&[], "superposition_00");
+    refused(&["--exposures", "1,2"], "3 images");
+    // Three even surfaces: light doubled twice, whatever happens in between.
+    refused(&["--exposures", "1/4,1/2,1"], "open by");
+    gray("2.png", 120);
+    gray("1.png", 110);
+    (0..21).for_each(|i| gray(&format!("superposition_{i:02}.png"), 170));
+    gray("black.png", 4);
+    refused(&[], "does not add up");
+}
