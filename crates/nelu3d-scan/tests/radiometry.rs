@@ -6,6 +6,9 @@ use nelu3d_scan::radiometry::{LightRelation, ResponseError, ResponseEstimator, R
 
 const SIZE: [usize; 2] = [200, 150];
 
+/// A camera's code of light.
+type Curve = fn(f64) -> f64;
+
 /// A camera before stripes on a surface that gets darker from left to right, with a dark half.
 struct Scene {
     /// Codes of light, both of full scale.
@@ -114,7 +117,7 @@ fn toned(light: f64) -> f64 {
 fn responses_are_found_whether_stripes_are_resolved_or_not() {
     // Stripes that stand out, and stripes that are one gray.
     for stripe_px in [6, 1] {
-        let cameras: [(&str, fn(f64) -> f64); 3] =
+        let cameras: [(&str, Curve); 3] =
             [("gamma", |light| light.powf(1.0 / 2.2)), ("toned", toned), ("root", f64::sqrt)];
         for (name, camera) in cameras {
             let scene = Scene { camera, stripe_px, ..STILL };
@@ -132,7 +135,7 @@ fn responses_are_found_whether_stripes_are_resolved_or_not() {
             let json = serde_json::json!({ "code": code, "light": light }).to_string();
             assert_eq!(Response::from_json("response.json", json.as_bytes()).unwrap(), response);
         }
-        let cameras: [(fn(f64) -> f64, Response); 2] = [(|light| light, Response::Linear), (srgb, Response::Srgb)];
+        let cameras: [(Curve, Response); 2] = [(|light| light, Response::Linear), (srgb, Response::Srgb)];
         for (camera, expected) in cameras {
             let (response, report) = Scene { camera, stripe_px, ..STILL }.measure().unwrap();
             assert_eq!(response, expected, "{report:?}");
