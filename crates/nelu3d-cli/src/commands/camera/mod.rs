@@ -1,5 +1,6 @@
 //! `nelu3d camera`: the camera is calibrated from images of a board; its response from images whose light adds up.
 
+mod folder;
 pub(crate) mod response;
 mod text;
 
@@ -15,15 +16,13 @@ use nelu3d_scan::intrinsics::{
     GrayImage, Intrinsics, IntrinsicsError, IntrinsicsOptions, StageStep, View, calibrate_intrinsics, find_boards,
 };
 use nelu3d_scan::output::{ReservedPath, write_atomic};
-use nelu3d_scan::rig::{RIG_FILE, natural_order, read_board};
+use nelu3d_scan::rig::{RIG_FILE, read_board};
 
 use crate::args::CameraArgs;
 use crate::context::CommandContext;
 use crate::paths::shown;
+use folder::images;
 use text::text;
-
-/// Endings of images that are read.
-const ENDINGS: [&str; 6] = ["png", "tif", "tiff", "exr", "jpg", "jpeg"];
 
 /// The images, and what is on them.
 struct Source {
@@ -190,23 +189,4 @@ impl Source {
         let all: serde_json::Map<String, serde_json::Value> = self.images.iter().zip(found).map(of).collect();
         Ok(serde_json::to_string(&all)? + "\n")
     }
-}
-
-/// Returns the images of a folder, sorted by name.
-fn images(dir: &Path) -> Result<Vec<(String, PathBuf)>> {
-    let entries = std::fs::read_dir(dir).with_context(|| format!("{}: cannot be read", shown(dir)))?;
-    let mut images = Vec::new();
-    for entry in entries {
-        let path = entry.with_context(|| format!("{}: cannot be read", shown(dir)))?.path();
-        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if ENDINGS.contains(&ending.as_str()) && !name.starts_with('.') {
-            images.push((name, path));
-        }
-    }
-    images.sort_by(|a, b| natural_order(&a.0, &b.0));
-    if images.is_empty() {
-        bail!("{}: has no images; put PNG, JPEG, TIFF or OpenEXR images there", shown(dir));
-    }
-    Ok(images)
 }

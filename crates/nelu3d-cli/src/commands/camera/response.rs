@@ -12,7 +12,7 @@ use nelu3d_scan::pattern::Superposition;
 use nelu3d_scan::radiometry::{LightRelation, ResponseEstimator, ResponseReport};
 use nelu3d_scan::rig::{RIG_FILE, Rig, Shot, state_response};
 
-use super::{ENDINGS, images};
+use super::folder::{ENDINGS, images};
 use crate::args::CameraArgs;
 use crate::context::CommandContext;
 use crate::paths::shown;
