@@ -4,10 +4,10 @@ mod folder;
 pub(crate) mod response;
 mod text;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context as _, Result, anyhow, bail};
+use anyhow::{Result, anyhow, bail};
 use nelu3d_scan::Rig;
 use nelu3d_scan::board::{Board, Corner, Detector};
 use nelu3d_scan::camera::write_camera;
