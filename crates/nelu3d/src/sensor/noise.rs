@@ -43,19 +43,25 @@ const MAX_SIGMA: f32 = 0.12;
 const LEVELS: usize = 24;
 /// Number of buckets of a histogram.
 const BUCKETS: usize = 512;
+/// Number of classes of roughness, each 1.6 times the one before.
+const CLASSES: usize = 24;
+
+/// The responses of a level of intensity, by the roughness of their neighborhoods: histograms of |high-pass| on a
+/// logarithmic scale.
+type Histograms = [[u32; BUCKETS]; CLASSES];
 
 /// Gathers noise statistics over many images; see [`NoiseEstimator::finish`].
 #[derive(Clone)]
 pub struct NoiseEstimator {
-    /// Per intensity level, a histogram of |high-pass| on a logarithmic scale.
-    histograms: Vec<[u32; BUCKETS]>,
+    /// Per intensity level.
+    histograms: Vec<Histograms>,
     /// Per intensity level, sum of intensities and their number.
     intensity: Vec<(f64, u64)>,
 }
 
 impl Default for NoiseEstimator {
     fn default() -> Self {
-        Self { histograms: vec![[0; BUCKETS]; LEVELS], intensity: vec![(0.0, 0); LEVELS] }
+        Self { histograms: vec![[[0; BUCKETS]; CLASSES]; LEVELS], intensity: vec![(0.0, 0); LEVELS] }
     }
 }
 
@@ -71,6 +77,27 @@ pub fn estimate_scene_noise(white: &Image, patterns: &[Image], lsb: f32) -> Nois
 fn bucket(r: f32) -> usize {
     let t = (r.max(1e-6).log10() + 6.0) / 6.0;
     ((t * BUCKETS as f32) as usize).min(BUCKETS - 1)
+}
+
+/// Returns the roughness of a neighborhood of 3 × 3 pixels: root mean square of its first and second derivatives, each
+/// scaled to the standard deviation of a pixel's noise. Independent of the high-pass response where there is noise alone.
+fn roughness(v: &[f32; 9]) -> f32 {
+    let column = |x: usize| v[x] + v[x + 3] + v[x + 6];
+    let row = |y: usize| v[3 * y] + v[3 * y + 1] + v[3 * y + 2];
+    let (dx, dy) = (column(2) - column(0), row(2) - row(0));
+    let (dxx, dyy) = (column(0) - 2.0 * column(1) + column(2), row(0) - 2.0 * row(1) + row(2));
+    let dxy = v[0] - v[2] - v[6] + v[8];
+    (((dx * dx + dy * dy) / 6.0 + (dxx * dxx + dyy * dyy) / 18.0 + dxy * dxy / 4.0) / 5.0).sqrt()
+}
+
+/// Roughness of the upper end of the first class, and the ratio of each class's to the one's before.
+const FIRST_CLASS: f32 = 2e-5;
+const CLASS_RATIO: f32 = 1.6;
+
+/// Returns the class of a roughness.
+fn class(roughness: f32) -> usize {
+    let t = (roughness / FIRST_CLASS).max(1e-6).log(CLASS_RATIO).ceil();
+    (t.max(0.0) as usize).min(CLASSES - 1)
 }
 
 impl NoiseEstimator {
@@ -90,7 +117,7 @@ impl NoiseEstimator {
                     }
                     let r = v[0] - 2.0 * v[1] + v[2] - 2.0 * v[3] + 4.0 * v[4] - 2.0 * v[5] + v[6] - 2.0 * v[7] + v[8];
                     let level = ((mean.sqrt() * LEVELS as f32) as usize).min(LEVELS - 1);
-                    self.histograms[level][bucket(r.abs())] += 1;
+                    self.histograms[level][class(roughness(&v))][bucket(r.abs())] += 1;
                     self.intensity[level].0 += f64::from(mean);
                     self.intensity[level].1 += 1;
                 }
@@ -101,7 +128,7 @@ impl NoiseEstimator {
     /// Joins another estimator's statistics.
     pub fn merge(&mut self, other: &Self) {
         for (a, b) in self.histograms.iter_mut().zip(&other.histograms) {
-            a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+            a.as_flattened_mut().iter_mut().zip(b.as_flattened()).for_each(|(a, b)| *a += b);
         }
         for (a, b) in self.intensity.iter_mut().zip(&other.intensity) {
             a.0 += b.0;
@@ -110,21 +137,20 @@ impl NoiseEstimator {
     }
 
     /// Returns how many times its variance in the dark (a ninth to a third of the scale) the noise has in bright places
-    /// (beyond three fifths); `None` where one of them is hardly there. No sensor's light is less noisy where there is
-    /// more of it: below 1, something has bent the codes.
+    /// (beyond three fifths); `None` where one of them is hardly there, or has nothing but edges. No sensor's light is
+    /// less noisy where there is more of it: below 1, something has bent the codes.
     pub fn growth(&self, lsb: f32) -> Option<f64> {
         /// Levels of the dark and of bright places: between (l / 24)² and ((l + 1) / 24)².
         const DARK: std::ops::Range<usize> = 8..14;
         const BRIGHT: std::ops::Range<usize> = 19..23;
         /// Fewest responses of a level, and of a range.
         const MIN_RESPONSES: u64 = 400;
-        const MIN_IN_RANGE: u64 = 4000;
+        const MIN_IN_RANGE: u64 = 1000;
         let floor = f64::from(lsb * lsb) / 12.0;
+        // Intensities between black and white may be nothing but edges of stripes, whose response would pass for noise.
         let typical = |levels: std::ops::Range<usize>| {
-            let used = levels.filter(|l| self.intensity[*l].1 >= MIN_RESPONSES);
-            let of =
-                |l: usize| (variance(&self.histograms[l], self.intensity[l].1).max(floor).ln(), self.intensity[l].1);
-            let (sum, n) = used.map(of).fold((0.0, 0), |(s, n), (v, m)| (s + v * m as f64, n + m));
+            let of = levels.filter_map(|l| flattest(&self.histograms[l], MIN_RESPONSES));
+            let (sum, n) = of.fold((0.0, 0), |(s, n), (v, m)| (s + v.max(floor).ln() * m as f64, n + m));
             (n >= MIN_IN_RANGE).then(|| (sum / n as f64).exp())
         };
         Some(typical(BRIGHT)? / typical(DARK)?)
@@ -141,7 +167,7 @@ impl NoiseEstimator {
             if *n < 400 {
                 continue;
             }
-            let var = variance(h, *n).max(floor);
+            let var = variance(&sum_of(h), *n).max(floor);
             let (x, weight) = (sum / *n as f64, (*n as f64).sqrt() / (var * var));
             s += weight;
             sx += weight * x;
@@ -164,6 +190,28 @@ impl NoiseEstimator {
         }
         NoiseModel { read: read as f32, gain: gain as f32 }
     }
+}
+
+/// Returns the variance of noise in a level's flattest tenth, and the number of responses in it, at least `min`; `None`
+/// where even that tenth is rougher than its noise, or has too few responses.
+fn flattest(histograms: &Histograms, min: u64) -> Option<(f64, u64)> {
+    let count = |h: &[u32; BUCKETS]| h.iter().map(|c| u64::from(*c)).sum::<u64>();
+    let wanted = min.max(histograms.iter().map(count).sum::<u64>() / 10);
+    let mut n = 0;
+    let last = histograms.iter().position(|h| {
+        n += count(h);
+        n >= wanted
+    })?;
+    let variance = variance(&sum_of(&histograms[..=last]), n);
+    let roughest = f64::from(FIRST_CLASS) * f64::from(CLASS_RATIO).powi(last as i32);
+    // The end of a class is up to 1.6 times as rough as what is in it.
+    (last == 0 || roughest * roughest <= 2.6 * variance).then_some((variance, n))
+}
+
+fn sum_of(histograms: &[[u32; BUCKETS]]) -> [u32; BUCKETS] {
+    let mut sum = [0; BUCKETS];
+    histograms.iter().for_each(|h| sum.iter_mut().zip(h).for_each(|(a, b)| *a += b));
+    sum
 }
 
 /// Returns the variance of a level from the smallest 80 % of its `n` responses.
@@ -220,5 +268,25 @@ mod tests {
         let growth = e.growth(1.0 / 255.0).unwrap();
         assert!((0.2..0.7).contains(&growth), "{growth}");
         assert_eq!(NoiseEstimator::default().growth(1.0 / 255.0), None);
+    }
+
+    /// Between black and white, a Gray code has nothing but the edges of stripes.
+    #[test]
+    fn edges_are_not_noise() {
+        let mut rng = rand::rngs::StdRng::seed_from_u64(2);
+        let mut image = Image::new(400, 300, 1);
+        for y in 0..300 {
+            for x in 0..400 {
+                // Stripes of 20 px that are not quite upright, with edges of 2 px and feet of 5 % light.
+                let phase = (x as f32 + 0.3 * y as f32 + 3.0 * (y as f32 / 9.0).sin()) % 20.0;
+                let lit = (phase / 2.0).clamp(0.0, 1.0) * ((12.0 - phase) / 2.0).clamp(0.0, 1.0);
+                let clean = 0.04 + 0.7 * lit;
+                let n: f32 = (0..12).map(|_| rng.random::<f32>()).sum::<f32>() - 6.0;
+                image.data[y * 400 + x] = clean + n * (1e-6 + 1e-5 * clean).sqrt();
+            }
+        }
+        let mut e = NoiseEstimator::default();
+        e.add(&image);
+        assert_eq!(e.growth(1.0 / 4095.0), None);
     }
 }

@@ -65,7 +65,8 @@ impl InkSums {
             }
             grid.eval(at.q, &mut c);
             for (j, (v, c)) in v.iter().zip(&c).enumerate().filter(|(j, _)| contrast[j % channels] > 0.0) {
-                let variance = placed.noise.normalized_variance(*v, contrast[j % channels], 0.0);
+                // Noise of the codeword that is expected: by the measured one, those that came out dark would weigh more.
+                let variance = placed.noise.normalized_variance(c.clamp(0.0, 1.0), contrast[j % channels], 0.0);
                 s.add(*v, *c, 1.0 / (variance + OTHER_SIGMA * OTHER_SIGMA));
             }
         });
