@@ -127,7 +127,7 @@ def main():
             body = metrics["body"]
             errors[name, scene] = body["depth_mm"]["median"]
             print(f"| {name} | {scene} | {said[0]} | {said[1]} | {errors[name, scene]:.4f} | "
-                  f"{body['sigma']['median_mm']:.4f} | {metrics['all']['coverage_percent']:.1f} |")
+                  f"{body['sigma']['median_mm']:.4f} | {100 * metrics['whole']['coverage']:.1f} |")
     worst = max(errors["webcam, measured", s] / e for (n, s), e in errors.items() if n == "linear, 12 bits")
     print(f"\nmeasured: at worst {worst:.2f} times the median error of the linear camera")
     return 1 if worst > 1.5 else 0

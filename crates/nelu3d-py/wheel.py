@@ -41,13 +41,18 @@ def run(*command: object, env: dict[str, str] | None = None) -> None:
         sys.exit(f"wheel.py: `{command[0]} {command[1]}` failed; what it said is above")
 
 
+def profile(chosen: argparse.Namespace) -> tuple[str, str]:
+    """Returns the option of cargo for what is built: the profile of the tests, or what is handed out."""
+    return "--profile", "release" if chosen.workspace else "dist"
+
+
 def build(chosen: argparse.Namespace) -> None:
     """Builds the program and the extension module."""
     # Tests have dependencies that change what all is built from: with them, this is the build of the tests.
     all_of_it = ["--workspace", "--features", "nelu3d-cli/gpu", "--all-targets"]
     parts = ["-p", "nelu3d-cli", "-p", "nelu3d-py", "--lib", "--bins"]
     if not chosen.manylinux:
-        run("cargo", "build", "--release", "--locked", *(all_of_it if chosen.workspace else parts))
+        run("cargo", "build", *profile(chosen), "--locked", *(all_of_it if chosen.workspace else parts))
         return
     zig = shutil.which("cargo-zigbuild")
     if zig is None:
@@ -61,7 +66,7 @@ def build(chosen: argparse.Namespace) -> None:
             # What was linked without it is linked again.
             os.utime(main)
         path = f"{folder}{os.pathsep}{os.environ['PATH']}"
-        run("cargo", "build", "--release", "--locked", *parts, env={**os.environ, "PATH": path})
+        run("cargo", "build", *profile(chosen), "--locked", *parts, env={**os.environ, "PATH": path})
 
 
 def stripped(path: Path, folder: Path) -> bytes:
@@ -87,13 +92,13 @@ def metadata() -> tuple[str, str]:
     return version, "\n".join(lines) + "\n\n" + (HERE / "README.md").read_text()
 
 
-def pack(output: Path, tag: str) -> Path:
-    """Packs the wheel (PyPA, binary distribution format), and returns where it is."""
+def pack(output: Path, tag: str, built: Path) -> Path:
+    """Packs the wheel (PyPA, binary distribution format) from what is in `built`, and returns where it is."""
     version, about = metadata()
     info, tag = f"nelu3d-{version}.dist-info", f"cp39-abi3-{tag}"
     with tempfile.TemporaryDirectory() as folder:
-        program = stripped(TARGET / "release" / "nelu3d", Path(folder))
-        module = stripped(TARGET / "release" / "lib_nelu3d.so", Path(folder))
+        program = stripped(built / "nelu3d", Path(folder))
+        module = stripped(built / "lib_nelu3d.so", Path(folder))
     files = {f"nelu3d/{p.name}": p.read_bytes() for p in sorted((HERE / "python" / "nelu3d").glob("*.py*")) if p.is_file()}
     files["nelu3d/py.typed"] = b""
     files["nelu3d/_nelu3d.abi3.so"] = module
@@ -130,7 +135,8 @@ def main() -> None:
         sys.exit("wheel.py: builds for Linux; `maturin build --release` in crates/nelu3d-py builds for this system")
     build(chosen)
     machine = os.uname().machine
-    path = pack(chosen.output, f"manylinux2014_{machine}" if chosen.manylinux else f"linux_{machine}")
+    tag = f"manylinux2014_{machine}" if chosen.manylinux else f"linux_{machine}"
+    path = pack(chosen.output, tag, TARGET / profile(chosen)[1])
     print(path, f"({path.stat().st_size / 1e6:.1f} MB)", file=sys.stderr)
     print(path)
 

@@ -7,7 +7,7 @@ mod common;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{nelu3d, small, stderr};
+use common::{nelu3d, stderr};
 use nelu3d_scan::Rig;
 use nelu3d_scan::image::{Raw, RawData, Response, decode, write_raw_png};
 use nelu3d_scan::pattern::{Pattern, Superposition};
@@ -39,8 +39,7 @@ fn images(folder: &Path) -> Vec<PathBuf> {
 /// Simulates the scanner, and the same one showing the images whose light adds up; returns the linear rig and a
 /// webcam's, with its folder `response`.
 fn rigs(dir: &Path) -> (PathBuf, PathBuf) {
-    let mut spec = small("demo");
-    spec.scenes = Spec::preset("demo").unwrap().scenes;
+    let mut spec = Spec::preset("demo").unwrap();
     let (linear, source) = (dir.join("linear"), dir.join("source"));
     nelu3d_sim::simulate(&spec, &linear, &|_, _, _| {}).unwrap();
     let superposition = vec![Pattern::Superposition(Superposition::default())];
@@ -138,10 +137,9 @@ fn what_does_not_tell_the_response_is_said_in_a_sentence() {
     (0..3).for_each(|i| gray(&format!("{i}.png"), 40 << i));
     refused(&[], "superposition_00");
     refused(&["--exposures", "1,2"], "3 images");
-    // Three even surfaces: light doubled twice, whatever happens in between.
-    refused(&["--exposures", "1/4,1/2,1"], "open by");
-    gray("2.png", 120);
-    gray("1.png", 110);
+    // Light doubled twice, and codes hardly rose.
+    [150, 170, 190].into_iter().enumerate().for_each(|(i, code)| gray(&format!("{i}.png"), code));
+    refused(&["--exposures", "1/4,1/2,1"], "does not add up");
     (0..21).for_each(|i| gray(&format!("superposition_{i:02}.png"), 170));
     gray("black.png", 4);
     refused(&[], "does not add up");

@@ -106,7 +106,8 @@ impl Squares {
     /// above all data must not make all residuals small.
     pub(super) fn of(&self, light: &[f64], reference: f64) -> f64 {
         let unit = normalized(light, reference);
-        unit.dot(&(&self.matrix * &unit))
+        // What is zero may come out below it.
+        unit.dot(&(&self.matrix * &unit)).max(0.0)
     }
 
     /// Fits a family.

@@ -15,6 +15,9 @@ const CLIPPED: f32 = 0.975;
 /// Smallest difference of codes on both sides of a relation that tells something: a pixel that sees one of two stripes
 /// alone has the same codes on both, under any curve.
 const MIN_CHANGE: f32 = 0.04;
+/// Smallest code that the brightest image of a relation must have. In the dark, where a curve for people is steep, codes
+/// differ by noise, and those that differ most would be chosen by it.
+const MIN_LIT: f32 = 0.2;
 /// Most images on one side of a relation.
 const MAX_TERMS: usize = 4;
 /// A block counts where one pixel in so many can be used.
@@ -99,8 +102,9 @@ fn tells(terms: impl Iterator<Item = (f64, f32)>) -> bool {
         n[side] += 1;
     }
     sides.iter_mut().for_each(|side| side.sort_unstable_by(f32::total_cmp));
+    let brightest = |side: usize| sides[side][..n[side]].last().is_some_and(|c| *c >= MIN_LIT);
     let pairs = sides[0].iter().zip(&sides[1]).take(n[0].min(n[1]));
-    pairs.into_iter().any(|(a, b)| (a - b).abs() >= MIN_CHANGE)
+    (brightest(0) || brightest(1)) && pairs.into_iter().any(|(a, b)| (a - b).abs() >= MIN_CHANGE)
 }
 
 impl Row {
