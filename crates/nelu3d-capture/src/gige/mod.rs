@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
 use nelu3d_scan::image::Channels;
-use telegenic::gige::discovery::{DiscoveryConfig, discover};
 use telegenic::gige::GigeConfig;
+use telegenic::gige::discovery::{DiscoveryConfig, discover};
 use telegenic::{FrameChannel, FrameStatus, GenICamera, GenicamError, StreamChannel, StreamConfig};
 
 use self::pixels::{FORMATS, PixelFormat};
@@ -82,11 +82,7 @@ impl GigeCamera {
         Self::start(config, settings, stop)
     }
 
-    fn start(
-        config: GigeConfig,
-        settings: &GigeSettings,
-        stop: Arc<AtomicBool>,
-    ) -> Result<Self, CaptureError> {
+    fn start(config: GigeConfig, settings: &GigeSettings, stop: Arc<AtomicBool>) -> Result<Self, CaptureError> {
         let device = format!("the camera at {}", config.addr.ip());
         let fails = |e: GenicamError, remedy: &str| failure(&device, &e, remedy);
         let mut camera = GenICamera::with_config(config);
@@ -115,7 +111,16 @@ impl GigeCamera {
             camera.set_integer("TLParamsLocked", 1).map_err(|e| fails(e, remedy))?;
         }
         camera.execute("AcquisitionStart").map_err(|e| fails(e, remedy))?;
-        Ok(Self { stream: Some(stream), frames, camera, name: device, format, clock: Instant::now(), stop, delivered: 0 })
+        Ok(Self {
+            stream: Some(stream),
+            frames,
+            camera,
+            name: device,
+            format,
+            clock: Instant::now(),
+            stop,
+            delivered: 0,
+        })
     }
 
     /// Tells times of frames on this clock, the display's, from now on.
@@ -211,8 +216,7 @@ fn find() -> Result<IpAddr, CaptureError> {
             remedy: "give its address, and see that it has power and an address in this computer's network".into(),
         }),
         several => {
-            let all: Vec<String> =
-                several.iter().map(|d| format!("{} ({})", d.from.ip(), d.info.model)).collect();
+            let all: Vec<String> = several.iter().map(|d| format!("{} ({})", d.from.ip(), d.info.model)).collect();
             Err(CaptureError::Device {
                 device: device(),
                 problem: format!("has several cameras: {}", all.join(", ")),
@@ -267,9 +271,10 @@ fn fix(camera: &mut GenICamera, settings: &GigeSettings, device: &str) -> Result
     let numbers = [(["ExposureTime", "ExposureTimeAbs"], settings.exposure_us), (["Gain", "GainAbs"], settings.gain)];
     for (names, wanted) in numbers {
         let Some(wanted) = wanted else { continue };
-        let name = names.into_iter().find(|n| camera.has_feature(n)).ok_or_else(|| {
-            unfixed(names[0], "is none of its features, and was asked for".into())
-        })?;
+        let name = names
+            .into_iter()
+            .find(|n| camera.has_feature(n))
+            .ok_or_else(|| unfixed(names[0], "is none of its features, and was asked for".into()))?;
         camera.set_float(name, wanted).map_err(|e| unfixed(name, format!("cannot be {wanted} ({e})")))?;
         let now = camera.get_float(name).map_err(|e| unfixed(name, format!("cannot be read ({e})")))?;
         if (now - wanted).abs() > MAX_OFF * wanted.abs().max(1.0) {
