@@ -21,6 +21,18 @@ pub(crate) struct CaptureArgs {
     /// The camera's own program saves its pictures in this folder.
     #[arg(long, value_name = "DIR", group = "source")]
     pub watch: Option<PathBuf>,
+    /// A GigE Vision camera at this address in the network; "auto": the only one that answers.
+    #[cfg(feature = "gige")]
+    #[arg(long, value_name = "IP|auto", group = "source", value_parser = gige_address)]
+    pub gige: Option<GigeAddress>,
+    /// Exposure time of a GigE Vision camera, microseconds (default: as it is set).
+    #[cfg(feature = "gige")]
+    #[arg(long, value_name = "US", requires = "gige")]
+    pub exposure_us: Option<f64>,
+    /// Gain of a GigE Vision camera, in its own unit (default: as it is set).
+    #[cfg(feature = "gige")]
+    #[arg(long, value_name = "GAIN", requires = "gige")]
+    pub gain: Option<f64>,
     /// No hardware: a simulated display and camera, late and unreliable, show this rig's images.
     #[arg(long, value_name = "RIG", group = "source")]
     pub rehearse: Option<PathBuf>,
@@ -71,7 +83,22 @@ pub(crate) struct NewRigArgs {
     /// The camera's code for no light.
     #[arg(long, value_name = "CODE", value_parser = parse_code, default_value_t = 0.0)]
     pub black_level: f64,
-    /// The camera's code at and above which a value is saturated: 255, 4095, 65535.
-    #[arg(long, value_name = "CODE", value_parser = parse_code, default_value_t = 255.0)]
-    pub saturation: f64,
+    /// The camera's code at and above which a value is saturated: 255, 4095, 65535 (default: 255, or what a GigE Vision
+    /// camera's pixels have).
+    #[arg(long, value_name = "CODE", value_parser = parse_code)]
+    pub saturation: Option<f64>,
+}
+
+/// Where a camera is in the network; none: wherever it answers.
+#[cfg(feature = "gige")]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GigeAddress(pub(crate) Option<std::net::IpAddr>);
+
+#[cfg(feature = "gige")]
+fn gige_address(text: &str) -> Result<GigeAddress, String> {
+    match (text, text.parse()) {
+        ("auto", _) => Ok(GigeAddress(None)),
+        (_, Ok(address)) => Ok(GigeAddress(Some(address))),
+        _ => Err("an address as 192.168.1.20, or auto".into()),
+    }
 }
