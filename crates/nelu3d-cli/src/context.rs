@@ -20,7 +20,7 @@ pub(crate) struct CommandContext {
 }
 
 /// A sink that shows nothing; warnings go to the log.
-struct HiddenSink;
+pub(crate) struct HiddenSink;
 
 impl Sink for HiddenSink {
     fn stage(&self, _: &str) {}

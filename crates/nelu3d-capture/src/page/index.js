@@ -75,6 +75,7 @@ async function update() {
         $('board').textContent = status.board;
         $('exposure').textContent = status.exposure_text;
         $('timing').textContent = status.timing;
+        $('field').textContent = status.field;
         $('locks').textContent = webcam + (frames ? ` ${frames} frames sent.` : '');
         $('take').disabled = status.stage !== 'sweep';
         $('finish').disabled = status.stage !== 'sweep';

@@ -41,6 +41,8 @@ pub struct PageStatus {
     pub exposure_text: String,
     /// What the sweep covers.
     pub coverage: Coverage,
+    /// What a calibration from the positions so far says; empty before there is one.
+    pub field: String,
     /// Scenes taken.
     pub scenes: Vec<String>,
     /// Timing in words.

@@ -7,6 +7,7 @@ use nelu3d_scan::image::Raw;
 
 use super::report::CaptureReport;
 use super::response::{self, ResponseSlides};
+use super::trial::{Trial, TrialAnswer};
 use crate::context::CommandContext;
 
 /// A capture under way.
@@ -16,6 +17,9 @@ struct Desk<'a> {
     guide: SweepGuide,
     context: &'a CommandContext,
     report: CaptureReport,
+    trial: Trial,
+    /// What the last trial said.
+    tried: Option<TrialAnswer>,
 }
 
 /// Takes positions and scenes as the page asks for them; or the `scenes` at once.
@@ -35,7 +39,7 @@ pub(super) fn run(
     };
     let mut guide = SweepGuide::new(writer.rig(), writer.has_intrinsics())?;
     resume(&mut guide, writer)?;
-    let mut desk = Desk { server, writer, guide, context, report };
+    let mut desk = Desk { server, writer, guide, context, report, trial: Trial::default(), tried: None };
     let mut display = server.display();
     let mut session = loop {
         desk.status("start", "measuring how long a flash takes to be seen");
@@ -162,7 +166,8 @@ impl Desk<'_> {
         let mut stage = if self.guide.has_board() { "sweep" } else { "scenes" };
         loop {
             self.context.stop_if_asked()?;
-            let next = if stage == "sweep" { self.guide.next_step() } else { "name a scene and take it".into() };
+            self.try_field();
+            let next = if stage == "sweep" { self.next_step() } else { "name a scene and take it".into() };
             self.status(stage, &next);
             let frame = session.glance()?;
             let _ = self.look(&frame.raw)?;
@@ -179,6 +184,28 @@ impl Desk<'_> {
                 Some(PageCommand::Take | PageCommand::Scene(_)) | None => {}
             }
         }
+    }
+
+    /// Shows what `calibrate` would say of the positions so far, where it can be run.
+    fn try_field(&mut self) {
+        if !self.guide.has_board() || !self.writer.has_intrinsics() {
+            return;
+        }
+        if let Some(answer) = self.trial.follow(&self.writer.rig().root, self.writer.positions()) {
+            self.server.set_status(|s| s.field.clone_from(&answer.text));
+            self.tried = Some(answer);
+        }
+    }
+
+    /// Returns what to do next in the sweep, in words.
+    fn next_step(&self) -> String {
+        let positions = self.writer.positions();
+        if self.tried.as_ref().is_some_and(|t| t.is_good && t.positions == positions) {
+            return "a field of these positions is good between them: go on to the scenes, or take more positions where \
+                    the object will be"
+                .into();
+        }
+        self.guide.next_step()
     }
 
     /// Shows a picture and looks for the board in it.

@@ -4,6 +4,7 @@ mod guided;
 mod rehearse;
 mod report;
 mod response;
+mod trial;
 
 use std::path::Path;
 use std::process::ExitCode;
