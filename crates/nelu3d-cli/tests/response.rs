@@ -36,16 +36,22 @@ fn images(folder: &Path) -> Vec<PathBuf> {
     files.filter(|f| f.extension().is_some_and(|e| e == "png")).collect()
 }
 
+/// So many positions are enough.
+fn stage(spec: &mut Spec, n: usize) {
+    let SweepSpec::Stage { positions, .. } = &mut spec.sweep else { panic!("a stage") };
+    *positions = n;
+}
+
 /// Simulates the scanner, and the same one showing the images whose light adds up; returns the linear rig and a
 /// webcam's, with its folder `response`.
 fn rigs(dir: &Path) -> (PathBuf, PathBuf) {
     let mut spec = Spec::preset("demo").unwrap();
+    stage(&mut spec, 12);
     let (linear, source) = (dir.join("linear"), dir.join("source"));
     nelu3d_sim::simulate(&spec, &linear, &|_, _, _| {}).unwrap();
     let superposition = vec![Pattern::Superposition(Superposition::default())];
     spec.pattern_sets = vec![PatternSetSpec { name: "superposition".into(), patterns: superposition }];
-    let SweepSpec::Stage { positions, .. } = &mut spec.sweep else { panic!("a stage") };
-    *positions = 3;
+    stage(&mut spec, 3);
     let LightSpec::Projector(projector) = &mut spec.light else { panic!("a projector") };
     // Its gamma is its own affair, and black is what it shows as such.
     (projector.gamma, projector.black) = (1.8.into(), BlackImage::Darkest);
