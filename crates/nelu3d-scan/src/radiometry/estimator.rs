@@ -23,6 +23,8 @@ const MIN_FOLDS: usize = 3;
 const BLOCK_FOLDS: usize = 6;
 /// A curve is no better than a simpler one for less than this part of what is left unexplained.
 const NOTICEABLE: f64 = 0.06;
+/// A curve is as good as a richer one that nowhere differs from it by more than this, of its height.
+const SAME: f64 = 0.004;
 /// Rows of one part of the picture share their images: standard errors from their number are too small by about this.
 const SHARED: f64 = 3.0;
 /// The curve whose parameters must be known for any curve to be.
@@ -78,7 +80,8 @@ impl ResponseEstimator {
             light = fitted.ok_or(ResponseError::Undetermined { percent: 100.0 })?.light;
         }
         let all = squares(rows, &weights(rows, &light, true), &folds, n_folds);
-        let (model, candidates) = choose(&all, reference).ok_or(ResponseError::Undetermined { percent: 100.0 })?;
+        let (model, candidates) =
+            choose(&all, reference, range).ok_or(ResponseError::Undetermined { percent: 100.0 })?;
         let total = Squares::sum(&all, None);
         let curve = total.fit(model, reference).ok_or(ResponseError::Undetermined { percent: 100.0 })?;
         let adds_up = typical_residual(rows, &curve.light);
@@ -127,8 +130,9 @@ impl ResponseEstimator {
     }
 }
 
-/// Returns the simplest family that predicts what was left out as well as any, and how each of them did.
-fn choose(all: &[Squares], reference: f64) -> Option<(CurveModel, Vec<CandidateCurve>)> {
+/// Returns the simplest family that predicts what was left out as well as any, or is hardly another curve within the
+/// range than the one that does; and how each of them did.
+fn choose(all: &[Squares], reference: f64, range: [f64; 2]) -> Option<(CurveModel, Vec<CandidateCurve>)> {
     let held_out = |model: CurveModel| -> Option<Vec<f64>> {
         let fold = |i: usize| {
             let curve = Squares::sum(all, Some(i)).fit(model, reference)?;
@@ -139,14 +143,24 @@ fn choose(all: &[Squares], reference: f64) -> Option<(CurveModel, Vec<CandidateC
     let tried: Vec<(CurveModel, Vec<f64>)> =
         CurveModel::ALL.into_iter().filter_map(|model| Some((model, held_out(model)?))).collect();
     let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
-    let best = &tried.iter().min_by(|a, b| mean(&a.1).total_cmp(&mean(&b.1)))?.1;
+    let (best_model, best) = tried.iter().min_by(|a, b| mean(&a.1).total_cmp(&mean(&b.1)))?;
+    let total = Squares::sum(all, None);
+    let curve = |model: CurveModel| Some(fixed(&total.fit(model, reference)?.light, range));
+    let best_curve = curve(*best_model)?;
+    let is_same = |model: CurveModel| {
+        let apart = |c: Vec<f64>| {
+            let nodes = c.iter().zip(&best_curve).enumerate().filter(|(i, _)| within(*i, range));
+            nodes.map(|(_, (a, b))| (a - b).abs()).fold(0.0, f64::max)
+        };
+        curve(model).is_some_and(|c| apart(c) <= SAME)
+    };
     let as_good = |errors: &[f64]| {
         let worse: Vec<f64> = errors.iter().zip(best).map(|(e, b)| e - b).collect();
         let m = mean(&worse);
         let variance = worse.iter().map(|w| (w - m).powi(2)).sum::<f64>() / (worse.len().max(2) - 1) as f64;
         m <= (variance / worse.len() as f64).sqrt() || m <= NOTICEABLE * mean(best)
     };
-    let chosen = tried.iter().find(|(_, errors)| as_good(errors))?.0;
+    let chosen = tried.iter().find(|(model, errors)| as_good(errors) || is_same(*model))?.0;
     let candidates = tried.iter().map(|(model, errors)| CandidateCurve {
         name: model.name(),
         parameters: model.parameters(),

@@ -15,9 +15,9 @@ const CLIPPED: f32 = 0.975;
 /// Smallest difference of codes on both sides of a relation that tells something: a pixel that sees one of two stripes
 /// alone has the same codes on both, under any curve.
 const MIN_CHANGE: f32 = 0.04;
-/// Smallest code that the brightest image of a relation must have. In the dark, where a curve for people is steep, codes
-/// differ by noise, and those that differ most would be chosen by it.
-const MIN_LIT: f32 = 0.2;
+/// Smallest mean code that a block must have in one image of a relation. In the dark, where a curve for people is steep,
+/// codes differ by noise, and those that differ most would be chosen by it.
+const MIN_LIT: f32 = 0.1;
 /// Most images on one side of a relation.
 const MAX_TERMS: usize = 4;
 /// A block counts where one pixel in so many can be used.
@@ -51,17 +51,31 @@ pub(super) fn rows(
     let columns = w.div_ceil(side);
     let scale = 1.0 / (saturation - black_level);
     let code = |image: &Raw, at: usize| (scale * (value(&image.data, at) - black_level)) as f32;
+    // A pixel is chosen by what is beside it: chosen by itself, it would be chosen by its noise. Two pixels away, which in
+    // a mosaic is the same color.
+    let beside = |image: &Raw, at: usize| {
+        let (x, y, channel) = (at / channels % w, at / channels / w, at % channels);
+        let near = |x: usize, y: usize| code(image, (y.min(h - 1) * w + x.min(w - 1)) * channels + channel);
+        0.25 * (near(x.saturating_sub(2), y) + near(x + 2, y) + near(x, y.saturating_sub(2)) + near(x, y + 2))
+    };
     let mut all = Vec::new();
     for block in 0..columns * h.div_ceil(side) {
         let (x0, y0) = (block % columns * side, block / columns * side);
         for channel in 0..channels {
             let pixels = (y0..(y0 + side).min(h)).flat_map(|y| (x0..(x0 + side).min(w)).map(move |x| (x, y)));
             let places: Vec<usize> = pixels.map(|(x, y)| (y * w + x) * channels + channel).collect();
+            let mean = |image: &Raw| places.iter().map(|at| code(image, *at)).sum::<f32>() / places.len() as f32;
+            let is_lit: Vec<bool> = images.iter().map(|image| mean(image) >= MIN_LIT).collect();
             for relation in relations {
+                if !relation.terms.iter().any(|t| is_lit[t.0]) {
+                    continue;
+                }
+                let codes = |at: usize| relation.terms.iter().map(move |t| (t.1, code(images[t.0], at)));
+                let around = |at: usize| relation.terms.iter().map(move |t| (t.1, beside(images[t.0], at)));
                 let used: Vec<usize> = places
                     .iter()
                     .copied()
-                    .filter(|&at| tells(relation.terms.iter().map(|t| (t.1, code(images[t.0], at)))))
+                    .filter(|&at| tells(codes(at), 0.5 * MIN_CHANGE) && tells(around(at), MIN_CHANGE))
                     .collect();
                 if MIN_USED * used.len() < places.len() || used.is_empty() {
                     continue;
@@ -90,8 +104,9 @@ pub(super) fn rows(
     Ok(all)
 }
 
-/// Returns whether codes, with their weights, are none of them clipped and tell something of the curve.
-fn tells(terms: impl Iterator<Item = (f64, f32)>) -> bool {
+/// Returns whether codes, with their weights, are none of them clipped and differ by so much that they tell something of
+/// the curve.
+fn tells(terms: impl Iterator<Item = (f64, f32)>, min_change: f32) -> bool {
     let (mut sides, mut n) = ([[f32::MAX; MAX_TERMS]; 2], [0; 2]);
     for (weight, code) in terms {
         if code.is_nan() || code >= CLIPPED {
@@ -102,9 +117,8 @@ fn tells(terms: impl Iterator<Item = (f64, f32)>) -> bool {
         n[side] += 1;
     }
     sides.iter_mut().for_each(|side| side.sort_unstable_by(f32::total_cmp));
-    let brightest = |side: usize| sides[side][..n[side]].last().is_some_and(|c| *c >= MIN_LIT);
     let pairs = sides[0].iter().zip(&sides[1]).take(n[0].min(n[1]));
-    (brightest(0) || brightest(1)) && pairs.into_iter().any(|(a, b)| (a - b).abs() >= MIN_CHANGE)
+    pairs.into_iter().any(|(a, b)| (a - b).abs() >= min_change)
 }
 
 impl Row {
