@@ -2,8 +2,8 @@
 
 use viva_u3v::U3vDeviceInfo;
 
-use super::super::fix::failure;
 use crate::error::CaptureError;
+use crate::genicam::fix::failure;
 
 /// What is searched, as errors name it.
 pub(super) const USB: &str = "USB";

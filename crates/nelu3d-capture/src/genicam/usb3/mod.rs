@@ -15,12 +15,12 @@ use viva_u3v::{NusbTransfer, U3vDevice, U3vStreamOptions, UsbTransfer, discover}
 
 use self::nodes::Nodes;
 use self::reader::Reader;
-use super::fix::{CameraSettings, failure, prepare, start, stop};
-use super::frames::{PATIENCE, TICK, no_frame, not_read, saturation};
-use super::pixels::PixelFormat;
 use crate::camera::Camera;
 use crate::error::CaptureError;
 use crate::frame::Frame;
+use crate::genicam::fix::{CameraSettings, failure, prepare, start, stop};
+use crate::genicam::frames::{PATIENCE, TICK, no_frame, not_read, saturation};
+use crate::genicam::pixels::PixelFormat;
 
 /// Longest time that a camera may take to stop what another program had started.
 const SETTLES: Duration = Duration::from_secs(1);

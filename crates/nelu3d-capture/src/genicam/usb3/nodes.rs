@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use viva_genapi::{GenApiError, NodeMap, RegisterIo};
 use viva_u3v::{U3vDevice, UsbTransfer};
 
-use super::super::features::{FeatureError, Features};
+use crate::genicam::features::{FeatureError, Features};
 
 /// Time between two looks at whether a command is done.
 const POLL: Duration = Duration::from_millis(10);

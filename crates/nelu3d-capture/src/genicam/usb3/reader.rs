@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use viva_u3v::{PAYLOAD_TYPE_CHUNK, PAYLOAD_TYPE_IMAGE, RawFrame, U3vError, U3vStream};
 
-use super::super::frames::WAITING;
+use crate::genicam::frames::WAITING;
 
 /// Time between two looks at whether to stop.
 const POLL: Duration = Duration::from_millis(50);
