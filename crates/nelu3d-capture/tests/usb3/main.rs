@@ -99,6 +99,27 @@ fn what_a_camera_does_not_take_is_said() {
     }
 }
 
+/// Takes as long as the driver is patient: less than all images take.
+#[test]
+fn a_camera_without_a_whole_frame_is_given_up() {
+    let scene = Scene::new(Duration::ZERO);
+    let device = FakeCamera::new(&scene, Faults { damaged: 1.0, ..Faults::default() });
+    let mut camera = connect(&scene, &device, &CameraSettings::default()).unwrap();
+    let begun = Instant::now();
+    let e = camera.next_frame().unwrap_err().to_string();
+    assert!(e.contains("delivers no whole frame (") && e.contains("see to its cable"), "{e}");
+    assert!(begun.elapsed() < Duration::from_secs(30), "{:?}", begun.elapsed());
+}
+
+/// On this computer's own USB, whatever is plugged in.
+#[test]
+fn a_camera_that_is_not_plugged_in_is_said() {
+    let stop = Arc::new(AtomicBool::new(false));
+    let connected = Usb3Camera::connect(Some("no such serial number"), &CameraSettings::default(), stop);
+    let e = connected.unwrap_err().to_string();
+    assert!(e.starts_with("USB: ") && e.contains("; ") && !e.contains('\n'), "{e}");
+}
+
 #[test]
 fn a_camera_that_a_killed_program_left_streaming_is_taken_over() {
     let scene = Scene::new(Duration::ZERO);

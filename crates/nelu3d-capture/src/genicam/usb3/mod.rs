@@ -51,8 +51,10 @@ impl Usb3Camera {
         settings: &CameraSettings,
         stop: Arc<AtomicBool>,
     ) -> Result<Self, CaptureError> {
-        let found = discover()
-            .map_err(|e| failure(find::USB, &format!("cannot be searched ({e})"), "see that this computer has USB"))?;
+        let found = discover().map_err(|e| {
+            let remedy = "see that this computer has USB, and that no container hides it";
+            failure(find::USB, &format!("cannot be searched ({e})"), remedy)
+        })?;
         let info = find::choose(&found, serial)?;
         let device = U3vDevice::open_device(info)
             .map_err(|e| failure(&find::name(info), &format!("cannot be opened ({e})"), find::MAY_OPEN))?;
