@@ -17,7 +17,7 @@
 //! watch, or [`simulated`] ones that do everything wrong that real ones do.
 //!
 //! A file imports only from above it here: `error`, `frame`, `display`, `camera`; `samples`, `noise`; `exposure`,
-//! `timing`; `acquire`, `session`; `rig_writer`; `guide`; `files`, `gige`, `page`, `simulated`.
+//! `timing`; `acquire`, `session`; `rig_writer`; `guide`; `files`, `genicam`, `page`, `simulated`.
 
 mod acquire;
 mod camera;
@@ -26,8 +26,8 @@ mod error;
 mod exposure;
 mod files;
 mod frame;
-#[cfg(feature = "gige")]
-mod gige;
+#[cfg(any(feature = "gige", feature = "usb3"))]
+mod genicam;
 mod guide;
 mod noise;
 pub mod page;
@@ -44,8 +44,12 @@ pub use error::CaptureError;
 pub use exposure::{ExposureAdvice, ExposureVerdict};
 pub use files::{CommandCamera, WatchedFolder};
 pub use frame::Frame;
+#[cfg(any(feature = "gige", feature = "usb3"))]
+pub use genicam::CameraSettings;
 #[cfg(feature = "gige")]
-pub use gige::{GigeCamera, GigeSettings};
+pub use genicam::GigeCamera;
+#[cfg(feature = "usb3")]
+pub use genicam::Usb3Camera;
 pub use guide::{BoardView, Coverage, SweepGuide};
 pub use noise::FrameNoise;
 pub use rig_writer::{NewRig, RigWriter, ShotPlace};

@@ -168,6 +168,30 @@ fn the_page_shows_patterns_one_to_one() {
     assert_eq!(n, 7);
 }
 
+/// Whatever is plugged in here, it does not have this serial number; and no rig is made that nobody can fill.
+#[cfg(feature = "usb3")]
+#[test]
+fn a_usb_camera_that_is_not_there_is_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let rig = dir.path().join("rig");
+    let capture = |options: &[&str]| {
+        let all = [&["capture", rig.to_str().unwrap(), "--size", "320x200"], options].concat();
+        let out = nelu3d(&all);
+        assert!(!out.status.success() && !rig.exists());
+        stderr(&out)
+    };
+    let missing = capture(&["--usb3", "no such serial number", "--exposure-us", "8000"]);
+    assert!(
+        missing.starts_with("nelu3d: USB: ") && missing.contains("; ") && missing.lines().count() == 1,
+        "{missing}"
+    );
+    // They are a driven camera's: other cameras are set in programs of their own.
+    for options in [["--exposure-us", "8000"], ["--gain", "2"]] {
+        let refused = capture(&[&["--webcam"], &options[..]].concat());
+        assert!(refused.contains("--usb3 <SERIAL|auto>"), "{refused}");
+    }
+}
+
 /// The tutorial's commands without hardware, as they stand there.
 #[test]
 fn the_tutorial_can_be_followed() {

@@ -23,15 +23,19 @@ pub(crate) struct CaptureArgs {
     pub watch: Option<PathBuf>,
     /// A GigE Vision camera at this address in the network; "auto": the only one that answers.
     #[cfg(feature = "gige")]
-    #[arg(long, value_name = "IP|auto", group = "source", value_parser = gige_address)]
+    #[arg(long, value_name = "IP|auto", groups = ["source", "settable"], value_parser = gige_address)]
     pub gige: Option<GigeAddress>,
-    /// Exposure time of a GigE Vision camera, microseconds (default: as it is set).
-    #[cfg(feature = "gige")]
-    #[arg(long, value_name = "US", requires = "gige")]
+    /// A USB3 Vision camera with this serial number; "auto": the only one that is plugged in.
+    #[cfg(feature = "usb3")]
+    #[arg(long, value_name = "SERIAL|auto", groups = ["source", "settable"])]
+    pub usb3: Option<String>,
+    /// Exposure time of a GigE Vision or USB3 Vision camera, microseconds (default: as it is set).
+    #[cfg(any(feature = "gige", feature = "usb3"))]
+    #[arg(long, value_name = "US", requires = "settable")]
     pub exposure_us: Option<f64>,
-    /// Gain of a GigE Vision camera, in its own unit (default: as it is set).
-    #[cfg(feature = "gige")]
-    #[arg(long, value_name = "GAIN", requires = "gige")]
+    /// Gain of a GigE Vision or USB3 Vision camera, in its own unit (default: as it is set).
+    #[cfg(any(feature = "gige", feature = "usb3"))]
+    #[arg(long, value_name = "GAIN", requires = "settable")]
     pub gain: Option<f64>,
     /// No hardware: a simulated display and camera, late and unreliable, show this rig's images.
     #[arg(long, value_name = "RIG", group = "source")]
@@ -83,8 +87,8 @@ pub(crate) struct NewRigArgs {
     /// The camera's code for no light.
     #[arg(long, value_name = "CODE", value_parser = parse_code, default_value_t = 0.0)]
     pub black_level: f64,
-    /// The camera's code at and above which a value is saturated: 255, 4095, 65535 (default: 255, or what a GigE Vision
-    /// camera's pixels have).
+    /// The camera's code at and above which a value is saturated: 255, 4095, 65535 (default: 255, or what the pixels of a
+    /// GigE Vision or USB3 Vision camera have).
     #[arg(long, value_name = "CODE", value_parser = parse_code)]
     pub saturation: Option<f64>,
 }

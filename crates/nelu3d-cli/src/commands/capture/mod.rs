@@ -1,5 +1,6 @@
 //! `nelu3d capture`: from a camera and a light source to a rig folder.
 
+mod device;
 mod guided;
 mod rehearse;
 mod report;
@@ -12,12 +13,11 @@ use std::process::ExitCode;
 use anyhow::{Context as _, Result, bail};
 use nelu3d_capture::page::{PageServer, SlideFiles};
 use nelu3d_capture::{Camera, CommandCamera, NewRig, RigWriter, WatchedFolder};
-#[cfg(feature = "gige")]
-use nelu3d_capture::{GigeCamera, GigeSettings};
 use nelu3d_scan::camera::read_camera;
 use nelu3d_scan::image::{Channels, decode};
 use nelu3d_scan::rig::RIG_FILE;
 
+use self::device::Sensor;
 use self::report::CaptureReport;
 use super::patterns::write_recommended;
 use crate::args::{CaptureArgs, NewRigArgs};
@@ -40,12 +40,7 @@ fn with_page(args: &CaptureArgs, context: &CommandContext) -> Result<CaptureRepo
     if let Some(command) = &args.camera_command {
         CommandCamera::check(command)?;
     }
-    #[cfg(feature = "gige")]
-    let gige = gige(args, context)?;
-    #[cfg(feature = "gige")]
-    let sensor = gige.as_ref().map(|camera| (camera.channels(), camera.saturation()));
-    #[cfg(not(feature = "gige"))]
-    let sensor = None;
+    let (sensor, driven) = device::connect(args, context)?.unzip();
     let mut writer = rig(args, sensor, context)?;
     let mut slides = slides(&writer)?;
     let made = tempfile::tempdir().context("no place for temporary files")?;
@@ -54,32 +49,17 @@ fn with_page(args: &CaptureArgs, context: &CommandContext) -> Result<CaptureRepo
     let server = PageServer::start(slides, args.port, stop.clone())?;
     context.tell(&format!("open {} in a browser", server.address()));
     let folder = tempfile::tempdir().context("no place for temporary files")?;
-    #[cfg(feature = "gige")]
-    if let Some(camera) = gige {
-        let mut camera = camera.with_clock(server.clock());
-        return guided::run(&server, &mut camera, &mut writer, &args.scene, measures.as_ref(), context);
-    }
-    let mut camera: Box<dyn Camera> = match (&args.camera_command, &args.watch) {
-        (Some(command), _) => Box::new(CommandCamera::new(command, folder.path(), server.clock(), stop)?),
-        (_, Some(folder)) => Box::new(WatchedFolder::new(folder, server.clock(), stop)?),
+    let mut camera: Box<dyn Camera> = match (driven, &args.camera_command, &args.watch) {
+        (Some(on_clock), _, _) => on_clock(server.clock()),
+        (_, Some(command), _) => Box::new(CommandCamera::new(command, folder.path(), server.clock(), stop)?),
+        (_, _, Some(folder)) => Box::new(WatchedFolder::new(folder, server.clock(), stop)?),
         _ => Box::new(server.camera()),
     };
     guided::run(&server, camera.as_mut(), &mut writer, &args.scene, measures.as_ref(), context)
 }
 
-/// Connects to a camera in the network, where one was asked for.
-#[cfg(feature = "gige")]
-fn gige(args: &CaptureArgs, context: &CommandContext) -> Result<Option<GigeCamera>> {
-    let Some(address) = args.gige else { return Ok(None) };
-    let settings = GigeSettings { exposure_us: args.exposure_us, gain: args.gain };
-    Ok(Some(GigeCamera::connect(address.0, &settings, context.cancel())?))
-}
-
-/// Color format of a camera's pictures and its largest code, where the camera says it.
-type Sensor = Option<(Channels, f64)>;
-
 /// Opens the rig, or makes it.
-fn rig(args: &CaptureArgs, sensor: Sensor, context: &CommandContext) -> Result<RigWriter> {
+fn rig(args: &CaptureArgs, sensor: Option<Sensor>, context: &CommandContext) -> Result<RigWriter> {
     let new = &args.new;
     if args.rig.join(RIG_FILE).exists() {
         let writer = RigWriter::open(&args.rig)?;
@@ -114,7 +94,7 @@ fn rig(args: &CaptureArgs, sensor: Sensor, context: &CommandContext) -> Result<R
     Ok(RigWriter::create(&args.rig, &new_rig(args, sensor, new, &patterns)?)?)
 }
 
-fn new_rig(args: &CaptureArgs, sensor: Sensor, new: &NewRigArgs, patterns: &Path) -> Result<NewRig> {
+fn new_rig(args: &CaptureArgs, sensor: Option<Sensor>, new: &NewRigArgs, patterns: &Path) -> Result<NewRig> {
     let (root, webcam) = (&args.rig, args.webcam);
     // Until it is measured, what is likely.
     let stated = args.response.clone().filter(|_| !args.measures_response());

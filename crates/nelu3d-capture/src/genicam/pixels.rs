@@ -48,7 +48,14 @@ pub(super) const FORMATS: [PixelFormat; 24] = [
 ];
 
 impl PixelFormat {
+    /// Says whether a frame's leader names this format.
+    #[cfg(feature = "usb3")]
+    pub(super) fn is(self, number: u32) -> bool {
+        self.number == number
+    }
+
     /// Returns the format of a frame's leader.
+    #[cfg(any(feature = "gige", test))]
     pub(super) fn of(number: u32) -> Option<Self> {
         FORMATS.into_iter().find(|f| f.number == number)
     }
@@ -58,8 +65,13 @@ impl PixelFormat {
         Channels::from_name(self.channels).expect("the table has names of rig.toml")
     }
 
-    /// Returns the picture in a frame's bytes, whose rows have `padding` more bytes; `None` if there are too few.
+    /// Returns the picture in a frame's bytes, whose rows have `padding` more bytes; `None` if there are too few, or no
+    /// pixels at all.
     pub(super) fn picture(self, bytes: &[u8], [width, height]: [usize; 2], padding: usize) -> Option<Raw> {
+        // Any number of rows without a pixel would be had from no bytes.
+        if width == 0 {
+            return None;
+        }
         let channels = self.channels().in_file();
         let row = width * channels * if self.bits > 8 { 2 } else { 1 };
         let rows = || (0..height).map(|y| bytes.get(y * (row + padding)..)?.get(..row));
@@ -87,6 +99,7 @@ mod tests {
         let raw = mono12.picture(&bytes, [2, 2], 2).unwrap();
         assert_eq!(raw.data, RawData::U16(vec![4095, 1, 2048, 258]));
         assert!(mono12.picture(&bytes, [2, 3], 2).is_none());
+        assert!(mono12.picture(&bytes, [0, usize::MAX], 0).is_none());
         let rgb = PixelFormat::of(0x0218_0014).unwrap();
         assert_eq!(rgb.picture(&[1, 2, 3, 4, 5, 6], [2, 1], 0).unwrap().channels, 3);
         assert_eq!(PixelFormat::of(0x0210_0032), None);

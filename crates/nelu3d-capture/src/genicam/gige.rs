@@ -1,7 +1,5 @@
 //! Cameras of the GigE Vision standard, over the network, with no vendor's software (crate `telegenic`).
 
-mod pixels;
-
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,28 +10,13 @@ use telegenic::gige::GigeConfig;
 use telegenic::gige::discovery::{DiscoveryConfig, discover};
 use telegenic::{FrameChannel, FrameStatus, GenICamera, GenicamError, StreamChannel, StreamConfig};
 
-use self::pixels::{FORMATS, PixelFormat};
+use super::features::{FeatureError, Features};
+use super::fix::{CameraSettings, failure, prepare, start, stop};
+use super::frames::{PATIENCE, TICK, WAITING, no_frame, not_read, saturation};
+use super::pixels::PixelFormat;
 use crate::camera::Camera;
 use crate::error::CaptureError;
 use crate::frame::Frame;
-
-/// Longest time without a frame.
-const PATIENCE: Duration = Duration::from_secs(20);
-/// Time between two looks at whether to stop.
-const TICK: Duration = Duration::from_millis(100);
-/// Frames that wait here while one is looked at; older ones would be late.
-const WAITING: usize = 3;
-/// Largest difference between a number that was asked for and what the camera made of it, of it.
-const MAX_OFF: f64 = 0.1;
-
-/// What a camera is asked for.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct GigeSettings {
-    /// Exposure time, microseconds; none: as it is.
-    pub exposure_us: Option<f64>,
-    /// Gain, in the camera's own unit (decibels, mostly); none: as it is.
-    pub gain: Option<f64>,
-}
 
 /// A camera that streams frames.
 pub struct GigeCamera {
@@ -58,14 +41,14 @@ impl GigeCamera {
     /// has no pixel format that is read.
     pub fn connect(
         address: Option<IpAddr>,
-        settings: &GigeSettings,
+        settings: &CameraSettings,
         stop: Arc<AtomicBool>,
     ) -> Result<Self, CaptureError> {
         let address = match address {
             Some(address) => address,
             None => find()?,
         };
-        Self::start(GigeConfig::new(address), settings, stop)
+        Self::open(GigeConfig::new(address), settings, stop)
     }
 
     /// As [`GigeCamera::connect`], at any port of any address.
@@ -75,42 +58,27 @@ impl GigeCamera {
     /// As [`GigeCamera::connect`].
     pub fn connect_at(
         address: SocketAddr,
-        settings: &GigeSettings,
+        settings: &CameraSettings,
         stop: Arc<AtomicBool>,
     ) -> Result<Self, CaptureError> {
         let config = GigeConfig { addr: address, ..GigeConfig::new(address.ip()) };
-        Self::start(config, settings, stop)
+        Self::open(config, settings, stop)
     }
 
-    fn start(config: GigeConfig, settings: &GigeSettings, stop: Arc<AtomicBool>) -> Result<Self, CaptureError> {
+    fn open(config: GigeConfig, settings: &CameraSettings, stop: Arc<AtomicBool>) -> Result<Self, CaptureError> {
         let device = format!("the camera at {}", config.addr.ip());
         let fails = |e: GenicamError, remedy: &str| failure(&device, &e, remedy);
         let mut camera = GenICamera::with_config(config);
         camera.connect().map_err(|e| {
             fails(e, "see that it has power and is in this computer's network, and that no other program has it")
         })?;
-        let format = choose_format(&mut camera).map_err(|e| fails(e, "unplug it and plug it in again"))?;
-        let Some(format) = format else {
-            let entries = camera.enum_entries("PixelFormat").unwrap_or_default().join(", ");
-            return Err(CaptureError::Device {
-                device,
-                problem: format!("has no pixel format that is read ({entries})"),
-                remedy: "set it to Mono8, Mono12 or BayerRG12 in its own program".into(),
-            });
-        };
-        fix(&mut camera, settings, &device)?;
-        if camera.has_feature("AcquisitionMode") {
-            camera.set_enum("AcquisitionMode", "Continuous").map_err(|e| fails(e, "see whether it can stream"))?;
-        }
+        let format = prepare(&mut camera, settings, &device)?;
         let remedy = "see that no firewall stands between this computer and the camera";
         let payload = camera.get_integer("PayloadSize").map_err(|e| fails(e, remedy))?;
         let stream = StreamConfig { payload_size: usize::try_from(payload).ok(), ..StreamConfig::new() };
         let stream = camera.transport().open_stream(stream).map_err(|e| fails(e.into(), remedy))?;
         let frames = stream.subscribe(WAITING);
-        if camera.has_feature("TLParamsLocked") {
-            camera.set_integer("TLParamsLocked", 1).map_err(|e| fails(e, remedy))?;
-        }
-        camera.execute("AcquisitionStart").map_err(|e| fails(e, remedy))?;
+        start(&mut camera).map_err(|e| failure(&device, &e, remedy))?;
         Ok(Self {
             stream: Some(stream),
             frames,
@@ -137,7 +105,7 @@ impl GigeCamera {
 
     /// Returns the largest code of its pixel format.
     pub fn saturation(&self) -> f64 {
-        f64::from((1u32 << self.format.bits) - 1)
+        saturation(self.format)
     }
 }
 
@@ -148,19 +116,9 @@ impl Camera for GigeCamera {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(CaptureError::Stopped);
             }
-            let fails = |problem: String, remedy: &str| CaptureError::Device {
-                device: self.name.clone(),
-                problem,
-                remedy: remedy.into(),
-            };
             if begun.elapsed() > PATIENCE || !self.camera.is_connected() {
                 let stats = self.stream.as_ref().map(StreamChannel::stats).unwrap_or_default();
-                let problem = if stats.failed_frames > 0 {
-                    format!("delivers no whole frame ({} incomplete)", stats.failed_frames)
-                } else {
-                    "delivers no frame".into()
-                };
-                return Err(fails(problem, "see to its cable and that it is not set to wait for a trigger"));
+                return Err(no_frame(&self.name, stats.failed_frames));
             }
             // Frames with holes are as lost as those that never came.
             let Some(frame) = self.frames.wait_for(TICK).filter(|f| f.status == FrameStatus::Complete) else {
@@ -170,8 +128,7 @@ impl Camera for GigeCamera {
             let size = [frame.width as usize, frame.height as usize];
             let format = PixelFormat::of(frame.pixel_format.0);
             let Some(raw) = format.and_then(|f| f.picture(frame.data(), size, usize::from(frame.x_padding))) else {
-                let problem = format!("delivered {} bytes of {}", frame.data().len(), frame.pixel_format);
-                return Err(fails(problem, "set its pixel format to Mono8, Mono12 or BayerRG12"));
+                return Err(not_read(&self.name, frame.data().len(), &frame.pixel_format));
             };
             self.delivered += 1;
             return Ok(Frame { number: self.delivered - 1, at, raw });
@@ -181,11 +138,7 @@ impl Camera for GigeCamera {
 
 impl Drop for GigeCamera {
     fn drop(&mut self) {
-        // A camera that is gone cannot be told.
-        let _ = self.camera.execute("AcquisitionStop");
-        if self.camera.has_feature("TLParamsLocked") {
-            let _ = self.camera.set_integer("TLParamsLocked", 0);
-        }
+        stop(&mut self.camera);
         self.stream = None;
     }
 }
@@ -226,64 +179,46 @@ fn find() -> Result<IpAddr, CaptureError> {
     }
 }
 
-/// Sets the format of most bits that the camera has and that is read; of those of 16 bits only where there is none of
-/// the sensor's own.
-fn choose_format(camera: &mut GenICamera) -> Result<Option<PixelFormat>, GenicamError> {
-    let entries = camera.enum_entries("PixelFormat")?;
-    let has = |f: &&PixelFormat| entries.iter().any(|e| e == f.name);
-    // What is 16 bits is mostly fewer, shifted or not: the largest code is then not known.
-    let own = FORMATS.iter().filter(|f| f.bits < 16).filter(has);
-    for format in own.chain(FORMATS.iter().filter(|f| f.bits == 16).filter(has)) {
-        if camera.set_enum("PixelFormat", format.name).is_ok() {
-            return Ok(Some(*format));
-        }
+impl From<GenicamError> for FeatureError {
+    fn from(e: GenicamError) -> Self {
+        Self { no_access: matches!(e, GenicamError::Access(_)), text: e.to_string() }
     }
-    Ok(None)
 }
 
-/// Fixes what a camera may change by itself, and makes its codes linear; checks that it took it.
-fn fix(camera: &mut GenICamera, settings: &GigeSettings, device: &str) -> Result<(), CaptureError> {
-    let unfixed = |feature: &str, problem: String| CaptureError::Device {
-        device: device.into(),
-        problem: format!("{feature} {problem}"),
-        remedy: "fix it in the camera's own program".into(),
-    };
-    for feature in ["ExposureAuto", "GainAuto", "BalanceWhiteAuto"] {
-        if camera.has_feature(feature) {
-            // Some have the feature and no access to it: what they say counts.
-            let _ = camera.set_enum(feature, "Off");
-            match camera.get_enum(feature) {
-                Ok(now) if now == "Off" => {}
-                Ok(now) => return Err(unfixed(feature, format!("stays {now}"))),
-                Err(GenicamError::Access(_)) => {}
-                Err(e) => return Err(unfixed(feature, format!("cannot be read ({e})"))),
-            }
-        }
+impl Features for GenICamera {
+    fn has(&self, name: &str) -> bool {
+        self.has_feature(name)
     }
-    if camera.has_feature("TriggerMode") {
-        let _ = camera.set_enum("TriggerMode", "Off");
-    }
-    if camera.has_feature("GammaEnable") {
-        let _ = camera.set_boolean("GammaEnable", false);
-    } else if camera.has_feature("Gamma") {
-        let _ = camera.set_float("Gamma", 1.0);
-    }
-    let numbers = [(["ExposureTime", "ExposureTimeAbs"], settings.exposure_us), (["Gain", "GainAbs"], settings.gain)];
-    for (names, wanted) in numbers {
-        let Some(wanted) = wanted else { continue };
-        let name = names
-            .into_iter()
-            .find(|n| camera.has_feature(n))
-            .ok_or_else(|| unfixed(names[0], "is none of its features, and was asked for".into()))?;
-        camera.set_float(name, wanted).map_err(|e| unfixed(name, format!("cannot be {wanted} ({e})")))?;
-        let now = camera.get_float(name).map_err(|e| unfixed(name, format!("cannot be read ({e})")))?;
-        if (now - wanted).abs() > MAX_OFF * wanted.abs().max(1.0) {
-            return Err(unfixed(name, format!("became {now}, not {wanted}")));
-        }
-    }
-    Ok(())
-}
 
-fn failure(device: &str, e: &dyn std::fmt::Display, remedy: &str) -> CaptureError {
-    CaptureError::Device { device: device.into(), problem: e.to_string(), remedy: remedy.into() }
+    fn entries(&mut self, name: &str) -> Result<Vec<String>, FeatureError> {
+        Ok(self.enum_entries(name)?)
+    }
+
+    fn entry(&mut self, name: &str) -> Result<String, FeatureError> {
+        Ok(self.get_enum(name)?)
+    }
+
+    fn choose(&mut self, name: &str, entry: &str) -> Result<(), FeatureError> {
+        Ok(self.set_enum(name, entry)?)
+    }
+
+    fn switch(&mut self, name: &str, on: bool) -> Result<(), FeatureError> {
+        Ok(self.set_boolean(name, on)?)
+    }
+
+    fn number(&mut self, name: &str) -> Result<f64, FeatureError> {
+        Ok(self.get_float(name)?)
+    }
+
+    fn set_number(&mut self, name: &str, value: f64) -> Result<(), FeatureError> {
+        Ok(self.set_float(name, value)?)
+    }
+
+    fn set_integer(&mut self, name: &str, value: i64) -> Result<(), FeatureError> {
+        Ok(GenICamera::set_integer(self, name, value)?)
+    }
+
+    fn run(&mut self, name: &str) -> Result<(), FeatureError> {
+        Ok(self.execute(name)?)
+    }
 }
