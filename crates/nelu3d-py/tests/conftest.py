@@ -9,7 +9,7 @@ from pathlib import Path
 import nelu3d
 import pytest
 
-SMALL = Path(__file__).resolve().parents[2] / "nelu3d-cli" / "tests" / "common" / "small.toml"
+SMALL = Path(__file__).resolve().parents[2] / "nelu3d-cli" / "tests" / "program" / "common" / "small.toml"
 
 MORE = """
 [[pattern_sets]]

@@ -1,5 +1,4 @@
 //! What tests of the program share: how it is run, and virtual rigs to run it on.
-#![allow(dead_code, reason = "no test uses all of it")]
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,6 +17,17 @@ pub(crate) fn nelu3d<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
 /// What it said on standard error.
 pub(crate) fn stderr(out: &Output) -> String {
     String::from_utf8_lossy(&out.stderr).into_owned()
+}
+
+/// A Chromium, or `None` where there is none and that is allowed; says then which test is skipped.
+pub(crate) fn chromium(skipped: &str) -> Option<PathBuf> {
+    let found = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"].map(PathBuf::from);
+    let found = std::env::var_os("CHROMIUM").map(PathBuf::from).or_else(|| found.into_iter().find(|p| p.is_file()));
+    if found.is_none() {
+        assert!(std::env::var_os("NELU3D_NEED_BROWSER").is_none_or(|v| v != "1"), "there is no Chromium");
+        eprintln!("SKIPPED: there is no Chromium, so {skipped}");
+    }
+    found
 }
 
 /// A rig in a temporary folder, which goes with the first value.
@@ -65,6 +75,14 @@ impl RigCopy {
     /// Path of a file of the rig.
     pub(crate) fn at(&self, file: &str) -> PathBuf {
         self.dir.path().join("rig").join(file)
+    }
+
+    /// Runs a command with the arguments after the rig, quietly.
+    pub(crate) fn run(&self, command: &str, rest: &[&str]) -> Output {
+        let rig = self.at("");
+        let mut args = vec![command, rig.to_str().unwrap(), "--quiet"];
+        args.extend(rest);
+        nelu3d(&args)
     }
 
     /// Replaces text in a file that has it once.

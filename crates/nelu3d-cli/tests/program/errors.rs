@@ -3,8 +3,6 @@
 //!
 //! Every test breaks its own copy of a small rig.
 
-mod common;
-
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
@@ -12,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{RigCopy as Rig, nelu3d, stderr, template};
+use super::common::{RigCopy as Rig, nelu3d, stderr, template};
 use nelu3d_scan::Image;
 use nelu3d_scan::image::{write_png8, write_png16, write_rgb8};
 
@@ -40,14 +38,6 @@ impl Rig {
         let mut all = BTreeSet::new();
         list(self.dir.path(), &mut all);
         all
-    }
-
-    /// Runs a command with the arguments after the rig, quietly.
-    fn run(&self, command: &str, rest: &[&str]) -> Output {
-        let rig = self.at("");
-        let mut args = vec![command, rig.to_str().unwrap(), "--quiet"];
-        args.extend(rest);
-        nelu3d(&args)
     }
 
     /// The command fails with one sentence that holds all of `says`, and leaves the folder as it was.

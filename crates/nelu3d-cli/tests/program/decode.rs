@@ -1,7 +1,5 @@
 //! `nelu3d decode` and `nelu3d projector` on a virtual rig with every kind of code and no sensor noise.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -11,7 +9,7 @@ use nelu3d_sim::Spec;
 use nelu3d_sim::spec::{LightSpec, PatternSetSpec, SweepSpec};
 use serde_json::Value;
 
-use common::{nelu3d, simulated, stderr};
+use super::common::{nelu3d, simulated, stderr};
 
 /// The rig, made once for all tests; removed when the process ends by the system's own cleaning of its temporary
 /// folder.

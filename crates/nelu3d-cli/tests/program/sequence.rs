@@ -1,8 +1,6 @@
 //! `nelu3d sequence` on a thrown ball under color film: what it finds, that a kill at any moment changes nothing, that
 //! parts make the whole, and that a bad frame stays its own problem.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -12,7 +10,7 @@ use std::time::Duration;
 use nelu3d_sim::Spec;
 use serde_json::Value;
 
-use common::{calibrated, nelu3d, small, stderr};
+use super::common::{calibrated, nelu3d, small, stderr};
 
 /// The rig with its color field, made once.
 fn rig() -> &'static Path {

@@ -1,8 +1,6 @@
 //! Camera, projector, film and board against closed forms, measured in rendered images.
 
-mod common;
-
-use common::{BASELINE_MM, edge_moments, image, middle_row, plane, projector, rig, scene, spec};
+use super::common::{BASELINE_MM, edge_moments, image, middle_row, plane, projector, rig, scene, spec};
 use nelu3d_scan::Image;
 use nelu3d_scan::board::Artwork;
 use nelu3d_scan::image::write_png8;

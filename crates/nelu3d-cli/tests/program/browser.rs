@@ -3,19 +3,10 @@
 //!
 //! Skipped, loudly, where there is no Chromium; `NELU3D_NEED_BROWSER=1` makes that a failure.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// A Chromium, or `None` where there is none and that is allowed.
-fn chromium() -> Option<PathBuf> {
-    let found = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"].map(PathBuf::from);
-    let found = std::env::var_os("CHROMIUM").map(PathBuf::from).or_else(|| found.into_iter().find(|p| p.is_file()));
-    if found.is_none() {
-        assert!(std::env::var_os("NELU3D_NEED_BROWSER").is_none_or(|v| v != "1"), "there is no Chromium");
-        eprintln!("SKIPPED: there is no Chromium, so no page was opened in a browser");
-    }
-    found
-}
+use super::common::chromium;
 
 /// The page's document after its scripts ran, in a window of a phone's width.
 fn dom(chromium: &Path, page: &Path) -> String {
@@ -61,7 +52,7 @@ fn judge(chromium: &Path, page: &Path) {
 
 #[test]
 fn reports_run_in_a_browser_and_fit_a_phone() {
-    let Some(chromium) = chromium() else { return };
+    let Some(chromium) = chromium("no page was opened in a browser") else { return };
     let dir = tempfile::tempdir().unwrap();
     let demo = dir.path().join("demo");
     nelu3d(&["--quiet", "demo", "-o", demo.to_str().unwrap()]);

@@ -1,14 +1,12 @@
 //! What once broke the program: odd paths, files without an end, names that lead out of the rig, signals, killed runs,
 //! absurd numbers. Whatever it is, the program ends soon, in one sentence that names the user's file and a remedy.
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{RigCopy as Rig, nelu3d, small, stderr, template};
+use super::common::{RigCopy as Rig, nelu3d, small, stderr, template};
 
 /// The rig's scene; its first pattern set is `two`.
 const SCENE: &str = "ball";
@@ -33,16 +31,13 @@ impl Rig {
         fs::write(self.at(file), text.replacen(old[0], line, 1)).unwrap();
     }
 
-    /// Runs a command with the arguments after the rig, quietly.
-    fn run(&self, command: &str, rest: &[&str]) -> Output {
-        let rig = self.at("");
-        let mut args = vec![command, rig.to_str().unwrap(), "--quiet"];
-        args.extend(rest);
-        soon(|| nelu3d(&args))
+    /// Runs a command with the arguments after the rig, which must not take long.
+    fn run_soon(&self, command: &str, rest: &[&str]) -> Output {
+        soon(|| self.run(command, rest))
     }
 
     fn reconstruct(&self, rest: &[&str]) -> Output {
-        self.run("reconstruct", &[&[SCENE], rest].concat())
+        self.run_soon("reconstruct", &[&[SCENE], rest].concat())
     }
 
     /// Temporary files and folders that are left somewhere.
@@ -89,7 +84,7 @@ fn one_sentence(out: &Output, says: &[&str]) {
 /// `check` fails and says all of this on standard output.
 #[track_caller]
 fn check_finds(rig: &Rig, says: &[&str]) {
-    let out = rig.run("check", &[]);
+    let out = rig.run_soon("check", &[]);
     let text = String::from_utf8_lossy(&out.stdout).into_owned();
     assert_eq!(out.status.code(), Some(1), "{text}{}", stderr(&out));
     for part in says {
@@ -174,7 +169,7 @@ fn pipes_and_devices_for_images() {
     one_sentence(&rig.reconstruct(&[]), &["white.png: cannot be read: it is a folder; give a file"]);
     rig.edit("rig.toml", "white = \"white.png\"", "white = \"/dev/zero\"");
     check_finds(&rig, &["`images.white` is \"/dev/zero\"; give the name of a file that lies in every"]);
-    one_sentence(&rig.run("calibrate", &[]), &["rig.toml", "`images.white` is \"/dev/zero\""]);
+    one_sentence(&rig.run_soon("calibrate", &[]), &["rig.toml", "`images.white` is \"/dev/zero\""]);
 }
 
 // (f) Names that lead out of the rig.
@@ -183,7 +178,7 @@ fn pipes_and_devices_for_images() {
 fn names_that_lead_out_of_the_rig() {
     let rig = Rig::new();
     rig.edit_line("rig.toml", "name = \"two\"", "name = \"../../escaped\"");
-    one_sentence(&rig.run("calibrate", &[]), &["rig.toml", "`pattern_sets.name` is \"../../escaped\"", "no path"]);
+    one_sentence(&rig.run_soon("calibrate", &[]), &["rig.toml", "`pattern_sets.name` is \"../../escaped\"", "no path"]);
     check_finds(&rig, &["`pattern_sets.name` is \"../../escaped\""]);
     assert!(!rig.dir.path().join("escaped.safetensors").exists());
     let rig = Rig::new();
@@ -357,11 +352,11 @@ fn numbers_that_no_result_has() {
     let out =
         nelu3d(&["evaluate", result.to_str().unwrap(), "--cad", cad.to_str().unwrap(), "--within", "1e-9", "--quiet"]);
     assert!(!stderr(&out).contains("panicked") && matches!(out.status.code(), Some(0 | 1)), "{}", stderr(&out));
-    let out = rig.run("check", &["--threads", "1000000"]);
+    let out = rig.run_soon("check", &["--threads", "1000000"]);
     assert_eq!(out.status.code(), Some(2));
     let text = stderr(&out);
     assert!(text.contains("--threads <N>': give a number from 1 to 1024"), "{text}");
-    assert!(rig.run("check", &["--threads", "1"]).status.success());
+    assert!(rig.run_soon("check", &["--threads", "1"]).status.success());
 }
 
 #[test]
@@ -377,7 +372,7 @@ fn rigs_that_would_fail_later() {
         focal(&rig, f);
         let says = format!("has the focal length fx = {f} px, for images of up to 160 px; give it in pixels");
         check_finds(&rig, &["camera.json", &says]);
-        one_sentence(&rig.run("calibrate", &[]), &["camera.json", &says]);
+        one_sentence(&rig.run_soon("calibrate", &[]), &["camera.json", &says]);
     }
     let image = "sine_00.png";
     let images = |to: &str| {
@@ -474,12 +469,12 @@ fn a_board_outside_of_the_image_is_no_matter_of_exposure() {
     let rig = Rig::new();
     rig.edit_line("rig.toml", "extent_mm = [", "extent_mm = [900, 900, 950, 950]");
     let says = ["rig.toml", "`board.extent_mm` is [900.0, 900.0, 950.0, 950.0], far beside the print"];
-    one_sentence(&rig.run("calibrate", &[]), &says);
+    one_sentence(&rig.run_soon("calibrate", &[]), &says);
     check_finds(&rig, &says);
     // As far beside it as a plate may reach, but not in view.
     let rig = Rig::new();
     rig.edit_line("rig.toml", "extent_mm = [", "extent_mm = [-270, -200, -260, -190]");
-    let out = rig.run("calibrate", &[]);
+    let out = rig.run_soon("calibrate", &[]);
     one_sentence(
         &out,
         &["lies outside of the image at every position", "[-270.0, -200.0, -260.0, -190.0]", "give its"],
@@ -546,7 +541,7 @@ fn sentences_are_no_longer_than_people_read() {
     let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
     json["K"][0][0] = (-1e300).into();
     fs::write(rig.at("camera.json"), json.to_string()).unwrap();
-    one_sentence(&rig.run("calibrate", &[]), &["fx = -1e300; a focal length is positive"]);
+    one_sentence(&rig.run_soon("calibrate", &[]), &["fx = -1e300; a focal length is positive"]);
     fs::write(rig.at("camera.json"), text).unwrap();
     fs::write(rig.scene_file("white.png"), long_tiff()).unwrap();
     let out = rig.reconstruct(&[]);
@@ -581,7 +576,7 @@ fn long_tiff() -> Vec<u8> {
 #[test]
 fn dependencies_do_not_warn() {
     // The detection of a board with markers in its squares is where it warns.
-    let (_dir, rig) = common::simulated(&small("color"));
+    let (_dir, rig) = super::common::simulated(&small("color"));
     let image = nelu3d_scan::Image { data: vec![0.5; 160 * 120 * 3], ..nelu3d_scan::Image::new(160, 120, 3) };
     for position in 0..10 {
         let file = rig.join(format!("calibration/{position:03}/white.png"));

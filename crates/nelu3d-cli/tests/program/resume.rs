@@ -1,8 +1,6 @@
 //! Trainings that are killed and go on: recipe `paper` and TurboSL end with the very result of an uninterrupted run,
 //! and a checkpoint of something else is refused.
 
-mod common;
-
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -10,12 +8,12 @@ use std::{fs, thread};
 
 use serde_json::Value;
 
-use common::{RigCopy, nelu3d, stderr};
+use super::common::{RigCopy, nelu3d, stderr};
 
 /// Arguments of the trainings, small ones.
 const PAPER: &[&str] = &["reconstruct", "--recipe", "paper", "--start", "plane", "--device", "cpu"];
 const TURBOSL: &[&str] = &["decode", "--method", "turbosl"];
-const SMALL: &[&str] = &["--steps", "150", "--samples", "2048", "--checkpoint-every", "10", "--quiet"];
+const SMALL: &[&str] = &["--steps", "50", "--samples", "1024", "--checkpoint-every", "5", "--quiet"];
 
 /// A training on a rig, and where its checkpoint lies.
 struct Training<'a> {
@@ -119,7 +117,7 @@ fn a_killed_training_of_turbosl_goes_on() {
     Training { rig: &rig, args: TURBOSL }.check();
     // One that was to stop early can go on, too: with the schedule of all iterations.
     let training = Training { rig: &rig, args: TURBOSL };
-    let part = nelu3d(&training.arguments("part", Some("state"), &["--stop-after", "70"]));
+    let part = nelu3d(&training.arguments("part", Some("state"), &["--stop-after", "25"]));
     assert!(part.status.success(), "{}", stderr(&part));
     let whole = nelu3d(&training.arguments("continued", Some("state"), &[]));
     assert!(whole.status.success(), "{}", stderr(&whole));

@@ -1,13 +1,10 @@
 //! A camera that is not linear: its response is measured through a rehearsed capture and from files, and a scan with it
 //! is nearly as good as a linear camera's.
-#![cfg(feature = "capture")]
-
-mod common;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{nelu3d, stderr};
+use super::common::{nelu3d, stderr};
 use nelu3d_scan::Rig;
 use nelu3d_scan::image::{Raw, RawData, Response, decode, write_raw_png};
 use nelu3d_scan::pattern::{Pattern, Superposition};
@@ -68,7 +65,7 @@ fn rigs(dir: &Path) -> (PathBuf, PathBuf) {
     for file in images(&shown.join("scenes/vase")) {
         webcam(&file, &source.join("response").join(file.file_name().unwrap()), &rig);
     }
-    common::copy(&linear.join("patterns"), &source.join("patterns"));
+    super::common::copy(&linear.join("patterns"), &source.join("patterns"));
     Rig { root: source.clone(), black_level: 0.0, saturation: 255.0, ..rig }.save().unwrap();
     (linear, source)
 }

@@ -1,11 +1,9 @@
 //! `nelu3d board`: what is printed is found, at its size, and what is described is read back.
 
-mod common;
-
 use std::path::Path;
 use std::process::Command;
 
-use common::{nelu3d, stderr};
+use super::common::{nelu3d, stderr};
 use nelu3d_scan::board::{BoardKind, Detector};
 use nelu3d_scan::image::{Channels, decode};
 use nelu3d_scan::rig::read_board;

@@ -1,11 +1,9 @@
 //! `nelu3d camera`: cameras of virtual rigs from their own sweeps and from folders of images, and what is refused.
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use common::{nelu3d, stderr};
+use super::common::{nelu3d, stderr};
 use nelu3d_scan::Camera;
 use nelu3d_scan::camera::read_camera;
 use nelu3d_sim::Spec;
@@ -80,7 +78,7 @@ fn images_of(rig: &Path, dir: &Path) -> (PathBuf, PathBuf) {
 
 #[test]
 fn a_rig_calibrates_its_camera_from_its_own_sweep() {
-    let (dir, rig) = common::simulated(&handheld());
+    let (dir, rig) = super::common::simulated(&handheld());
     let file = rig.join("camera.json");
     let truth = read_camera(&file).unwrap();
     // It is not overwritten unless asked.
@@ -129,7 +127,7 @@ fn boards_that_face_the_camera_are_refused() {
     spec.sweep = Spec::preset("color").unwrap().sweep;
     let SweepSpec::Stage { positions, .. } = &mut spec.sweep else { panic!("the preset's board is on a stage") };
     *positions = 8;
-    let (_dir, rig) = common::simulated(&spec);
+    let (_dir, rig) = super::common::simulated(&spec);
     let file = rig.join("camera.json");
     fs::remove_file(&file).unwrap();
     let error = run(&[text(&rig)]).unwrap_err();

@@ -1,8 +1,6 @@
 //! Moving scenes: where things are, when they are seen, and how far they smear.
 
-mod common;
-
-use common::{edge_moments, image, middle_row, object, plane, rig, scene, spec};
+use super::common::{edge_moments, image, middle_row, object, plane, rig, scene, spec};
 use nelu3d_scan::pattern::{Axis, Pattern, Sinusoid};
 use nelu3d_scan::rig::Need;
 use nelu3d_scan::{Image, npy};

@@ -3,15 +3,13 @@
 //!
 //! Bounds lie a fifth above what was measured when they were set; whoever makes the method better lowers them.
 
-mod common;
-
 use std::path::Path;
 
 use nelu3d_sim::Spec;
 use nelu3d_sim::spec::{DepthSpacing, HandsSpec, ObjectSpec, SceneSpec, ShapeSpec, SweepSpec};
 use serde_json::Value;
 
-use common::{nelu3d, simulated, stderr};
+use super::common::{nelu3d, simulated, stderr};
 
 /// What a result must keep, against its ground truth.
 struct Bounds {

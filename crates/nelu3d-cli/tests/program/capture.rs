@@ -1,9 +1,6 @@
 //! `nelu3d capture` without hardware: rehearsals of virtual rigs, killed and resumed, and the page in a real browser.
 //!
 //! The browser's test is skipped, loudly, where there is no Chromium; `NELU3D_NEED_BROWSER=1` makes that a failure.
-#![cfg(feature = "capture")]
-
-mod common;
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -11,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use common::{nelu3d, small, stderr};
+use super::common::{chromium, nelu3d, small, stderr};
 use nelu3d_scan::image::{RawData, decode};
 
 /// All images of a rig's positions and scenes, by their places.
@@ -48,7 +45,7 @@ fn a_killed_capture_goes_on_and_ends_with_the_same_rig() {
     let mut spec = small("demo");
     let nelu3d_sim::spec::SweepSpec::Stage { positions, .. } = &mut spec.sweep else { panic!("a stage") };
     *positions = 24;
-    let (dir, source) = common::simulated(&spec);
+    let (dir, source) = super::common::simulated(&spec);
     let target = dir.path().join("captured");
     let mut kills = 0;
     while kills < 10 {
@@ -102,17 +99,6 @@ fn what_a_capture_needs_is_said_in_a_sentence() {
     assert_eq!(out.status.code(), Some(2));
 }
 
-/// A Chromium, or `None` where there is none and that is allowed.
-fn chromium() -> Option<PathBuf> {
-    let found = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"].map(PathBuf::from);
-    let found = std::env::var_os("CHROMIUM").map(PathBuf::from).or_else(|| found.into_iter().find(|p| p.is_file()));
-    if found.is_none() {
-        assert!(std::env::var_os("NELU3D_NEED_BROWSER").is_none_or(|v| v != "1"), "there is no Chromium");
-        eprintln!("SKIPPED: there is no Chromium, so no page showed patterns");
-    }
-    found
-}
-
 /// A process that ends with the test.
 struct Ends(Child);
 
@@ -127,7 +113,7 @@ impl Drop for Ends {
 /// the capture, which knows nothing of that, ends with the patterns themselves.
 #[test]
 fn the_page_shows_patterns_one_to_one() {
-    let Some(chromium) = chromium() else { return };
+    let Some(chromium) = chromium("no page showed patterns") else { return };
     let dir = tempfile::tempdir().unwrap();
     let rig = dir.path().join("rig");
     let mut capture = Command::new(env!("CARGO_BIN_EXE_nelu3d"));

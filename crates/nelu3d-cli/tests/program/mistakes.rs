@@ -1,8 +1,6 @@
 //! The mistakes that people make with a scanner, one at a time on a small virtual rig: each has to be seen, or be known
 //! to be out of reach; and rigs without a mistake have to be called good.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -12,7 +10,7 @@ use nelu3d_scan::{Image, Rig};
 use nelu3d_sim::Spec;
 use serde_json::Value;
 
-use common::{copy, nelu3d, stderr};
+use super::common::{copy, nelu3d, stderr};
 
 const BLACK_LEVEL: f64 = 64.0;
 const SATURATION: f64 = 4095.0;
@@ -366,7 +364,8 @@ fn calibrated_good_rig() -> (&'static Path, &'static str) {
 }
 
 fn rig(to: &Path, edit: impl Fn(&mut Spec)) -> PathBuf {
-    let mut spec = Spec::read(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/mistakes/rig.toml"))).unwrap();
+    let mut spec =
+        Spec::read(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/program/mistakes/rig.toml"))).unwrap();
     edit(&mut spec);
     nelu3d_sim::simulate(&spec, to, &|_, _, _| {}).unwrap();
     to.to_path_buf()

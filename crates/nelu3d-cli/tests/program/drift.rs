@@ -1,15 +1,13 @@
 //! Bumps of camera and projector after the sweep, found by the board: which of the two moved, how far, and what a
 //! correction leaves.
 
-mod common;
-
 use std::path::Path;
 
 use nelu3d_sim::Spec;
 use nelu3d_sim::spec::{BumpSpec, SceneSpec};
 use serde_json::Value;
 
-use common::{calibrated, copy, nelu3d, stderr};
+use super::common::{calibrated, copy, nelu3d, stderr};
 
 /// What was bumped, and by how many pixels along x.
 #[derive(Clone, Copy)]
@@ -29,7 +27,8 @@ const BUMPS: [(&str, Bumped); 6] = [
 
 /// Scenes after every bump: the board alone at a place of the sweep, and the vase alone; and the vase before the board.
 fn spec() -> Spec {
-    let mut spec = Spec::read(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/mistakes/rig.toml"))).unwrap();
+    let mut spec =
+        Spec::read(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/program/mistakes/rig.toml"))).unwrap();
     let vase = spec.scenes.remove(0);
     let mut both = BumpSpec::default();
     let mut add = |name: &str, bump: Option<BumpSpec>| {

@@ -1,13 +1,11 @@
 //! Cross-talk of a color camera, from a scene of saturated colors to a surface without its marks.
 
-mod common;
-
 use std::path::Path;
 
 use nelu3d_sim::Spec;
 use serde_json::Value;
 
-use common::{nelu3d, simulated, small, stderr};
+use super::common::{nelu3d, simulated, small, stderr};
 
 /// What each channel sees of the light's colors.
 const MIXING: [[f64; 3]; 3] = [[0.85, 0.15, 0.0], [0.15, 0.7, 0.15], [0.0, 0.15, 0.85]];

@@ -1,11 +1,8 @@
 //! A USB3 Vision camera without one: a fake device answers the driver's commands and streams what a display shows,
 //! late, noisy, with lost and damaged frames.
-#![cfg(feature = "usb3")]
 
 mod device;
 mod registers;
-#[path = "../scene/mod.rs"]
-mod scene;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -16,7 +13,7 @@ use nelu3d_scan::image::{Channels, RawData};
 
 use self::device::{FakeCamera, Faults};
 use self::registers::{EXPOSURE, EXPOSURE_AUTO, GAIN, GAIN_AUTO, MODE, MONO12, PIXEL_FORMAT};
-use self::scene::{Scene, assert_every_image_shows_what_was_asked, assert_shows};
+use super::scene::{Scene, assert_every_image_shows_what_was_asked, assert_shows};
 
 fn connect(
     scene: &Arc<Mutex<Scene>>,

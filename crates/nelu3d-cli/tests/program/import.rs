@@ -1,14 +1,12 @@
 //! `nelu3d import` as it is typed: a recording becomes a rig that `check` has nothing to say against.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
 use nelu3d_scan::image::{Image, write_png16};
 use nelu3d_scan::{Camera, Rig};
 
-use common::nelu3d;
+use super::common::nelu3d;
 
 const W: usize = 16;
 const H: usize = 12;

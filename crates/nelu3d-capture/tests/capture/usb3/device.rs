@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use viva_u3v::{U3vDevice, U3vError, UsbTransfer};
 
-use crate::registers::*;
+use super::registers::*;
 use crate::scene::{FRAME, SIZE, Scene};
 
 const COMMAND_OUT: u8 = 0x01;

@@ -1,8 +1,5 @@
 //! A GigE Vision camera over the loopback interface: telegenic's emulator of a device answers the driver's commands and
 //! streams what a display shows, late, noisy, with lost packets and lost frames.
-#![cfg(feature = "gige-emulator")]
-
-mod scene;
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,7 +11,7 @@ use nelu3d_capture::{Camera, CameraSettings, CaptureError, GigeCamera};
 use nelu3d_scan::image::Channels;
 use telegenic::emulator::{DeviceConfig, GigeDevice, ResendRequest, mark_resent};
 
-use self::scene::{FRAME, SIZE, Scene, assert_every_image_shows_what_was_asked};
+use super::scene::{FRAME, SIZE, Scene, assert_every_image_shows_what_was_asked};
 
 /// Registers of the emulated device: acquisition under way, exposure time.
 const ACQUISITION: u32 = 0x2008;
