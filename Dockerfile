@@ -2,7 +2,7 @@
 FROM rust:1.91-slim-bookworm AS build
 WORKDIR /src
 COPY . .
-RUN cargo build --locked --profile dist -p nelu3d-cli
+RUN cargo build --locked --profile dist -p nelu3d-cli --features gige,usb3
 
 FROM gcr.io/distroless/cc-debian12:nonroot
 COPY --from=build /src/target/dist/nelu3d /usr/local/bin/nelu3d

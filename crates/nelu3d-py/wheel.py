@@ -50,7 +50,7 @@ def build(chosen: argparse.Namespace) -> None:
     """Builds the program and the extension module."""
     # Tests have dependencies that change what all is built from: with them, this is the build of the tests.
     all_of_it = ["--workspace", "--features", "nelu3d-cli/gpu,nelu3d-cli/gige,nelu3d-cli/usb3,nelu3d-capture/gige-emulator", "--all-targets"]
-    parts = ["-p", "nelu3d-cli", "-p", "nelu3d-py", "--lib", "--bins"]
+    parts = ["-p", "nelu3d-cli", "-p", "nelu3d-py", "--lib", "--bins", "--features", "nelu3d-cli/gige,nelu3d-cli/usb3"]
     if not chosen.manylinux:
         run("cargo", "build", *profile(chosen), "--locked", *(all_of_it if chosen.workspace else parts))
         return

@@ -1,5 +1,6 @@
 //! A stack of images at every amount of Gaussian blur, for lookups with a blur that changes from point to point.
 
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use nelu3d_scan::Image;
@@ -58,11 +59,20 @@ impl BlurStack {
         self.channels
     }
 
-    /// Returns all channels of a pixel without blur, or `None` outside of the images.
-    pub(crate) fn sharp(&self, x: i64, y: i64) -> Option<&[f32]> {
-        let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
-        let at = ((y + BORDER) * (self.width + 2 * BORDER) + x + BORDER) * self.channels;
-        (x < self.width && y < self.height).then(|| &self.level(0)[at..at + self.channels])
+    /// Returns the part of a range of columns and the part of a range of rows that lie in the images.
+    pub(crate) fn inside(&self, columns: Range<i64>, rows: Range<i64>) -> [Range<i64>; 2] {
+        let within = |range: Range<i64>, n: usize| {
+            let first = range.start.clamp(0, n as i64);
+            first..range.end.clamp(first, n as i64)
+        };
+        [within(columns, self.width), within(rows, self.height)]
+    }
+
+    /// Returns pixels of a row without blur, all channels of each; they lie in the images.
+    pub(crate) fn sharp_row(&self, y: i64, columns: Range<i64>) -> &[f32] {
+        let row = (y as usize + BORDER) * (self.width + 2 * BORDER);
+        let [first, end] = [columns.start, columns.end].map(|x| (row + x as usize + BORDER) * self.channels);
+        &self.level(0)[first..end]
     }
 
     /// Writes all channels at (u, v) px under a Gaussian of standard deviation `sigma` px to `out`. A blur narrower

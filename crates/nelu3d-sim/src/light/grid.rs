@@ -51,15 +51,45 @@ impl PixelGrid {
     /// Writes `Σ code(i, j) · W(u − i) · W(v − j)`, `W(d) = Φ((d + f/2) / σ) − Φ((d − f/2) / σ)`: the exact integral of
     /// the squares under the Gaussian.
     fn squares(&self, [u, v]: [f64; 2], sigma: f64, out: &mut [f32]) {
-        out.fill(0.0);
-        let (columns, wx, nx) = self.weights(u, sigma);
-        let (rows, wy, ny) = self.weights(v, sigma);
-        for (row, wy) in (rows..).zip(&wy[..ny]) {
-            for (column, wx) in (columns..).zip(&wx[..nx]) {
-                if let Some(pixel) = self.stack.sharp(column, row) {
-                    let weight = wx * wy;
+        // White and two to six patterns keep their sums in registers.
+        match out.len() {
+            3 => self.squares_of::<3>([u, v], sigma, out),
+            4 => self.squares_of::<4>([u, v], sigma, out),
+            5 => self.squares_of::<5>([u, v], sigma, out),
+            6 => self.squares_of::<6>([u, v], sigma, out),
+            7 => self.squares_of::<7>([u, v], sigma, out),
+            _ => {
+                out.fill(0.0);
+                self.weighted([u, v], sigma, |weight, pixel| {
                     out.iter_mut().zip(pixel).for_each(|(o, p)| *o += weight * p);
-                }
+                });
+            }
+        }
+    }
+
+    /// The same for a number of channels that is known.
+    fn squares_of<const N: usize>(&self, at: [f64; 2], sigma: f64, out: &mut [f32]) {
+        let mut sums = [0.0; N];
+        self.weighted(at, sigma, |weight, pixel| {
+            let pixel: &[f32; N] = pixel.try_into().expect("all channels of a pixel");
+            sums.iter_mut().zip(pixel).for_each(|(o, p)| *o += weight * p);
+        });
+        out.copy_from_slice(&sums);
+    }
+
+    /// Calls `add` with the weight and the channels of every pixel in reach.
+    #[inline]
+    fn weighted(&self, [u, v]: [f64; 2], sigma: f64, mut add: impl FnMut(f32, &[f32])) {
+        let (first_column, wx, nx) = self.weights(u, sigma);
+        let (first_row, wy, ny) = self.weights(v, sigma);
+        let [columns, rows] =
+            self.stack.inside(first_column..first_column + nx as i64, first_row..first_row + ny as i64);
+        let wx = &wx[(columns.start - first_column).clamp(0, nx as i64) as usize..];
+        for row in rows {
+            let wy = wy[(row - first_row) as usize];
+            let pixels = self.stack.sharp_row(row, columns.clone());
+            for (pixel, wx) in pixels.chunks_exact(self.stack.channels()).zip(wx) {
+                add(wx * wy, pixel);
             }
         }
     }
@@ -75,9 +105,10 @@ impl PixelGrid {
         }
         let (first, last) = ((at - reach).ceil() as i64, (at + reach).floor() as i64);
         let n = (last - first + 1).clamp(0, MAX_PIXELS as i64) as usize;
+        let (table, half) = (NORMAL_CDF.as_slice(), 0.5 * self.fill);
         for (i, w) in (first..).zip(&mut weights[..n]) {
             let d = at - i as f64;
-            *w = (normal_cdf((d + 0.5 * self.fill) / sigma) - normal_cdf((d - 0.5 * self.fill) / sigma)) as f32;
+            *w = (normal_cdf(table, (d + half) / sigma) - normal_cdf(table, (d - half) / sigma)) as f32;
         }
         (first, weights, n)
     }
@@ -102,8 +133,8 @@ static NORMAL_CDF: LazyLock<Vec<f64>> = LazyLock::new(|| {
         .collect()
 });
 
-/// Returns the normal distribution's cumulative function, to 1e-6.
-fn normal_cdf(x: f64) -> f64 {
+/// Returns the normal distribution's cumulative function from its table, to 1e-6.
+fn normal_cdf(table: &[f64], x: f64) -> f64 {
     let at = (x + END as f64) * STEPS as f64;
     if at <= 0.0 {
         return 0.0;
@@ -112,7 +143,6 @@ fn normal_cdf(x: f64) -> f64 {
     if i >= 2 * END * STEPS {
         return 1.0;
     }
-    let table = &*NORMAL_CDF;
     table[i] + (at - i as f64) * (table[i + 1] - table[i])
 }
 
@@ -136,6 +166,7 @@ mod tests {
     #[test]
     fn the_tabled_function_is_the_normal_one() {
         // Abramowitz and Stegun, table 26.1.
+        let normal_cdf = |x| normal_cdf(&NORMAL_CDF, x);
         for (x, expected) in [(0.0, 0.5), (0.5, 0.691_462_461), (1.0, 0.841_344_746), (2.5, 0.993_790_335)] {
             assert!((normal_cdf(x) - expected).abs() < 1e-6 && (normal_cdf(-x) - 1.0 + expected).abs() < 1e-6, "{x}");
         }
