@@ -53,6 +53,7 @@ impl Camera {
     }
 
     /// Returns pixel coordinates of a point in the camera's frame, or `None` when it lies behind the camera.
+    #[inline]
     pub fn project(&self, p: &Point3<f64>) -> Option<[f64; 2]> {
         if p.z <= 1e-9 {
             return None;

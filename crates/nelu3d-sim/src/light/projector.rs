@@ -16,6 +16,8 @@ pub(crate) struct ProjectorLight {
     projector: Projector,
     center: Point3<f64>,
     axis: Vector3<f64>,
+    /// Tangents of the tilt of the plane of focus.
+    focus_slope: [f64; 2],
     /// White, then all patterns.
     shown: PixelGrid,
     /// First channel in `shown` and number of channels of every pattern.
@@ -53,6 +55,7 @@ impl ProjectorLight {
             center: Point3::from(spec.position_mm),
             axis: cam_from_proj * Vector3::z(),
             projector,
+            focus_slope: spec.focus_tilt.map(f64::tan),
             channels: channels.collect(),
             shown: PixelGrid::new(&images, spec.fill_factor),
             primaries: spec.primaries.map(|row| row.map(|v| v as f32)),
@@ -86,7 +89,11 @@ impl ProjectorLight {
         if !is_visible(&self.center) {
             return LightSample::default();
         }
-        LightSample { strength: [strength; 2], uv, sigma: s.sharp_sigma_px.hypot(self.defocus_px(&local)) }
+        LightSample {
+            strength: [strength; 2],
+            uv,
+            sigma: (s.sharp_sigma_px.powi(2) + self.defocus_px(&local).powi(2)).sqrt(),
+        }
     }
 
     /// Returns the standard deviation of the blur away from the focus at a point of the projector's frame, px.
@@ -97,8 +104,8 @@ impl ProjectorLight {
     /// tan a_y` the focus of the ray (x/z, y/z) is at `1/z_f = (1 − x/z tan a_x − y/z tan a_y) / focus`.
     fn defocus_px(&self, local: &Point3<f64>) -> f64 {
         let s = &self.spec;
-        let [tilt_x, tilt_y] = s.focus_tilt.map(f64::tan);
-        let at_focus = (1.0 - (local.x * tilt_x + local.y * tilt_y) / local.z) / s.focus_mm;
+        let [slope_x, slope_y] = self.focus_slope;
+        let at_focus = (1.0 - (local.x * slope_x + local.y * slope_y) / local.z) / s.focus_mm;
         0.25 * s.aperture_mm * s.fx * (at_focus - 1.0 / local.z).abs()
     }
 

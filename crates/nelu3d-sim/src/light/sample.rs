@@ -2,6 +2,8 @@
 
 use nalgebra::{Point3, Vector3};
 
+use crate::geometry::power;
+
 /// The light that can arrive at a surface point: what a light source needs to know for all images of a shot.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LightSample {
@@ -32,5 +34,5 @@ pub(super) fn point_light_irradiance(
     if !(cosine > 0.0 && off_axis > 0.0) {
         return 0.0;
     }
-    ((reference_mm / distance).powi(2) * cosine * off_axis.powf(vignetting)) as f32
+    ((reference_mm / distance).powi(2) * cosine * power(off_axis, vignetting)) as f32
 }

@@ -12,6 +12,7 @@ use nelu3d_scan::camera::Camera;
 use nelu3d_scan::rig::Channels;
 use rayon::prelude::*;
 
+use crate::geometry::power;
 use crate::light::{Illumination, LightSource};
 use crate::random::{RandomPurpose, hash, mix};
 use crate::scene::VirtualScene;
@@ -169,7 +170,7 @@ impl Renderer {
                 }
                 continue;
             };
-            let falloff = ray.dir.z.powf(self.vignetting) as f32;
+            let falloff = power(ray.dir.z, self.vignetting) as f32;
             let id = RayId { pixel: mix(pixels_hash ^ x as u64), sample: (sub_y * n + sub_x) as usize };
             for (f, radiance) in transport.radiance(&hit, &-ray.dir, id).iter().enumerate() {
                 let radiance = radiance.map(|r| r * falloff);

@@ -24,6 +24,7 @@ use crate::spec::{ObjectSpec, SpecError};
 use albedo::Albedo;
 pub(crate) use board::PrintedBoard;
 pub(crate) use hand::Hand;
+use hit::ShapeHit;
 pub(crate) use hit::SurfaceHit;
 pub(crate) use material::Material;
 use object::SceneObject;
@@ -68,15 +69,15 @@ impl VirtualScene {
 
     /// Returns the first surface point along a ray.
     pub(crate) fn hit(&self, ray: &Ray) -> Option<SurfaceHit> {
-        let mut nearest: Option<(f64, SurfaceHit)> = None;
+        let mut nearest: Option<(usize, Ray, ShapeHit)> = None;
         for (i, o) in self.objects.iter().enumerate() {
-            let limit = nearest.map_or(f64::INFINITY, |(t, _)| t);
+            let limit = nearest.as_ref().map_or(f64::INFINITY, |(_, _, hit)| hit.t);
             let local = o.to_object_frame(ray);
-            if let Some(shape_hit) = o.shape.hit(&local, limit) {
-                nearest = Some((shape_hit.t, o.surface_hit(i, ray, &local, &shape_hit)));
+            if let Some(hit) = o.shape.hit(&local, limit) {
+                nearest = Some((i, local, hit));
             }
         }
-        nearest.map(|(_, hit)| hit)
+        nearest.map(|(i, local, hit)| self.objects[i].surface_hit(i, ray, &local, &hit))
     }
 
     /// Whether nothing stands between a surface point and the point `to`.
