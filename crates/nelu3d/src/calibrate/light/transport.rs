@@ -90,21 +90,24 @@ impl Transport<'_> {
         }
         let (x0, y0) = (x as usize, y as usize);
         let (fx, fy) = (x - x0 as f64, y - y0 as f64);
-        // The four samples around it: their values, and after these their validity.
-        let stride = k + 1;
-        let row = |y: usize| level.images[to][(y * level.width + x0) * stride..][..2 * stride].split_at(stride);
-        let ((a, b), (c, d)) = (row(y0), row(y0 + 1));
+        let image = &level.images[to];
+        let base = (y0 * level.width + x0) * (k + 1);
+        let down = base + level.width * (k + 1);
+        // Interpolated, weighted by validity.
+        let mut weights = [0.0; 4];
+        let corners = [base, base + k + 1, down, down + k + 1];
         let places = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
-        let weights: [f64; 4] = std::array::from_fn(|i| places[i] * f64::from([a, b, c, d][i][k]));
+        for i in 0..4 {
+            weights[i] = places[i] * f64::from(image[corners[i] + k]);
+        }
         let sum: f64 = weights.iter().sum();
         if sum < f64::from(level.min_validity) {
             return false;
         }
-        let [wa, wb, wc, wd] = weights.map(|w| w / sum);
-        let own = &level.images[seed.view][seed.index * stride..][..k];
-        for (((((out, own), a), b), c), d) in out.iter_mut().zip(own).zip(a).zip(b).zip(c).zip(d) {
-            let [a, b, c, d] = [a, b, c, d].map(|v| f64::from(*v));
-            *out = wa * a + wb * b + wc * c + wd * d - f64::from(*own);
+        let own = &level.images[seed.view][seed.index * (k + 1)..];
+        for (c, out) in out.iter_mut().enumerate().take(k) {
+            let there: f64 = (0..4).map(|i| weights[i] * f64::from(image[corners[i] + c])).sum();
+            *out = there / sum - f64::from(own[c]);
         }
         true
     }
