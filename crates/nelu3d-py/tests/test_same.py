@@ -72,8 +72,8 @@ def test_calibrate_and_reconstruct_equal_the_program(rig, field, ball, program, 
 
 def test_recipe_paper_equals_the_program(rig, field, program, tmp_path):
     field.save(tmp_path / "f.safetensors")
-    paper = nelu3d.reconstruct(rig, "ball", field, recipe="paper", paper={"start": "plane"}, steps=20, device="cpu", accept=True)
-    more = ["--recipe", "paper", "--start", "plane", "--steps", "20", "--device", "cpu", "--accept"]
+    paper = nelu3d.reconstruct(rig, "ball", field, recipe="paper", paper={"start": "plane", "samples": 2048}, steps=20, device="cpu", accept=True)
+    more = ["--recipe", "paper", "--start", "plane", "--samples", "2048", "--steps", "20", "--device", "cpu", "--accept"]
     program("reconstruct", rig.root, "ball", "--field", tmp_path / "f.safetensors", "-o", tmp_path / "p", *more)
     for name in MAPS:
         assert same(getattr(paper, name), np.load(tmp_path / "p" / f"{name}.npy")), name

@@ -6,7 +6,7 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use super::common::chromium;
+use super::common::{RigCopy, chromium};
 
 /// The page's document after its scripts ran, in a window of a phone's width.
 fn dom(chromium: &Path, page: &Path) -> String {
@@ -53,10 +53,9 @@ fn judge(chromium: &Path, page: &Path) {
 #[test]
 fn reports_run_in_a_browser_and_fit_a_phone() {
     let Some(chromium) = chromium("no page was opened in a browser") else { return };
-    let dir = tempfile::tempdir().unwrap();
-    let demo = dir.path().join("demo");
-    nelu3d(&["--quiet", "demo", "-o", demo.to_str().unwrap()]);
-    let result = std::fs::read_dir(demo.join("rig/results")).unwrap().next().unwrap().unwrap().path();
+    let (dir, rig) = (tempfile::tempdir().unwrap(), RigCopy::new());
+    let result = dir.path().join("result");
+    nelu3d(&["--quiet", "reconstruct", rig.at("").to_str().unwrap(), "ball", "-o", result.to_str().unwrap()]);
     let path = |p: &Path| p.to_str().unwrap().to_owned();
     judge(&chromium, &result.join("report.html"));
 

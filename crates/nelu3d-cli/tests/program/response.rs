@@ -43,6 +43,7 @@ fn stage(spec: &mut Spec, n: usize) {
 /// webcam's, with its folder `response`.
 fn rigs(dir: &Path) -> (PathBuf, PathBuf) {
     let mut spec = Spec::preset("demo").unwrap();
+    spec.supersampling = 2;
     stage(&mut spec, 12);
     let (linear, source) = (dir.join("linear"), dir.join("source"));
     nelu3d_sim::simulate(&spec, &linear, &|_, _, _| {}).unwrap();

@@ -1,5 +1,5 @@
-//! Trainings that are killed and go on: recipe `paper` and TurboSL end with the very result of an uninterrupted run,
-//! and a checkpoint of something else is refused.
+//! Trainings that are killed or stopped and go on: recipe `paper` and TurboSL end with the very result of an
+//! uninterrupted run, and a checkpoint of something else is refused.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -112,15 +112,16 @@ fn a_killed_training_of_recipe_paper_goes_on() {
 }
 
 #[test]
-fn a_killed_training_of_turbosl_goes_on() {
-    let rig = RigCopy::new();
-    Training { rig: &rig, args: TURBOSL }.check();
-    // One that was to stop early can go on, too: with the schedule of all iterations.
-    let training = Training { rig: &rig, args: TURBOSL };
-    let part = nelu3d(&training.arguments("part", Some("state"), &["--stop-after", "25"]));
-    assert!(part.status.success(), "{}", stderr(&part));
-    let whole = nelu3d(&training.arguments("continued", Some("state"), &[]));
-    assert!(whole.status.success(), "{}", stderr(&whole));
-    let depth = |result: &str| fs::read(Path::new(&training.path(result)).join("depth.npy")).unwrap();
-    assert!(depth("whole") == depth("continued") && depth("whole") != depth("part"));
+fn a_training_of_turbosl_that_was_stopped_goes_on() {
+    // One that was to stop early goes on like one that was killed: with the schedule of all iterations.
+    let training = Training { rig: &RigCopy::new(), args: TURBOSL };
+    let run = |result, checkpoint, more: &[&str]| {
+        let out = nelu3d(&training.arguments(result, checkpoint, more));
+        assert!(out.status.success(), "{}", stderr(&out));
+        fs::read(Path::new(&training.path(result)).join("depth.npy")).unwrap()
+    };
+    let whole = run("whole", None, &[]);
+    let part = run("part", Some("state"), &["--stop-after", "25"]);
+    let continued = run("continued", Some("state"), &["--threads", "1"]);
+    assert!(whole == continued && whole != part);
 }

@@ -58,7 +58,8 @@ impl Distortion {
     }
 
     /// Returns the derivatives of [`Self::distort`]: a row for each of its values, a column for x and one for y.
-    fn jacobian(&self, [x, y]: [f64; 2]) -> Matrix2<f64> {
+    #[inline]
+    pub(super) fn jacobian(&self, [x, y]: [f64; 2]) -> Matrix2<f64> {
         let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tx, ty] = self.coeffs;
         let r2 = x * x + y * y;
         let (above, below) = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)));

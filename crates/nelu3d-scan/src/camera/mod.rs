@@ -9,7 +9,7 @@ pub use file::{
     write_camera, write_projector,
 };
 
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix2x3, Matrix3, Point3, Vector3};
 
 /// A ray in the camera's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,6 +62,17 @@ impl Camera {
         Some([self.fx * x + self.cx, self.fy * y + self.cy])
     }
 
+    /// Returns what [`Self::project`] does, and its derivative by the point: a row for each pixel coordinate, px/mm.
+    #[inline]
+    pub fn project_with_jacobian(&self, p: &Point3<f64>) -> Option<([f64; 2], Matrix2x3<f64>)> {
+        let px = self.project(p)?;
+        let (x, y, by_z) = (p.x / p.z, p.y / p.z, 1.0 / p.z);
+        let j = self.distortion.jacobian([x, y]);
+        let row = |f: f64, a: f64, b: f64| [f * a * by_z, f * b * by_z, -f * (a * x + b * y) * by_z];
+        let (u, v) = (row(self.fx, j.m11, j.m12), row(self.fy, j.m21, j.m22));
+        Some((px, Matrix2x3::new(u[0], u[1], u[2], v[0], v[1], v[2])))
+    }
+
     /// Returns undistorted image-plane coordinates (x/z, y/z) of a pixel.
     pub fn undistort(&self, px: [f64; 2]) -> [f64; 2] {
         self.distortion.undistort([(px[0] - self.cx) / self.fx, (px[1] - self.cy) / self.fy])
@@ -102,5 +113,30 @@ impl Projector {
     /// Returns the projector's center in the camera's frame, mm.
     pub fn center(&self) -> Point3<f64> {
         self.proj_from_cam.inverse() * Point3::origin()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn projections_have_the_derivatives_of_differences() {
+        let mut camera = Camera::pinhole(640, 480, 900.0, 910.0, 300.0, 250.0);
+        camera.distortion = Distortion::new(&[-0.2, 0.1, 1e-3, -2e-3, 0.02]).expect("five coefficients");
+        for p in [Point3::new(0.0, 0.0, 700.0), Point3::new(120.0, -90.0, 600.0), Point3::new(-200.0, 130.0, 900.0)] {
+            let (px, j) = camera.project_with_jacobian(&p).expect("before the camera");
+            assert_eq!(Some(px), camera.project(&p));
+            for i in 0..3 {
+                let mut h = Vector3::zeros();
+                h[i] = 1e-3;
+                let (a, b) = (camera.project(&(p + h)).unwrap(), camera.project(&(p - h)).unwrap());
+                for row in 0..2 {
+                    let slope = (a[row] - b[row]) / 2e-3;
+                    assert!((slope - j[(row, i)]).abs() < 1e-7, "{p} {row} {i}: {slope} {}", j[(row, i)]);
+                }
+            }
+        }
+        assert!(camera.project_with_jacobian(&Point3::new(0.0, 0.0, -1.0)).is_none());
     }
 }

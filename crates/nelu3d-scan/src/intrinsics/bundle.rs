@@ -8,7 +8,7 @@ use super::parameters::{Middle, Parameters, Shared, by_coefficients};
 use super::view::View;
 use crate::board::Corner;
 use crate::least_squares::{LmSettings, Problem, minimize};
-use crate::pose::{huber, project_with_jacobian, sigma_of_norms};
+use crate::pose::{huber, sigma_of_norms};
 
 /// Residual norms beyond this many σ are outliers; of good corners, 4e-5 are.
 const REJECT_SIGMAS: f64 = 4.5;
@@ -104,7 +104,7 @@ impl Data<'_> {
         let (board, [u, v]) = p.on_board(c.board_mm, &self.middle);
         let arm = p.poses[i].rotation * board.coords;
         let at: Point3<f64> = (arm + p.poses[i].translation.vector).into();
-        let (px, j) = project_with_jacobian(&p.camera, &at)?;
+        let (px, j) = p.camera.project_with_jacobian(&at)?;
         let ideal = [at.x / at.z, at.y / at.z];
         let plane = p.camera.distortion.distort(ideal);
         let by_k = by_coefficients(&p.coefficients(), ideal);

@@ -4,7 +4,6 @@ use nalgebra::{Isometry3, Matrix6, SMatrix, SVector, Translation3, UnitQuaternio
 
 use super::bend::{Bend, Flatness, by_quadratic};
 use super::pnp::{norms, solve_pnp};
-use super::projection::project_with_jacobian;
 use super::robust::{huber, sigma_of_norms};
 use super::{PoseError, Trajectory, TrajectoryModel};
 use crate::Camera;
@@ -243,7 +242,7 @@ fn residuals(
     let one = |c: &Corner| {
         let arm = pose.rotation * bend.point(c.board_mm).coords;
         let point = arm + pose.translation.vector;
-        let (px, j) = project_with_jacobian(camera, &point.into())?;
+        let (px, j) = camera.project_with_jacobian(&point.into())?;
         let by_bend = by_quadratic(bend.center_mm, c.board_mm).map(|d| pose.rotation * d);
         let ray = [point.x / point.z, point.y / point.z];
         let r2 = ray[0] * ray[0] + ray[1] * ray[1];

@@ -5,7 +5,6 @@ mod error;
 mod flatness;
 mod homography;
 mod pnp;
-mod projection;
 mod robust;
 mod stage;
 mod systematic;
@@ -21,5 +20,4 @@ pub use trajectory::{Position, Rejected, Steps, Trajectory, TrajectoryModel};
 
 pub use homography::Homography;
 pub(crate) use homography::homography_4pt;
-pub(crate) use projection::project_with_jacobian;
 pub(crate) use robust::{huber, sigma_of_norms};

@@ -4,7 +4,6 @@ use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Rotation3, Translation3, Uni
 
 use super::PoseError;
 use super::homography::Homography;
-use super::projection::project_with_jacobian;
 use super::robust::{huber, sigma_of_norms};
 use crate::Camera;
 use crate::board::Corner;
@@ -179,7 +178,7 @@ impl Problem for Reprojection<'_> {
         let (mut a, mut g) = (Matrix6::zeros(), Vector6::zeros());
         for (c, &w) in self.corners.iter().zip(self.weights).filter(|(_, w)| **w > 0.0) {
             let arm = pose.rotation * Vector3::new(c.board_mm[0], c.board_mm[1], 0.0);
-            let (px, j) = project_with_jacobian(self.camera, &(arm + pose.translation.vector).into())?;
+            let (px, j) = self.camera.project_with_jacobian(&(arm + pose.translation.vector).into())?;
             for k in 0..2 {
                 let jp = Vector3::new(j[(k, 0)], j[(k, 1)], j[(k, 2)]);
                 let by_turn = arm.cross(&jp);

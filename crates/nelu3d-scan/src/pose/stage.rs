@@ -3,7 +3,6 @@
 use nalgebra::{Isometry3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
 
 use super::pnp::norms;
-use super::projection::project_with_jacobian;
 use super::robust::{huber, median, sigma_of_norms};
 use crate::Camera;
 use crate::board::Corner;
@@ -120,7 +119,7 @@ impl Stage {
             let s = self.s[i];
             for (c, &w) in view.iter().zip(&weights[i]) {
                 let arm = self.rotation * Vector3::new(c.board_mm[0], c.board_mm[1], 0.0);
-                let (px, j) = project_with_jacobian(camera, &(arm + self.origin + s * self.dir).into())?;
+                let (px, j) = camera.project_with_jacobian(&(arm + self.origin + s * self.dir).into())?;
                 for k in 0..2 {
                     let jp = Vector3::new(j[(k, 0)], j[(k, 1)], j[(k, 2)]);
                     let turn = arm.cross(&jp);

@@ -52,4 +52,25 @@ impl Chart {
         let along = (self.base + self.e1 * s[0].tan() + self.e2 * s[1].tan()).normalize();
         LightCenter { origin: self.origin, along, kappa: s[2] / self.scale, line: None }
     }
+
+    /// Derivatives of the center's direction and inverse distance by the state.
+    pub(super) fn slopes(&self, s: State) -> [Slope; 3] {
+        let toward = self.base + self.e1 * s[0].tan() + self.e2 * s[1].tan();
+        let (length, along) = (toward.norm(), toward.normalize());
+        let tangent = |e: Vector3<f64>, s: f64| {
+            let d = e / s.cos().powi(2);
+            Slope { along: (d - along * along.dot(&d)) / length, kappa: 0.0 }
+        };
+        let distance = Slope { along: Vector3::zeros(), kappa: 1.0 / self.scale };
+        [tangent(self.e1, s[0]), tangent(self.e2, s[1]), distance]
+    }
+}
+
+/// Derivative of a light's center by one coordinate of the state.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slope {
+    /// Of its unit direction.
+    pub(super) along: Vector3<f64>,
+    /// Of its inverse distance, 1/mm.
+    pub(super) kappa: f64,
 }

@@ -85,34 +85,22 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
     out
 }
 
-/// Slopes by the state and residual of every measurement that lands under all probes.
+/// Slopes by the state and residual of every measurement that lands.
+///
+/// The slopes are those of the interpolated codewords. One-sided differences would share their noise with the residual
+/// they are multiplied with, and that product has a mean, which pushes the center away along everything that the patterns
+/// hardly tell; here its mean over all places between the samples is zero.
 fn linearize(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, arm: usize) -> Vec<[f64; 4]> {
-    const H: f64 = 1e-3;
-    let k = t.views.k;
-    // Central differences: a one-sided slope shares its noise with the residual it is multiplied with, and that product
-    // has a mean, which pushes the center away along everything that the patterns hardly tell.
-    let probes: [_; 7] = std::array::from_fn(|i| {
-        let mut s = s;
-        if i < 6 {
-            s[i / 2] += if i.is_multiple_of(2) { H } else { -H };
-        }
-        t.chart.center(s)
-    });
+    let (light, slopes) = (t.chart.center(s), t.chart.slopes(s));
     seeds
         .par_chunks(512)
         .map(|chunk| {
-            let mut out = Vec::new();
-            let mut r = vec![vec![0.0; k]; 7];
+            let mut rows = Vec::with_capacity(chunk.len() * t.views.k);
             for seed in chunk {
                 let to = partner(seed, arm, t.views.len());
-                if (0..7).all(|i| t.carry(level, seed, &probes[i], to, &mut r[i])) {
-                    out.extend((0..k).map(|c| {
-                        let slope = |i: usize| (r[2 * i][c] - r[2 * i + 1][c]) / (2.0 * H);
-                        [slope(0), slope(1), slope(2), r[6][c]]
-                    }));
-                }
+                t.carry_with_slopes(level, seed, (&light, &slopes), to, &mut rows);
             }
-            out
+            rows
         })
         .collect::<Vec<_>>()
         .concat()

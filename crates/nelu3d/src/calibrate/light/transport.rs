@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 use nelu3d_scan::Camera;
 
 use super::super::views::{Level, Views};
-use super::center::{Chart, HOME, LightCenter, State};
+use super::center::{Chart, HOME, LightCenter, Slope, State};
 
 /// Strength of the pull towards the camera, as a share of the best determined direction's information.
 pub(super) const PULL: f64 = 1e-4;
@@ -69,47 +69,116 @@ pub(super) fn partner(seed: &Seed, arm: usize, n: usize) -> usize {
     if pick < before { view - least - pick } else { view + least + pick - before }
 }
 
+/// Where a carried sample comes out in a view: four samples of a level, and their shares by distance and validity.
+struct Landing<'a> {
+    image: &'a [f32],
+    corners: [usize; 4],
+    weights: [f64; 4],
+    sum: f64,
+    /// Place between the four, 0 to 1.
+    place: [f64; 2],
+}
+
+impl<'a> Landing<'a> {
+    /// `None` where it misses the image, or what is valid there.
+    fn at(px: [f64; 2], level: &'a Level, view: usize, k: usize) -> Option<Self> {
+        let b = level.block as f64;
+        let (x, y) = ((px[0] - (b - 1.0) / 2.0) / b, (px[1] - (b - 1.0) / 2.0) / b);
+        if !(x >= 0.0 && y >= 0.0 && x < level.width as f64 - 1.0 && y < level.height as f64 - 1.0) {
+            return None;
+        }
+        let (x0, y0) = (x as usize, y as usize);
+        let (fx, fy) = (x - x0 as f64, y - y0 as f64);
+        let image = &level.images[view][..];
+        let base = (y0 * level.width + x0) * (k + 1);
+        let down = base + level.width * (k + 1);
+        let corners = [base, base + k + 1, down, down + k + 1];
+        let places = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
+        let mut weights = [0.0; 4];
+        for i in 0..4 {
+            weights[i] = places[i] * f64::from(image[corners[i] + k]);
+        }
+        let sum: f64 = weights.iter().sum();
+        (sum >= f64::from(level.min_validity)).then_some(Self { image, corners, weights, sum, place: [fx, fy] })
+    }
+
+    /// The interpolated intensity of a channel.
+    fn value(&self, c: usize) -> f64 {
+        (0..4).map(|i| self.weights[i] * f64::from(self.image[self.corners[i] + c])).sum::<f64>() / self.sum
+    }
+
+    /// Derivatives of the four weights by the place, in units of a block.
+    fn weight_slopes(&self, k: usize) -> [[f64; 4]; 2] {
+        let [fx, fy] = self.place;
+        let places = [[fy - 1.0, 1.0 - fy, -fy, fy], [fx - 1.0, -fx, 1.0 - fx, fx]];
+        places.map(|p| std::array::from_fn(|i| p[i] * f64::from(self.image[self.corners[i] + k])))
+    }
+}
+
 impl Transport<'_> {
     /// Carries a sample along its ray of light to the view `to` and takes the difference of codewords there; false when
     /// it misses the board or the image.
     pub(super) fn carry(&self, level: &Level, seed: &Seed, light: &LightCenter, to: usize, out: &mut [f64]) -> bool {
         let k = self.views.k;
+        let Some((point, ..)) = self.meet(seed, light, to) else { return false };
+        let landing = self.camera.project(&point).and_then(|px| Landing::at(px, level, to, k));
+        let Some(landing) = landing else { return false };
+        let own = &level.images[seed.view][seed.index * (k + 1)..];
+        for (c, out) in out.iter_mut().enumerate().take(k) {
+            *out = landing.value(c) - f64::from(own[c]);
+        }
+        true
+    }
+
+    /// Carries a sample like [`Self::carry`] and appends a row for each channel: derivatives of the difference by the
+    /// light's state, whose slopes are given, and the difference.
+    pub(super) fn carry_with_slopes(
+        &self,
+        level: &Level,
+        seed: &Seed,
+        (light, slopes): (&LightCenter, &[Slope; 3]),
+        to: usize,
+        rows: &mut Vec<[f64; 4]>,
+    ) {
+        let k = self.views.k;
+        let Some((point, v, length)) = self.meet(seed, light, to) else { return };
+        let Some((px, j)) = self.camera.project_with_jacobian(&point) else { return };
+        let Some(landing) = Landing::at(px, level, to, k) else { return };
+        let normal = self.views.planes[to].0;
+        let by_block = 1.0 / level.block as f64;
+        // The point moves with the direction, and along it as far as the board asks for.
+        let moved = slopes.map(|slope| {
+            let dv = (seed.point - light.origin) * slope.kappa + slope.along;
+            let by_state = (dv - v * (normal.dot(&dv) / normal.dot(&v))) * length;
+            j * by_state * by_block
+        });
+        let by_place = landing.weight_slopes(k);
+        let sums = by_place.map(|w| w.iter().sum::<f64>());
+        let own = &level.images[seed.view][seed.index * (k + 1)..];
+        rows.extend((0..k).map(|c| {
+            let there = landing.corners.map(|i| f64::from(landing.image[i + c]));
+            let value = landing.value(c);
+            let [gx, gy] = [0, 1].map(|axis| {
+                let rise: f64 = (0..4).map(|i| by_place[axis][i] * there[i]).sum();
+                (rise - value * sums[axis]) / landing.sum
+            });
+            let slope = |i: usize| gx * moved[i][0] + gy * moved[i][1];
+            [slope(0), slope(1), slope(2), value - f64::from(own[c])]
+        }));
+    }
+
+    /// Where the ray of light of a sample meets the board of the view `to`, mm; its direction there, and how many of it
+    /// lie between. `None` where it runs along the board.
+    fn meet(&self, seed: &Seed, light: &LightCenter, to: usize) -> Option<(Point3<f64>, Vector3<f64>, f64)> {
         // Lines through the center o = origin − along/κ: direction ∝ κ (x − origin) + along.
         let v: Vector3<f64> = (seed.point - light.origin) * light.kappa + light.along;
         let (n, d) = self.views.planes[to];
         let denominator = n.dot(&v);
         if denominator.abs() < 1e-6 {
-            return false;
+            return None;
         }
-        let y = seed.point + v * ((d - n.dot(&seed.point.coords)) / denominator);
-        let Some(px) = self.camera.project(&y) else { return false };
-        let b = level.block as f64;
-        let (x, y) = ((px[0] - (b - 1.0) / 2.0) / b, (px[1] - (b - 1.0) / 2.0) / b);
-        if !(x >= 0.0 && y >= 0.0 && x < level.width as f64 - 1.0 && y < level.height as f64 - 1.0) {
-            return false;
-        }
-        let (x0, y0) = (x as usize, y as usize);
-        let (fx, fy) = (x - x0 as f64, y - y0 as f64);
-        let image = &level.images[to];
-        let base = (y0 * level.width + x0) * (k + 1);
-        let down = base + level.width * (k + 1);
-        // Interpolated, weighted by validity.
-        let mut weights = [0.0; 4];
-        let corners = [base, base + k + 1, down, down + k + 1];
-        let places = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
-        for i in 0..4 {
-            weights[i] = places[i] * f64::from(image[corners[i] + k]);
-        }
-        let sum: f64 = weights.iter().sum();
-        if sum < f64::from(level.min_validity) {
-            return false;
-        }
-        let own = &level.images[seed.view][seed.index * (k + 1)..];
-        for (c, out) in out.iter_mut().enumerate().take(k) {
-            let there: f64 = (0..4).map(|i| weights[i] * f64::from(image[corners[i] + c])).sum();
-            *out = there / sum - f64::from(own[c]);
-        }
-        true
+        let length = (d - n.dot(&seed.point.coords)) / denominator;
+        Some((seed.point + v * length, v, length))
     }
 
     /// Disagreement of codewords carried over `arm` steps, 0 to 1 (chance): mean truncated squared difference as a
