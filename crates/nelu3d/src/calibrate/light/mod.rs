@@ -248,6 +248,46 @@ mod tests {
     }
 
     #[test]
+    fn carried_codewords_have_the_slopes_of_differences() {
+        let mut camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
+        camera.distortion = nelu3d_scan::camera::Distortion::new(&[-0.2, 0.1, 1e-3, -2e-3, 0.0]).unwrap();
+        let wave = |v: f64| (40.0 * v).sin() as f32;
+        let views = views(&camera, &poses(), Point3::new(-60.0, 140.0, 55.0), |x, y| vec![wave(x), wave(y)]);
+        let chart = Chart::new(Point3::new(5.0, -3.0, 700.0));
+        let t = Transport { camera: &camera, views: &views, chart: &chart };
+        let state = [-0.1, 0.2, 0.9];
+        let at = |i: usize, h: f64| {
+            let mut s = state;
+            s[i] += h;
+            chart.center(s)
+        };
+        const H: f64 = 1e-7;
+        let (mut n, mut apart) = (0, 0);
+        for level in &views.levels[..2] {
+            for seed in seeds(&camera, &views, level, 2000) {
+                let to = (seed.view + 1) % views.len();
+                let mut rows = Vec::new();
+                t.carry_with_slopes(level, &seed, (&chart.center(state), &chart.slopes(state)), to, &mut rows);
+                let mut here = [0.0; 2];
+                assert_eq!(t.carry(level, &seed, &chart.center(state), to, &mut here), !rows.is_empty());
+                for i in 0..3 {
+                    let (mut more, mut less) = ([0.0; 2], [0.0; 2]);
+                    let both = t.carry(level, &seed, &at(i, H), to, &mut more)
+                        && t.carry(level, &seed, &at(i, -H), to, &mut less);
+                    for (c, row) in rows.iter().enumerate().filter(|_| both) {
+                        assert_eq!(row[3], here[c]);
+                        let slope = (more[c] - less[c]) / (2.0 * H);
+                        n += 1;
+                        // Where the step crosses into the next pixel, there are two slopes.
+                        apart += usize::from((row[i] - slope).abs() > 1e-5 * (1.0 + slope.abs()));
+                    }
+                }
+            }
+        }
+        assert!(n > 10_000 && apart * 1000 < n, "{apart} of {n}");
+    }
+
+    #[test]
     fn a_few_boards_held_by_hand_tell_where_the_light_is() {
         let camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
         let center = Point3::new(-60.0, 140.0, 55.0);
