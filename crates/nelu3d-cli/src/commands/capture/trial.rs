@@ -100,7 +100,7 @@ mod tests {
         let rig = dir.path().join("rig");
         let mut spec = Spec::preset("shapes").unwrap();
         spec.scenes.clear();
-        spec.supersampling = 1;
+        spec.supersampling = 2;
         nelu3d_sim::simulate(&spec, &rig, &|_, _, _| {}).unwrap();
         let mut all: Vec<_> = std::fs::read_dir(rig.join("calibration")).unwrap().map(|f| f.unwrap().path()).collect();
         all.sort();
