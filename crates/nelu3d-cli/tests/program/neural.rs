@@ -128,6 +128,7 @@ fn ablations_change_what_is_minimized() {
     assert!((without - blend).abs() > 0.01 * blend, "{without} {blend}");
     let unbounded = first(&["--ambient", "unbounded"]);
     assert!((unbounded - blend).abs() > 0.01 * blend, "{unbounded} {blend}");
+    first(&["--background", "carve"]);
     let out = nelu3d(&["reconstruct", "rig", "scene", "--recipe", "paper", "--lookup-loss-weight", "1.5"]);
     assert_eq!(out.status.code(), Some(2));
 }

@@ -53,7 +53,8 @@ impl Chart {
         LightCenter { origin: self.origin, along, kappa: s[2] / self.scale, line: None }
     }
 
-    /// Derivatives of the center's direction and inverse distance by the state.
+    /// Returns the derivatives of [`LightCenter::along`] and [`LightCenter::kappa`] at a state, one for each of its
+    /// coordinates.
     pub(super) fn slopes(&self, s: State) -> [Slope; 3] {
         let toward = self.base + self.e1 * s[0].tan() + self.e2 * s[1].tan();
         let (length, along) = (toward.norm(), toward.normalize());
@@ -69,8 +70,8 @@ impl Chart {
 /// Derivative of a light's center by one coordinate of the state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slope {
-    /// Of its unit direction.
+    /// Derivative of the unit direction in which the light travels.
     pub(super) along: Vector3<f64>,
-    /// Of its inverse distance, 1/mm.
+    /// Derivative of the inverse distance to the light's center, 1/mm.
     pub(super) kappa: f64,
 }

@@ -88,8 +88,8 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
 /// Slopes by the state and residual of every measurement that lands.
 ///
 /// The slopes are those of the interpolated codewords. One-sided differences would share their noise with the residual
-/// they are multiplied with, and that product has a mean, which pushes the center away along everything that the patterns
-/// hardly tell; here its mean over all places between the samples is zero.
+/// they are multiplied with, and that product has a mean, which pushes the center away along everything that the
+/// patterns hardly tell; here its mean over all places between the samples is zero.
 fn linearize(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, arm: usize) -> Vec<[f64; 4]> {
     let (light, slopes) = (t.chart.center(s), t.chart.slopes(s));
     seeds

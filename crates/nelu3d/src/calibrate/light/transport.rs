@@ -71,16 +71,21 @@ pub(super) fn partner(seed: &Seed, arm: usize, n: usize) -> usize {
 
 /// Where a carried sample comes out in a view: four samples of a level, and their shares by distance and validity.
 struct Landing<'a> {
+    /// The view's image: `[pixel][channel, …, validity]`.
     image: &'a [f32],
+    /// Where each of the four samples begins in the image.
     corners: [usize; 4],
+    /// Bilinear shares of the four samples times their validity.
     weights: [f64; 4],
+    /// Sum of the four weights.
     sum: f64,
-    /// Place between the four, 0 to 1.
+    /// Place between the four samples along x and y, 0 to 1.
     place: [f64; 2],
 }
 
 impl<'a> Landing<'a> {
-    /// `None` where it misses the image, or what is valid there.
+    /// Finds the four samples of a level of a view with `k` channels around a pixel of the camera; `None` where it
+    /// misses the image, or what is valid there.
     fn at(px: [f64; 2], level: &'a Level, view: usize, k: usize) -> Option<Self> {
         let b = level.block as f64;
         let (x, y) = ((px[0] - (b - 1.0) / 2.0) / b, (px[1] - (b - 1.0) / 2.0) / b);
@@ -102,12 +107,12 @@ impl<'a> Landing<'a> {
         (sum >= f64::from(level.min_validity)).then_some(Self { image, corners, weights, sum, place: [fx, fy] })
     }
 
-    /// The interpolated intensity of a channel.
+    /// Returns the interpolated normalized intensity of a channel.
     fn value(&self, c: usize) -> f64 {
         (0..4).map(|i| self.weights[i] * f64::from(self.image[self.corners[i] + c])).sum::<f64>() / self.sum
     }
 
-    /// Derivatives of the four weights by the place, in units of a block.
+    /// Returns the derivatives of the four weights by the place along x and along y, per pixel of the level.
     fn weight_slopes(&self, k: usize) -> [[f64; 4]; 2] {
         let [fx, fy] = self.place;
         let places = [[fy - 1.0, 1.0 - fy, -fy, fy], [fx - 1.0, -fx, 1.0 - fx, fx]];
