@@ -24,7 +24,7 @@ pub enum Code {
     DepthRange,
     /// The field predicts unseen positions worse than noise allows.
     FieldBelowNoise,
-    /// Unseen positions are predicted better than noise allows: their images are the same.
+    /// Positions have the same images, value for value.
     PositionsRepeat,
     /// One position does not fit the others.
     PositionDisagrees,
@@ -44,7 +44,7 @@ pub enum Code {
     LossyCompression,
     /// Much of what is lit is clipped.
     Clipped,
-    /// A pattern has no light where the field says that it has, or is lit as white is.
+    /// A pattern has no light where the code should vary, or is lit as white is.
     PatternWithoutLight,
     /// Light that no pattern modulates is not in the black image.
     AmbientNotInBlack,

@@ -1,4 +1,4 @@
-//! What the held-out positions tell: how far the field stays below its noise, or how it beats it.
+//! What the held-out positions tell: how far the field stays below its noise.
 
 use crate::color_field::Quality;
 use crate::verdict::{Code, Finding, Verdict};
@@ -13,8 +13,6 @@ pub(in crate::calibrate) struct HeldOut<'a> {
     pub(in crate::calibrate) variance: f64,
 }
 
-/// PSNR above what noise allows that no luck gives, dB: then noise is the same at several positions.
-const TOO_GOOD_DB: f64 = 6.0;
 /// Fraction of the codewords' variance at unseen positions that a field has to predict, to be one.
 const MIN_PREDICTED: f64 = 0.5;
 
@@ -25,14 +23,6 @@ pub(super) fn judge(held_out: &HeldOut<'_>) -> Option<Finding> {
         let predicted = 1.0 - 10f64.powf(-q.psnr_db / 10.0) / held_out.variance;
         f.with("psnr_db", q.psnr_db).with("ceiling_db", q.ceiling_db).with("predicted_share", predicted)
     };
-    if q.psnr_db > q.ceiling_db + TOO_GOOD_DB {
-        let sentence = format!(
-            "unseen positions are predicted to {:.1} dB, although noise alone would allow {:.1}: their images repeat",
-            q.psnr_db, q.ceiling_db
-        );
-        let remedy = "take every position's images anew, at another place";
-        return Some(evidence(Finding::new(Code::PositionsRepeat, Verdict::Doubtful, sentence, remedy)));
-    }
     let sentence = held_out.shortfall?;
     let nothing = 10f64.powf(-q.psnr_db / 10.0) > (1.0 - MIN_PREDICTED) * held_out.variance;
     let (verdict, remedy) = match nothing {
@@ -68,7 +58,6 @@ mod tests {
     #[test]
     fn only_a_field_that_predicts_nothing_is_bad() {
         assert_eq!(verdict(37.0, None), None);
-        assert_eq!(verdict(52.0, None), Some((Code::PositionsRepeat, Verdict::Doubtful)));
         assert_eq!(verdict(20.0, Some("why")), Some((Code::FieldBelowNoise, Verdict::Doubtful)));
         // 10 dB is the codewords' own variance.
         assert_eq!(verdict(11.0, Some("why")), Some((Code::FieldBelowNoise, Verdict::Bad)));

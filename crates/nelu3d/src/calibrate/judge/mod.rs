@@ -6,6 +6,7 @@
 mod corners;
 mod field;
 mod positions;
+mod repeated;
 mod repeats;
 mod response;
 mod scale;
@@ -23,6 +24,7 @@ use crate::sensor::BlockDetector;
 use crate::verdict::{Code, Finding, Judgment, Verdict};
 pub(super) use field::HeldOut;
 use positions::PositionSums;
+use repeated::Fingerprint;
 use response::InkSums;
 pub use spread::DepthSpan;
 
@@ -71,8 +73,10 @@ pub(super) fn judge(
         Finding::new(Code::PositionDisagrees, Verdict::Doubtful, sentence, remedy).with("position", name.as_str())
     }));
     judgment.extend(parts_left_out(evidence.excluded));
-    let (of_positions, of_ink) = residuals(field, placed, progress)?;
+    let Compared { which, fingerprints, of_positions, of_ink } = compare(field, placed, progress)?;
     let names: Vec<&str> = placed.sweep.shots.iter().map(|s| s.name.as_str()).collect();
+    let of_compared: Vec<&str> = which.iter().map(|p| names[*p]).collect();
+    judgment.extend(repeated::judge(&fingerprints, &of_compared));
     judgment.extend(positions::judge(of_positions, &names, &field.metadata.images));
     judgment.extend(response::judge(&of_ink, placed.noise_growth));
     judgment.extend(repeats::judge(field, &placed.camera));
@@ -80,24 +84,43 @@ pub(super) fn judge(
     Ok(judgment)
 }
 
-/// Compares positions with the field: what is well lit, and ink.
-fn residuals(
+/// What positions show.
+#[derive(Default)]
+struct Compared {
+    /// Indices of the positions, at most [`MAX_POSITIONS`].
+    which: Vec<usize>,
+    /// Hashes of their images.
+    fingerprints: Vec<Fingerprint>,
+    /// Their well-lit samples against the field.
+    of_positions: Vec<PositionSums>,
+    /// Their ink against the field.
+    of_ink: Vec<InkSums>,
+}
+
+/// Compares positions with each other and with the field.
+fn compare(
     field: &ColorField,
     placed: &PlacedSweep<'_>,
     progress: &Progress,
-) -> Result<(Vec<PositionSums>, Vec<InkSums>), CalibrationError> {
+) -> Result<Compared, CalibrationError> {
     let n = placed.n_positions();
     let which: Vec<usize> = match n {
         ..=MAX_POSITIONS => (0..n).collect(),
         _ => (0..MAX_POSITIONS).map(|i| i * (n - 1) / (MAX_POSITIONS - 1)).collect(),
     };
     let grid = field.to_grid();
-    let map = |p: usize, (): (), read: &Position| {
-        (PositionSums::of(field, &grid, placed, p, read), InkSums::of(field, &grid, placed, p, read))
+    let map = |p: usize, images: Fingerprint, read: &Position| {
+        (images, PositionSums::of(field, &grid, placed, p, read), InkSums::of(field, &grid, placed, p, read))
     };
-    let mut all = Vec::with_capacity(which.len());
-    placed.sweep.stream(&which, progress, |(), _| {}, map, |wave| all.extend(wave))?;
-    Ok(all.into_iter().unzip())
+    let mut all = Compared::default();
+    placed.sweep.stream(&which, progress, Fingerprint::add, map, |wave| {
+        for (fingerprint, sums, ink) in wave {
+            all.fingerprints.push(fingerprint);
+            all.of_positions.push(sums);
+            all.of_ink.push(ink);
+        }
+    })?;
+    Ok(Compared { which, ..all })
 }
 
 /// Notes the positions of which much is not used.

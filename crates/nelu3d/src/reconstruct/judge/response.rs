@@ -1,5 +1,7 @@
 //! How measured intensities follow the field's on the surface that was found: by a factor where white was exposed
-//! differently, by a curve where values are not linear in light.
+//! differently, by a curve where values are not linear in light, not at all where the surface is not the scene's.
+
+use nelu3d_scan::statistics::median;
 
 use super::super::scene::Scene;
 use crate::surface::PixelStatus;
@@ -16,14 +18,21 @@ const MIN_IN_BIN: usize = 100;
 const MAX_CURVE: f64 = 0.05;
 /// Deviation from 1 of the factor that no constant exposure shows.
 const MAX_FACTOR: f64 = 0.06;
+/// Median distance of measured intensities from the curve's, normalized intensity, of a surface that is not there: no
+/// response scatters.
+const MAX_SCATTER: f64 = 0.1;
 
-/// Medians of measured intensity by the field's intensity.
-struct ResponseCurve([Option<f64>; BINS]);
+/// Medians of measured intensity by the field's intensity, and how far measured intensities are from them.
+struct ResponseCurve {
+    medians: [Option<f64>; BINS],
+    /// Median over all bins; 0 where there are none.
+    scatter: f64,
+}
 
 /// Judges the response of camera and exposure on the valid pixels.
 pub(super) fn judge(scene: &Scene<'_>, depth: &[f32]) -> Option<Finding> {
     let curve = ResponseCurve::of(scene, depth);
-    tracing::debug!(curve = ?curve.0, "measured by predicted intensity");
+    tracing::debug!(curve = ?curve.medians, scatter = curve.scatter, "measured by predicted intensity");
     curve.judge()
 }
 
@@ -43,21 +52,36 @@ impl ResponseCurve {
                 }
             }
         }
-        Self(bins.map(|mut bin| {
-            (bin.len() >= MIN_IN_BIN).then(|| nelu3d_scan::statistics::median(&mut bin).map(f64::from)).flatten()
-        }))
+        let mut distances = Vec::new();
+        let medians = bins.map(|mut bin| {
+            let middle = if bin.len() < MIN_IN_BIN { None } else { median(&mut bin) }?;
+            distances.extend(bin.iter().map(|v| (v - middle).abs()));
+            Some(f64::from(middle))
+        });
+        Self { medians, scatter: median(&mut distances).map_or(0.0, f64::from) }
     }
 
     fn judge(&self) -> Option<Finding> {
+        if self.scatter > MAX_SCATTER {
+            let sentence = format!(
+                "measured intensities are {:.2} from the field's on the surface that was found, which is not the \
+                 scene's then",
+                self.scatter
+            );
+            let remedy = "give a training more steps or another start; else check that the images are this scene's, in \
+                          the set's order";
+            let finding = Finding::new(Code::ResidualAboveNoise, Verdict::Doubtful, sentence, remedy);
+            return Some(finding.with("scatter", self.scatter));
+        }
         let known: Vec<(f64, f64)> =
-            self.0.iter().enumerate().filter_map(|(i, v)| Some(((i as f64 + 0.5) / BINS as f64, (*v)?))).collect();
+            self.medians.iter().enumerate().filter_map(|(i, v)| Some(((i as f64 + 0.5) / BINS as f64, (*v)?))).collect();
         let (first, last) = (*known.first()?, *known.last()?);
         if last.0 - first.0 < 0.55 || last.0 < 0.7 {
             return None;
         }
         // Single bins may be few pixels of one spot: a factor is what most bins agree on.
         let mut ratios: Vec<f64> = known.iter().filter(|k| k.0 > 0.25).map(|k| k.1 / k.0).collect();
-        let factor = nelu3d_scan::statistics::median(&mut ratios)?;
+        let factor = median(&mut ratios)?;
         let line = |x: f64| first.1 + (last.1 - first.1) * (x - first.0) / (last.0 - first.0);
         let mid: Vec<(f64, f64)> = known.iter().filter(|k| k.0 > 0.3 && k.0 < 0.7).copied().collect();
         let mean = |of: &dyn Fn(&(f64, f64)) -> f64| mid.iter().map(of).sum::<f64>() / mid.len().max(1) as f64;
@@ -92,9 +116,13 @@ impl ResponseCurve {
 mod tests {
     use super::*;
 
+    fn scattered(f: impl Fn(f64) -> f64, scatter: f64) -> Option<Code> {
+        let medians = std::array::from_fn(|i| Some(f((i as f64 + 0.5) / BINS as f64)));
+        ResponseCurve { medians, scatter }.judge().map(|f| f.code)
+    }
+
     fn code(f: impl Fn(f64) -> f64) -> Option<Code> {
-        let curve = ResponseCurve(std::array::from_fn(|i| Some(f((i as f64 + 0.5) / BINS as f64))));
-        curve.judge().map(|f| f.code)
+        scattered(f, 0.02)
     }
 
     #[test]
@@ -106,7 +134,13 @@ mod tests {
         assert_eq!(code(|x| if x > 0.9 { 0.8 } else { x }), None);
         assert_eq!(code(|x| x / 1.2), Some(Code::ExposureJump));
         assert_eq!(code(|x| x.powf(1.0 / 2.2)), Some(Code::NonlinearResponse));
-        let narrow = ResponseCurve(std::array::from_fn(|i| (i < 4).then_some(0.5)));
+        let narrow = ResponseCurve { medians: std::array::from_fn(|i| (i < 4).then_some(0.5)), scatter: 0.02 };
         assert!(narrow.judge().is_none());
+    }
+
+    #[test]
+    fn a_surface_that_is_not_there_is_no_response() {
+        // Wrong depths: the mean codeword everywhere, and whatever was measured around it.
+        assert_eq!(scattered(|x| 0.4 + 0.2 * x, 0.25), Some(Code::ResidualAboveNoise));
     }
 }

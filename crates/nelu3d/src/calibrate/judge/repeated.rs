@@ -1,0 +1,66 @@
+//! Positions whose images are the same, value for value: a camera that returned old frames, or files that were copied.
+//! Noise makes any two captures differ.
+
+use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hasher as _};
+
+use nelu3d_scan::Image;
+
+use crate::verdict::{Code, Finding, Verdict};
+
+/// About how many values of an image are compared.
+const VALUES: usize = 100_000;
+
+/// A hash of a position's images, equal where they are.
+#[derive(Clone, Default)]
+pub(super) struct Fingerprint(DefaultHasher);
+
+impl Fingerprint {
+    /// Adds an image. Positions add theirs in the same order.
+    pub(super) fn add(&mut self, image: &Image) {
+        for v in image.data.iter().step_by((image.data.len() / VALUES).max(1)) {
+            self.0.write_u32(v.to_bits());
+        }
+    }
+}
+
+/// Judges the fingerprints of positions; `names` are theirs.
+pub(super) fn judge(fingerprints: &[Fingerprint], names: &[&str]) -> Option<Finding> {
+    let mut groups = BTreeMap::<u64, Vec<&str>>::new();
+    for (f, name) in fingerprints.iter().zip(names) {
+        groups.entry(f.0.finish()).or_default().push(name);
+    }
+    let same: Vec<&str> = groups.into_values().filter(|g| g.len() > 1).max_by_key(Vec::len)?;
+    let sentence = match same[..] {
+        [a, b] => format!("the images of the board positions {a} and {b} are the same"),
+        _ => format!("the images of {} board positions are the same, {} and {} among them", same.len(), same[0], same[1]),
+    };
+    let remedy = "take every position's images anew, and check that the camera delivers each frame once";
+    Some(Finding::new(Code::PositionsRepeat, Verdict::Doubtful, sentence, remedy).with("positions", same))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_that_are_the_same_are_named() {
+        let image = |shade: f32| Image {
+            width: 500,
+            height: 400,
+            channels: 1,
+            data: (0..200_000).map(|i| shade + (i % 7) as f32).collect(),
+        };
+        let of = |shades: [f32; 2]| {
+            let mut f = Fingerprint::default();
+            shades.iter().for_each(|s| f.add(&image(*s)));
+            f
+        };
+        let [a, b, c] = [of([0.1, 0.2]), of([0.1, 0.3]), of([0.2, 0.1])];
+        assert!(judge(&[a.clone(), b.clone(), c.clone()], &["000", "001", "002"]).is_none());
+        let found = judge(&[b.clone(), a.clone(), b.clone(), c], &["000", "001", "002", "003"]).unwrap();
+        assert!(found.sentence.contains("000 and 002") && found.code == Code::PositionsRepeat, "{found}");
+        let found = judge(&[a.clone(), a.clone(), a, b], &["000", "001", "002", "003"]).unwrap();
+        assert!(found.sentence.contains("3 board positions"), "{found}");
+    }
+}
