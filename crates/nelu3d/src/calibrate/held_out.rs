@@ -103,12 +103,14 @@ impl HeldOutErrors {
                 if position.contrast[i * channels + j % channels] >= lit {
                     s.lit.0 += f64::from(e * e);
                     s.lit.1 += 1;
-                    s.noise += f64::from(1.0 / w[j]);
+                    // What an edge of ink leaves open is no noise.
+                    let variance = f64::from(1.0 / w[j] - position.edge[i]);
+                    s.noise += variance;
                     if bends {
                         let bend = |a: usize| f64::from(beside[a][j] + beside[a + 1][j] - 2.0 * c[j]).powi(2);
                         let bent = bend(0) + bend(2);
                         // The field has the noise of the positions that it rests on.
-                        let noise = f64::from(1.0 / w[j]) * (1.0 + 1.0 / f64::from(others));
+                        let noise = variance * (1.0 + 1.0 / f64::from(others));
                         s.allowed = (s.allowed.0 + noise + OF_BENDS * OF_BENDS * bent, s.allowed.1 + 1);
                     }
                     let v = f64::from(v[j]);

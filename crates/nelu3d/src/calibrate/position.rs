@@ -2,6 +2,7 @@
 
 use nelu3d_scan::Image;
 use nelu3d_scan::image::box_mean;
+use rayon::prelude::*;
 
 use crate::sensor::NoiseModel;
 
@@ -13,6 +14,11 @@ const STRAY_LIGHT: f32 = 0.03;
 const PAPER: f32 = 2.0;
 /// Radius of the surroundings that stray light comes from, as a fraction of the image's width.
 const SURROUNDINGS: f32 = 1.0 / 16.0;
+/// Error of a codeword where the contrast of ink and paper changes by its own size from a pixel to the next. The
+/// codeword is that of the place that the pixel's light comes from in the mean, and blur of the standard deviation s
+/// moves that place by s² times the gradient of the logarithm of the contrast (Tweedie's formula); s² is taken to be
+/// half a square pixel, the slope of a fine code half its range per pixel.
+const EDGE: f32 = 0.25;
 
 /// The normalized intensities of one board position.
 pub struct Position {
@@ -30,11 +36,13 @@ pub struct Position {
     pub contrast: Vec<f32>,
     /// White − black of what is bright around a sample, `height × width`: its mean weighted by itself.
     pub around: Vec<f32>,
+    /// Variance of a sample's values that edges of ink beside it leave open, `height × width`.
+    pub(super) edge: Vec<f32>,
 }
 
 impl Position {
-    /// Returns the values of a sample, and writes their weights (one over the variance from noise and stray light; 0 =
-    /// unusable) to `w`; `None` when no value is usable.
+    /// Returns the values of a sample, and writes their weights (one over the variance from noise, stray light, and edges
+    /// of ink; 0 = unusable) to `w`; `None` when no value is usable.
     #[inline]
     pub fn sample(&self, i: usize, noise: &NoiseModel, w: &mut [f32]) -> Option<&[f32]> {
         let v = &self.values[i * self.k..(i + 1) * self.k];
@@ -66,7 +74,7 @@ impl Position {
             return 0.0;
         }
         let stray = STRAY_LIGHT * (self.around[i] / contrast - PAPER).max(0.0);
-        1.0 / (noise.normalized_variance(v, contrast, 0.0) + stray * stray)
+        1.0 / (noise.normalized_variance(v, contrast, 0.0) + stray * stray + self.edge[i])
     }
 
     /// Returns the position averaged over blocks of `block × block` pixels, as a camera of larger pixels would have
@@ -99,14 +107,41 @@ impl Position {
             }
         }
         let around = (0..w * h).map(|i| pixels(i % w, i / w).map(|i| self.around[i]).sum::<f32>() * norm).collect();
-        Self { width: w, height: h, k, channels: c, values, contrast, around }
+        let mut reduced = Self { width: w, height: h, k, channels: c, values, contrast, around, edge: Vec::new() };
+        reduced.edge = reduced.edges();
+        reduced
     }
 
-    /// Takes the contrast of what is bright around every sample. Weighted by itself, the mean is that of paper whether
-    /// much or little of the surroundings is ink.
-    fn look_around(&mut self) {
+    /// Returns the mean of the channels' contrast, `height × width`.
+    fn mean_contrast(&self) -> Vec<f32> {
         let c = self.channels;
-        let mut mean: Vec<f32> = self.contrast.chunks_exact(c).map(|d| d.iter().sum::<f32>() / c as f32).collect();
+        self.contrast.chunks_exact(c).map(|d| d.iter().sum::<f32>() / c as f32).collect()
+    }
+
+    /// Returns the variances of [`Self::edge`]. Paper beside an edge has next to none: what little light it has from
+    /// beyond the edge is ink's.
+    fn edges(&self) -> Vec<f32> {
+        let (w, h, mean) = (self.width, self.height, self.mean_contrast());
+        let mut edges = vec![0.0; w * h];
+        edges.par_chunks_mut(w.max(1)).enumerate().for_each(|(y, row)| {
+            let [above, below] = [y.saturating_sub(1), (y + 1).min(h - 1)];
+            for (x, edge) in row.iter_mut().enumerate() {
+                let own = mean[y * w + x];
+                if own > 0.0 {
+                    let across = mean[y * w + (x + 1).min(w - 1)] - mean[y * w + x.saturating_sub(1)];
+                    let down = mean[below * w + x] - mean[above * w + x];
+                    let missing = (2.0 * (1.0 - own / self.around[y * w + x])).clamp(0.0, 1.0);
+                    *edge = (EDGE * missing / (2.0 * own)).powi(2) * (across * across + down * down);
+                }
+            }
+        });
+        edges
+    }
+
+    /// Takes the contrast of what is bright around every sample, and the edges beside it. Weighted by itself, the mean
+    /// is that of paper whether much or little of the surroundings is ink.
+    fn look_around(&mut self) {
+        let mut mean = self.mean_contrast();
         self.around = mean.iter().map(|d| d * d).collect();
         let radius = ((self.width as f32 * SURROUNDINGS) as usize).max(1);
         box_mean(&mut mean, self.width, self.height, radius);
@@ -114,6 +149,7 @@ impl Position {
         for (around, mean) in self.around.iter_mut().zip(&mean) {
             *around = if *mean > 0.0 { *around / mean } else { 0.0 };
         }
+        self.edge = self.edges();
     }
 }
 
@@ -139,7 +175,7 @@ impl PositionBuilder {
         Self {
             black,
             filled: 0,
-            position: Position { width, height, k, channels, values, contrast, around: Vec::new() },
+            position: Position { width, height, k, channels, values, contrast, around: Vec::new(), edge: Vec::new() },
         }
     }
 
@@ -220,6 +256,22 @@ mod tests {
         p.sample(20 * 64 + 20, &noise, &mut w);
         // 3 % of sixteen times its own light, less what paper may have.
         assert!((1.0 / w[0] - (0.03f32 * 14.0).powi(2)).abs() < 0.02, "{w:?}");
+    }
+
+    /// A pixel on the edge of ink, of which ink covers seven tenths.
+    #[test]
+    fn on_an_edge_of_ink_a_sample_is_of_the_paper_beside() {
+        let (w, data) = (64, |x: usize| [0.8, 0.8, 0.28, 0.04][x.saturating_sub(28).min(3)]);
+        let white = Image { width: w, height: w, channels: 1, data: (0..w * w).map(|i| data(i % w)).collect() };
+        let mut b = PositionBuilder::new(&white, Image::new(w, w, 1), 1, 0.02);
+        b.add(&Image { data: white.data.iter().map(|v| 0.5 * v).collect(), ..white.clone() });
+        let p = b.finish();
+        let sd = |x: usize| p.edge[20 * w + x].sqrt();
+        assert!(sd(20) == 0.0 && sd(40) == 0.0, "paper and ink have no edge: {} {}", sd(20), sd(40));
+        assert!(sd(29) < 0.02, "paper beside an edge: {}", sd(29));
+        // A quarter of half the difference of its neighbors over its own contrast.
+        assert!((sd(30) - 0.25 * 0.5 * 0.76 / 0.28).abs() < 1e-3, "{}", sd(30));
+        assert!(sd(31) > 0.5, "ink beside an edge has the light of paper: {}", sd(31));
     }
 
     #[test]

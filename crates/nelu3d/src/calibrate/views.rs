@@ -165,9 +165,18 @@ pub(super) fn estimate_noise(
 
 /// The position with only those pixels usable for which `keep` holds.
 fn masked(position: &Position, keep: impl Fn(usize) -> bool) -> Position {
-    let Position { width, height, k, channels, ref values, ref contrast, ref around } = *position;
+    let Position { width, height, k, channels, ref values, ref contrast, ref around, ref edge } = *position;
     let kept = contrast.iter().enumerate().map(|(i, c)| if keep(i / channels) { *c } else { 0.0 }).collect();
-    Position { width, height, k, channels, values: values.clone(), contrast: kept, around: around.clone() }
+    Position {
+        width,
+        height,
+        k,
+        channels,
+        values: values.clone(),
+        contrast: kept,
+        around: around.clone(),
+        edge: edge.clone(),
+    }
 }
 
 /// A position's values, averaged over blocks of `block` pixels and smoothed by a small binomial kernel (linear
@@ -244,7 +253,8 @@ mod tests {
         let mut contrast = vec![0.5; width * height];
         contrast[5 * width + 9] = 0.0;
         let around = contrast.clone();
-        let position = Position { width, height, k: 1, channels: 1, values, contrast, around };
+        let edge = vec![0.0; contrast.len()];
+        let position = Position { width, height, k: 1, channels: 1, values, contrast, around, edge };
         let out = smoothed(&position, 1);
         let at = |x: usize, y: usize| &out[(y * width + x) * 2..][..2];
         assert!((at(4, 5)[0] - (4.0 * 0.02 + 5.0 * 0.03)).abs() < 1e-6 && (at(4, 5)[1] - 1.0).abs() < 1e-6);

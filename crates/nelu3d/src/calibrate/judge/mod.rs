@@ -98,11 +98,7 @@ struct Compared {
 }
 
 /// Compares positions with each other and with the field.
-fn compare(
-    field: &ColorField,
-    placed: &PlacedSweep<'_>,
-    progress: &Progress,
-) -> Result<Compared, CalibrationError> {
+fn compare(field: &ColorField, placed: &PlacedSweep<'_>, progress: &Progress) -> Result<Compared, CalibrationError> {
     let n = placed.n_positions();
     let which: Vec<usize> = match n {
         ..=MAX_POSITIONS => (0..n).collect(),

@@ -33,7 +33,9 @@ pub(super) fn judge(fingerprints: &[Fingerprint], names: &[&str]) -> Option<Find
     let same: Vec<&str> = groups.into_values().filter(|g| g.len() > 1).max_by_key(Vec::len)?;
     let sentence = match same[..] {
         [a, b] => format!("the images of the board positions {a} and {b} are the same"),
-        _ => format!("the images of {} board positions are the same, {} and {} among them", same.len(), same[0], same[1]),
+        _ => {
+            format!("the images of {} board positions are the same, {} and {} among them", same.len(), same[0], same[1])
+        }
     };
     let remedy = "take every position's images anew, and check that the camera delivers each frame once";
     Some(Finding::new(Code::PositionsRepeat, Verdict::Doubtful, sentence, remedy).with("positions", same))

@@ -4,7 +4,8 @@
 //! follow a curve (sRGB, gamma with a straight part near black), black and white stay 0 and 1, but what lies between
 //! comes out elsewhere for ink than for paper. Light from elsewhere (veiling glare) changes ink's codewords, too, but
 //! lifts the dark ones and lowers the bright ones. So ink's codewords are fitted by the field's, what glare may do to
-//! them, and a bump between 0 and 1, and the bump tells.
+//! them, and a bump between 0 and 1, and the bump tells: as far as paper does not have it, too, where the field is
+//! smoother than the code.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -35,17 +36,24 @@ const MIN_GROWTH: f64 = 0.7;
 const REMEDY: &str = "take raw images, or linear ones: no gamma, no sRGB, no tone mapping; or state `[camera] response`, \
                       which `nelu3d camera --response` measures";
 
-/// Normal equations of ink's deviation from the field at one position: what glare adds to the darkest codewords and
-/// takes from the brightest, and the height of a bump.
+/// Deviations from the field at one position, of ink and of paper.
 #[derive(Clone, Default)]
 pub(super) struct InkSums {
+    ink: Deviations,
+    paper: Deviations,
+}
+
+/// Normal equations of the deviation from the field: what glare adds to the darkest codewords and takes from the
+/// brightest, and the height of a bump.
+#[derive(Clone, Default)]
+struct Deviations {
     n: usize,
     matrix: Matrix3<f64>,
     right: Vector3<f64>,
 }
 
 impl InkSums {
-    /// Compares a position's ink with the field.
+    /// Compares a position's ink and paper with the field.
     pub(super) fn of(field: &ColorField, grid: &Grid, placed: &PlacedSweep<'_>, p: usize, read: &Position) -> Self {
         let (k, channels) = (read.k, read.channels);
         let mut s = Self::default();
@@ -56,9 +64,10 @@ impl InkSums {
             let mean = contrast.iter().sum::<f32>() / channels as f32;
             // A share of the pixels, in no pattern that a print could share.
             let drawn = (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
-            if !drawn.is_multiple_of(every) || mean > INK * read.around[i] {
+            if !drawn.is_multiple_of(every) {
                 return;
             }
+            let of = if mean > INK * read.around[i] { &mut s.paper } else { &mut s.ink };
             let at = field.frame.along_ray(&placed.dirs[i]).at(t);
             if !field.validity.is_lit(at.q) {
                 return;
@@ -67,12 +76,14 @@ impl InkSums {
             for (j, (v, c)) in v.iter().zip(&c).enumerate().filter(|(j, _)| contrast[j % channels] > 0.0) {
                 // Noise of the codeword that is expected: by the measured one, those that came out dark would weigh more.
                 let variance = placed.noise.normalized_variance(c.clamp(0.0, 1.0), contrast[j % channels], 0.0);
-                s.add(*v, *c, 1.0 / (variance + OTHER_SIGMA * OTHER_SIGMA));
+                of.add(*v, *c, 1.0 / (variance + OTHER_SIGMA * OTHER_SIGMA + read.edge[i]));
             }
         });
         s
     }
+}
 
+impl Deviations {
     /// Adds a measured intensity v where the field has c.
     fn add(&mut self, v: f32, c: f32, weight: f32) {
         let (v, c, weight) = (f64::from(v), f64::from(c.clamp(0.0, 1.0)), f64::from(weight));
@@ -104,7 +115,7 @@ fn of_noise(growth: f64) -> Option<Finding> {
 
 fn of_ink(all: &[InkSums]) -> Option<Finding> {
     let (bump, sigma) = bump(all)?;
-    tracing::debug!(bump, sigma, samples = all.iter().map(|s| s.n).sum::<usize>(), "mid intensities on ink");
+    tracing::debug!(bump, sigma, samples = all.iter().map(|s| s.ink.n).sum::<usize>(), "mid intensities on ink");
     (bump.abs() > MIN_BUMP.max(MIN_SIGMAS * sigma)).then(|| {
         let sentence = format!(
             "mid intensities come out {:.2} {} on the board's ink than on its paper in the same light: images are not \
@@ -118,19 +129,22 @@ fn of_ink(all: &[InkSums]) -> Option<Finding> {
     })
 }
 
-/// The bump's height and its standard error, by leaving out one position at a time; `None` where too little ink is lit,
-/// or hardly any intensities lie between black and white.
+/// By how much ink's bump is higher than paper's, and its standard error, by leaving out one position at a time; `None`
+/// where too little ink is lit, or hardly any intensities lie between black and white.
 fn bump(all: &[InkSums]) -> Option<(f64, f64)> {
-    let used: Vec<&InkSums> = all.iter().filter(|s| s.n >= MIN_SAMPLES).collect();
+    let used: Vec<&InkSums> = all.iter().filter(|s| s.ink.n >= MIN_SAMPLES).collect();
     let n = used.len();
     if n < MIN_POSITIONS {
         return None;
     }
     let without = |out: Option<usize>| {
-        let kept = used.iter().enumerate().filter(|(i, _)| Some(*i) != out);
-        let (matrix, right) =
-            kept.fold((Matrix3::zeros(), Vector3::zeros()), |(m, r), (_, s)| (m + s.matrix, r + s.right));
-        height(&matrix, &right)
+        let height_of = |deviations: fn(&InkSums) -> &Deviations| {
+            let kept = used.iter().enumerate().filter(|(i, _)| Some(*i) != out).map(|(_, s)| deviations(s));
+            let (matrix, right) =
+                kept.fold((Matrix3::zeros(), Vector3::zeros()), |(m, r), s| (m + s.matrix, r + s.right));
+            height(&matrix, &right)
+        };
+        Some(height_of(|s| &s.ink)? - height_of(|s| &s.paper).unwrap_or(0.0))
     };
     let left: Vec<f64> = (0..n).map(|i| without(Some(i))).collect::<Option<_>>()?;
     let mean = left.iter().sum::<f64>() / n as f64;
@@ -158,14 +172,20 @@ fn height(matrix: &Matrix3<f64>, right: &Vector3<f64>) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Ink at eight positions that shows `shown(c)` where paper shows c, with noise.
+    /// Ink at eight positions that shows `shown(c)` where the field has c, with noise.
     fn ink(shown: impl Fn(f32) -> f32) -> Vec<InkSums> {
+        ink_and_paper(shown, |c| c)
+    }
+
+    /// Ink and paper at eight positions that show `shown(c)` and `paper(c)` where the field has c, with noise.
+    fn ink_and_paper(shown: impl Fn(f32) -> f32, paper: impl Fn(f32) -> f32) -> Vec<InkSums> {
         let position = |p: usize| {
             let mut s = InkSums::default();
             for i in 0..2000 {
                 let c = (i % 101) as f32 / 100.0;
                 let noise = 0.1 * (((i * 7919 + p * 104_729) % 1000) as f32 / 500.0 - 1.0);
-                s.add(shown(c) + noise, c, 100.0);
+                s.ink.add(shown(c) + noise, c, 100.0);
+                s.paper.add(paper(c) + noise, c, 100.0);
             }
             s
         };
@@ -177,6 +197,9 @@ mod tests {
         assert!(judge(&ink(|c| c), Some(1.0)).is_none());
         // Half of the light is from elsewhere.
         assert!(judge(&ink(|c| 0.5 * c + 0.2), None).is_none());
+        // A field that is smoother than its code, which paper shows as well.
+        let smooth = |c: f32| c + 0.3 * c * (1.0 - c) * (1.0 - c);
+        assert!(judge(&ink(smooth), None).is_some() && judge(&ink_and_paper(smooth, smooth), None).is_none());
         // sRGB, ink of a twentieth of the paper's light: by paper's intensity, ink's.
         let srgb = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
         let shown = |light: f32| {
@@ -188,7 +211,7 @@ mod tests {
         assert!(found.code == Code::NonlinearResponse && found.sentence.contains("darker"), "{found}");
         // Black and white alone tell nothing.
         let mut binary = vec![InkSums::default(); 8];
-        binary.iter_mut().for_each(|s| (0..500).for_each(|i| s.add(0.8 * (i % 2) as f32, (i % 2) as f32, 100.0)));
+        binary.iter_mut().for_each(|s| (0..500).for_each(|i| s.ink.add(0.8 * (i % 2) as f32, (i % 2) as f32, 100.0)));
         assert!(judge(&binary, None).is_none());
         assert!(judge(&[], None).is_none());
         // But noise does, where sensors have more of it.

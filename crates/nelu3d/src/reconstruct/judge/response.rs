@@ -73,8 +73,12 @@ impl ResponseCurve {
             let finding = Finding::new(Code::ResidualAboveNoise, Verdict::Doubtful, sentence, remedy);
             return Some(finding.with("scatter", self.scatter));
         }
-        let known: Vec<(f64, f64)> =
-            self.medians.iter().enumerate().filter_map(|(i, v)| Some(((i as f64 + 0.5) / BINS as f64, (*v)?))).collect();
+        let known: Vec<(f64, f64)> = self
+            .medians
+            .iter()
+            .enumerate()
+            .filter_map(|(i, v)| Some(((i as f64 + 0.5) / BINS as f64, (*v)?)))
+            .collect();
         let (first, last) = (*known.first()?, *known.last()?);
         if last.0 - first.0 < 0.55 || last.0 < 0.7 {
             return None;
