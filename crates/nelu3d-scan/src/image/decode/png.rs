@@ -21,6 +21,10 @@ pub(super) fn decode(file: &File<'_>) -> Result<Raw, ImageFileError> {
     let (width, height) = reader.info().size();
     let (width, height) = (width as usize, height as usize);
     file.check_size(width, height)?;
+    // The crate takes the rest of such a palette for a color, and panics.
+    if reader.info().palette.as_ref().is_some_and(|p| p.len() % 3 != 0) {
+        return Err(file.damaged("its palette ends within a color"));
+    }
     let (color, depth) = reader.output_color_type();
     let channels = match color {
         ColorType::Grayscale => 1,
