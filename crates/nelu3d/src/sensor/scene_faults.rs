@@ -21,6 +21,8 @@ const MID: std::ops::Range<f32> = 0.3..0.7;
 /// Fraction of values in mid range below which a code is binary: 0.26 are in a sinusoid's, 0.4 in a triangle wave's,
 /// and in a binary code's those of its edges.
 const BINARY: f64 = 0.15;
+/// Fewest patterns of a binary code.
+const MIN_BITS: usize = 5;
 
 /// Statistics of codewords: of a scene's pixels, or of what a field predicts along their rays.
 #[derive(Clone, Debug, Default)]
@@ -183,7 +185,7 @@ fn without_light(
     let (verdict, sentence, remedy) = match expected {
         Some(_) => (Verdict::Bad, format!("{image} {what}, although the code of this set varies there"), retake.into()),
         // All of an object may stand within one stripe of a binary code's coarse patterns.
-        None if scene.mid < BINARY => {
+        None if k >= MIN_BITS && scene.mid < BINARY => {
             let remedy = format!("if it reaches over several stripes of this pattern, {retake}");
             (Verdict::Good, format!("{image} {what}, as within one stripe of a coarse binary pattern"), remedy)
         }
@@ -255,8 +257,10 @@ mod tests {
         assert_eq!(found[0].verdict, Verdict::Doubtful);
         // A binary code, whose coarse pattern may have one stripe where the object stands.
         let mut binary = capture(&|_| 0.1);
-        binary.patterns[0] = image(&|i| if i % 8 < 4 { 0.1 } else { 0.6 });
-        let found = judge_capture(&binary, &status, &names);
+        binary.patterns =
+            (0..5).map(|bit| image(&|i| if (i >> bit) & 1 == 0 || bit == 4 { 0.1 } else { 0.6 })).collect();
+        binary.mono = vec![false; 5];
+        let found = judge_capture(&binary, &status, &["4.png", "3.png", "2.png", "1.png", "0.png"].map(String::from));
         assert!(found.len() == 1 && found[0].verdict == Verdict::Good, "{found:?}");
     }
 
