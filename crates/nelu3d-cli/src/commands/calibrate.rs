@@ -155,6 +155,12 @@ fn text(report: &CalibrationReport) -> String {
             100.0 * carried.share,
             carried.rms
         );
+        if carried.one_axis > 5e-4 {
+            text += &format!(
+                "          {:.1} % more are known along one axis of the code only\n",
+                100.0 * carried.one_axis
+            );
+        }
     }
     if let Some(q) = &report.quality {
         text += &format!(

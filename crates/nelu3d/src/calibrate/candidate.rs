@@ -1,15 +1,16 @@
 //! A field in one frame, fitted without the held-out positions and measured at them.
 
 use super::error::CalibrationError;
-use super::fringes::{CarriedReport, carry};
+use super::fringes::{CarriedReport, Columns, carry};
 use super::held_out::{Displacement, HeldOutErrors};
 use super::options::{CalibrationOptions, FormKind};
 use super::pass::{Pass, gathered};
 use super::placed_sweep::PlacedSweep;
 use super::predictor::Predictor;
 use super::resolution::{is_limited, resolution, spline_cells};
+use super::shared_displacement::GrossSquares;
 use super::support::Support;
-use crate::color_field::bins::Bins;
+use crate::color_field::bins::{Bins, Gathered};
 use crate::color_field::fit::{Smoothness, fit};
 use crate::color_field::frame::{Center, FieldFrame};
 use crate::color_field::frequency::{FrequencyForm, FrequencySettings};
@@ -64,6 +65,8 @@ pub(super) struct Candidate {
     pub(super) by_position: Vec<(String, f64)>,
     /// By how much the held-out positions seem to be displaced.
     pub(super) displacements: Vec<Displacement>,
+    /// Parts of the held-out positions that are far off, where positions are held out in turn.
+    pub(super) gross: Option<GrossSquares>,
     /// Whether it has fewer cells across than the camera has pixels there.
     pub(super) is_limited: bool,
     /// Steps that the final fit takes.
@@ -108,8 +111,10 @@ impl Candidate {
         }
         let (mut errors, mut by_position, mut form, mut pixels) = (HeldOutErrors::default(), Vec::new(), None, None);
         for fold in folds {
+            let mut others = None;
             if in_turn {
                 bins.remove_all(&gathered(placed, &frame, fold, &bins, progress)?);
+                others = (center == Center::Light).then(|| Others::add_carried(&mut bins, &validity));
             }
             let steps = if in_turn { STEPS_IN_TURN } else { STEPS };
             let (fitted, at_pixels) = fit_form(cx, &bins, &frame, cells, center, steps);
@@ -125,11 +130,15 @@ impl Candidate {
             // Depth errors of every fourth sample at most, however many positions are held out.
             let stride = 4 * folds.iter().map(Vec::len).sum::<usize>().max(1);
             let predictor = Predictor::of(&fitted);
-            for (p, e) in pass.compare(fold, &predictor, stride, &support, (least, u16::from(in_turn)))? {
+            let known = others.as_ref().map(|others| &others.known);
+            for (p, e) in pass.compare(fold, &predictor, stride, &support, (least, u16::from(in_turn)), known)? {
                 by_position.extend(e.psnr_db().map(|db| (placed.sweep.shots[p].name.clone(), db)));
                 errors.merge(e);
             }
             drop(predictor);
+            if let Some(carried) = others.and_then(|others| others.carried) {
+                bins.remove_all(&[carried]);
+            }
             form = Some(fitted);
             if progress.cancelled() {
                 return Err(CalibrationError::Cancelled);
@@ -142,6 +151,7 @@ impl Candidate {
         let variance = errors.variance();
         let allowed_db = errors.allowed_db();
         let displacements = errors.displacements().to_vec();
+        let gross = errors.gross();
         let quality = Quality { pixels, ..errors.quality(held_out, placed.n_positions()) };
         let is_good = quality.psnr_db > quality.ceiling_db - MAX_SHORTFALL_DB;
         let reached = if is_good || ends_hold(placed, &by_position) { [0.0, 1.0] } else { swept };
@@ -162,6 +172,7 @@ impl Candidate {
             allowed_db,
             by_position,
             displacements,
+            gross,
             is_limited: is_limited(placed, &frame, cells),
             // The last fold's position is new to the field.
             final_steps: if in_turn { 20 } else { 8 },
@@ -192,12 +203,11 @@ impl Candidate {
         let empty = Form::Grid(Grid::new([1, 1, 1], 1));
         let mut form = std::mem::replace(&mut self.form, empty);
         if self.center == Center::Light
-            && let Some(carried) = carry(&bins, &self.validity)
+            && let Some(carried) = carry(&bins, &self.validity, None)
         {
+            carried.light(&mut self.validity);
             bins.add_all(&[carried.samples]);
             self.carried = Some(carried.report);
-            carried.places.iter().for_each(|q| self.validity.light(*q));
-            self.validity.fill_holes();
             self.validity.extend(self.reached);
             find_ranges(placed, &self.frame, &mut self.validity);
             // From nothing: where carried samples lie there was nothing to go on from.
@@ -217,6 +227,29 @@ impl Candidate {
             }
         }
         Ok(form)
+    }
+}
+
+/// What the positions tell that are not held out.
+struct Others {
+    /// Where they tell codewords, those that were carried included.
+    known: Validity,
+    /// Samples that were carried along the stripes.
+    carried: Option<Gathered>,
+}
+
+impl Others {
+    /// Carries samples along the stripes, and adds them to the bins of the other positions, in which `all` positions
+    /// are not.
+    fn add_carried(bins: &mut Bins, all: &Validity) -> Self {
+        let mut known = Columns::lit_in(bins, all);
+        let carried = carry(bins, &known, Some(all)).map(|carried| {
+            carried.light(&mut known);
+            known.extend([0.0, 1.0]);
+            bins.add_all(std::slice::from_ref(&carried.samples));
+            carried.samples
+        });
+        Self { known, carried }
     }
 }
 

@@ -5,6 +5,7 @@ use nelu3d_scan::statistics::median;
 
 use super::placed_sweep::PlacedSweep;
 use super::predictor::Predictor;
+use super::shared_displacement::{DisplacementsBySupport, FAR, GrossSquares, Sample, SharedSquare};
 use super::sweep::Position;
 use crate::color_field::Quality;
 use crate::color_field::frame::FieldFrame;
@@ -44,6 +45,8 @@ pub(super) struct HeldOutErrors {
     depth: Vec<f32>,
     /// By how much each position seems to be displaced along the rays.
     displacements: Vec<Displacement>,
+    /// The same by the number of boards that support the field, where positions are held out in turn.
+    pub(super) by_support: DisplacementsBySupport,
 }
 
 impl HeldOutErrors {
@@ -80,6 +83,7 @@ impl HeldOutErrors {
             });
         });
         let (mut n, mut signed) = (0usize, Vec::new());
+        let width = placed.camera.width;
         let lit = well_lit(&position.contrast);
         placed.for_each(p, position, |i, t, v, w| {
             let m = frame.along_ray(&placed.dirs[i]).at(t);
@@ -123,7 +127,8 @@ impl HeldOutErrors {
             if with_depth && h > 0.0 {
                 s.depth.push((g / h).abs());
                 let dir = &placed.dirs[i];
-                signed.push(Sample { g, h, squared, plane: [dir.x / dir.z, dir.y / dir.z] });
+                let plane = [dir.x / dir.z, dir.y / dir.z];
+                signed.push(Sample { g, h, squared, plane, block: Sample::block_of(i, width) });
             }
         });
         s.displacements.extend(Displacement::of(p, &signed));
@@ -139,6 +144,7 @@ impl HeldOutErrors {
         self.codewords.as_flattened_mut().iter_mut().zip(s.codewords.as_flattened()).for_each(|(a, b)| *a += b);
         self.depth.extend(s.depth);
         self.displacements.extend(s.displacements);
+        self.by_support.add(&s.by_support);
     }
 
     /// Variance of the well-lit codewords, channel by channel, mean; NaN if there are none.
@@ -153,6 +159,11 @@ impl HeldOutErrors {
         &self.displacements
     }
 
+    /// Squares of pixels on the positions that are gross errors, where positions are held out in turn.
+    pub(super) fn gross(&self) -> Option<GrossSquares> {
+        self.by_support.gross()
+    }
+
     /// Sums up. Of the boards' pose errors the field, which is fitted to `n_positions` of them, keeps their mean's.
     pub(super) fn quality(mut self, held_out: Vec<String>, n_positions: usize) -> Quality {
         let db = |sum: f64, n: usize| if n > 0 { -10.0 * (sum / n as f64).log10() } else { f64::NAN };
@@ -164,8 +175,19 @@ impl HeldOutErrors {
         };
         // Mean squares over the boards, of which the field keeps a part.
         let part = 1.0 / (self.displacements.len().max(1) * n_positions.max(1)) as f64;
-        let mean_square: f64 = self.displacements.iter().map(|d| d.mm * d.mm).sum::<f64>() * part;
-        let covariance: Matrix3<f64> = self.displacements.iter().map(|d| d.plane * d.plane.transpose() * part).sum();
+        let uneven: f64 = self.displacements.iter().map(|d| d.uneven_mm2).sum::<f64>() * part;
+        let mean_square = self.displacements.iter().map(|d| d.mm * d.mm).sum::<f64>() * part + uneven;
+        let mut covariance: Matrix3<f64> =
+            self.displacements.iter().map(|d| d.plane * d.plane.transpose() * part).sum();
+        // No plane, but as far as one board goes shared by neighbors: it has no place of its own.
+        covariance[(0, 0)] += uneven;
+        tracing::debug!(
+            uneven = uneven.sqrt(),
+            total = mean_square.sqrt(),
+            by_support = ?self.by_support.rms_mm(),
+            gross = ?self.by_support.gross(),
+            "displacements, mm"
+        );
         Quality {
             held_out,
             n: self.all.1,
@@ -175,6 +197,8 @@ impl HeldOutErrors {
             depth_mm: self.depth.get(self.depth.len() / 2).copied().unwrap_or(f32::NAN).into(),
             pose_mm: mean_square.sqrt(),
             pose_covariance: (!self.displacements.is_empty()).then(|| covariance.into()),
+            depth_by_support: self.by_support.sigma_mm(),
+            gross: self.by_support.gross().map(|gross| gross.share),
             pixels: None,
         }
     }
@@ -203,15 +227,6 @@ fn evaluate_beside(
     })
 }
 
-/// A sample's normal equation `h · displacement = g`, its weighted squared error, and where the camera sees it: (x/z,
-/// y/z).
-struct Sample {
-    g: f32,
-    h: f32,
-    squared: f32,
-    plane: [f64; 2],
-}
-
 /// By how much a board seems to be displaced along the rays from the field of the others.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Displacement {
@@ -221,6 +236,9 @@ pub(super) struct Displacement {
     mm: f64,
     /// (a, b, c) of a + b x/z + c y/z, mm: poses are wrong by angles, too.
     pub(super) plane: Vector3<f64>,
+    /// Mean square of what squares of pixels are displaced by beside that plane, as far as neighboring squares share
+    /// it, mm²: a board that is not flat, distortion of the lens that is left.
+    uneven_mm2: f64,
     /// Weighted squared error of the samples that were used, and how much of it the displacement explains.
     pub(super) squared: [f64; 2],
 }
@@ -230,13 +248,11 @@ impl Displacement {
     /// others. `None` where too few tell.
     fn of(position: usize, samples: &[Sample]) -> Option<Self> {
         const MIN_SAMPLES: usize = 50;
-        /// Multiple of the median displacement beyond which a sample is not counted.
-        const FAR: f32 = 4.0;
-        let size = |s: &Sample| (s.g / s.h).abs();
-        let limit = FAR * median(&mut samples.iter().map(size).collect::<Vec<_>>())?;
+        let limit = FAR * median(&mut samples.iter().map(Sample::size).collect::<Vec<_>>())?;
         let (mut normal, mut right, mut squared) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
-        for s in samples.iter().filter(|s| size(s) <= limit) {
-            let at = Vector3::new(1.0, s.plane[0], s.plane[1]);
+        let near = || samples.iter().filter(|s| s.size() <= limit);
+        for s in near() {
+            let at = s.at();
             normal += f64::from(s.h) * at * at.transpose();
             right += f64::from(s.g) * at;
             squared += f64::from(s.squared);
@@ -246,7 +262,8 @@ impl Displacement {
         }
         let mm = right[0] / normal[(0, 0)];
         let plane = normal.cholesky().map_or(Vector3::new(mm, 0.0, 0.0), |n| n.solve(&right));
-        Some(Self { position, mm, plane, squared: [squared, right.dot(&plane)] })
+        let uneven_mm2 = SharedSquare::of(near(), &plane).mm2();
+        Some(Self { position, mm, plane, uneven_mm2, squared: [squared, right.dot(&plane)] })
     }
 }
 
@@ -262,7 +279,8 @@ mod tests {
             .map(|i| {
                 let plane = [f64::from(i % 71) / 350.0 - 0.1, f64::from(i % 53) / 260.0 - 0.1];
                 let mm = if i % 50 == 0 { 900.0 } else { 0.3 + 5.0 * plane[0] as f32 + noise(i as usize) };
-                Sample { g: 4.0 * mm, h: 4.0, squared: 4.0 * mm * mm, plane }
+                let block = [i % 71 / 8, i % 53 / 8].map(|b| b as usize);
+                Sample { g: 4.0 * mm, h: 4.0, squared: 4.0 * mm * mm, plane, block }
             })
             .collect();
         let found = Displacement::of(0, &samples).unwrap();

@@ -18,6 +18,7 @@ mod position;
 mod predictor;
 mod report;
 mod resolution;
+mod shared_displacement;
 mod support;
 mod sweep;
 mod views;
@@ -114,11 +115,12 @@ pub fn calibrate(
         settings: serde_json::to_value(opts).expect("plain data serializes"),
     };
     let shortfall = frame_choice::shortfall(&best, light.as_ref(), opts.form);
-    let Candidate { frame, center, cells, validity, quality, variance, carried, .. } = best;
+    let Candidate { frame, center, cells, validity, quality, variance, gross, carried, .. } = best;
     let mut field = ColorField { frame, form, validity, metadata };
 
     clock.begin("judge the field");
-    let held_out = HeldOut { quality: &quality, shortfall: shortfall.as_deref(), variance };
+    let gross = gross.map(|gross| (placed.sweep.shots[gross.position].name.as_str(), gross));
+    let held_out = HeldOut { quality: &quality, shortfall: shortfall.as_deref(), variance, gross };
     let evidence = Evidence {
         facts: &geometry.facts,
         steps: geometry.trajectory.steps.as_ref(),

@@ -6,11 +6,12 @@ use super::error::CalibrationError;
 use super::held_out::HeldOutErrors;
 use super::placed_sweep::PlacedSweep;
 use super::predictor::Predictor;
+use super::shared_displacement::{CLASSES, DisplacementsBySupport};
 use super::support::Support;
 use super::sweep::Position;
 use crate::color_field::bins::{Bins, Gathered};
 use crate::color_field::frame::FieldFrame;
-use crate::color_field::validity::Validity;
+use crate::color_field::validity::{KnownAxes, Validity};
 use crate::progress::Progress;
 
 /// Smallest weight of a sample that says where the field is known: a standard deviation of 0.1 of the normalized
@@ -90,7 +91,8 @@ impl Pass<'_, '_> {
     }
 
     /// Compares positions with a field where at least `least` positions support it, of which `counted` are not in the
-    /// field; every `stride`th sample's depth error is kept. Then adds them to bins and validity.
+    /// field; every `stride`th sample's depth error is kept. Then adds them to bins and validity. `known` is where the
+    /// field is known, where displacements are to be told by the number of boards that support it.
     pub(super) fn compare(
         &mut self,
         which: &[usize],
@@ -98,12 +100,22 @@ impl Pass<'_, '_> {
         stride: usize,
         support: &Support,
         (least, counted): (u16, u16),
+        known: Option<&Validity>,
     ) -> Result<Vec<(usize, HeldOutErrors)>, CalibrationError> {
         let (placed, frame, empty, blank) = (self.placed, self.frame, self.bins.gathered(), self.blank());
         let map = |p: usize, (): (), read: &Position| {
             let passed = Passed::of(placed, frame, (&empty, &blank), p, read);
             let supporting = |q: [f32; 3]| support.at(q, least).saturating_sub(counted);
-            (passed, (p, HeldOutErrors::of(placed, frame, field, p, read, stride, supporting)))
+            let mut errors = HeldOutErrors::of(placed, frame, field, p, read, stride, supporting);
+            if let (Some(known), Some(grid)) = (known, field.spline()) {
+                let support = |q: [f32; 3]| match support.at(q, 1 + counted).saturating_sub(counted) {
+                    0 => Some((0, known.known_at(q))).filter(|(_, axes)| !axes.is_none()),
+                    n => Some((usize::from(n).min(CLASSES - 1), KnownAxes::ALL)),
+                };
+                let at = (p, read);
+                errors.by_support = DisplacementsBySupport::of(placed, frame, grid, at, &known.axes, support);
+            }
+            (passed, (p, errors))
         };
         let mut errors = Vec::new();
         let take = |wave: Vec<(Passed, (usize, HeldOutErrors))>| {

@@ -81,6 +81,7 @@ pub(super) fn refine_poses<'r>(
         // What the corners' errors have in common stays, and is as large as they showed before.
         best.quality.pose_mm = before.pose_mm;
         best.quality.pose_covariance = before.pose_covariance;
+        best.quality.depth_by_support = before.depth_by_support;
         taken = true;
     }
     let report = PoseRefinement::of(&at_corners, &total, before.psnr_db);

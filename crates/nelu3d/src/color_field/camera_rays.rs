@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::field::ColorField;
 use super::frame::{FieldFrame, RayInFrame};
+use super::validity::{KnownAxes, Validity};
 
 /// The rays of an image in the coordinates of a color field, and the part of each that was calibrated.
 pub struct CameraRays {
@@ -14,6 +15,8 @@ pub struct CameraRays {
     pub plane: Vec<[f32; 2]>,
     /// `[t_near, t_far]` per pixel, mm along the unit ray; empty (near > far) outside the calibrated volume.
     pub range: Vec<[f32; 2]>,
+    /// Per pixel, the axes of the code that are known all over its range.
+    pub known: Vec<KnownAxes>,
     /// The color field's coordinates.
     frame: FieldFrame,
 }
@@ -23,7 +26,7 @@ impl CameraRays {
     pub fn new(camera: &Camera, field: &ColorField, f: usize) -> Self {
         let (w, h) = (camera.width / f, camera.height / f);
         let half = (f as f64 - 1.0) / 2.0;
-        let (plane, range) = (0..w * h)
+        let (plane, (range, known)) = (0..w * h)
             .into_par_iter()
             .map(|i| {
                 let (x, y) = ((i % w) * f, (i / w) * f);
@@ -31,11 +34,11 @@ impl CameraRays {
                 let [u, v] = plane.map(f64::from);
                 let ray = field.frame.along_ray(&nalgebra::Vector3::new(u, v, 1.0).normalize());
                 let range = field.validity.range_of_ray(x + f / 2, y + f / 2, |t| ray.at(f64::from(t)).q);
-                (plane, range.unwrap_or([1.0, 0.0]))
+                (plane, range.unwrap_or(([1.0, 0.0], KnownAxes::NONE)))
             })
             .unzip();
         let focal_px = (0.5 * (camera.fx + camera.fy)) as f32 / f as f32;
-        Self { focal_px, plane, range, frame: field.frame }
+        Self { focal_px, plane, range, known, frame: field.frame }
     }
 
     /// Makes the rays of a camera without a field.
@@ -43,13 +46,15 @@ impl CameraRays {
     pub(crate) fn for_test(focal_px: f32, plane: Vec<[f32; 2]>) -> Self {
         let right = nalgebra::Vector3::x();
         let frame = FieldFrame::around(nalgebra::Point3::origin(), nalgebra::Point3::new(0.0, 0.0, 500.0), right);
-        Self { focal_px, range: vec![[0.0, 1e9]; plane.len()], plane, frame }
+        let n = plane.len();
+        Self { focal_px, range: vec![[0.0, 1e9]; n], known: vec![KnownAxes::ALL; n], plane, frame }
     }
 
     /// Makes the rays of a field without a camera.
     #[cfg(test)]
     pub(crate) fn of_field(focal_px: f32, plane: Vec<[f32; 2]>, range: Vec<[f32; 2]>, frame: FieldFrame) -> Self {
-        Self { focal_px, plane, range, frame }
+        let known = vec![KnownAxes::ALL; plane.len()];
+        Self { focal_px, plane, range, known, frame }
     }
 
     /// Returns the z component of pixel `i`'s unit ray: depth = t · z.
@@ -57,6 +62,12 @@ impl CameraRays {
     pub fn dir_z(&self, i: usize) -> f32 {
         let [u, v] = self.plane[i];
         1.0 / (1.0 + u * u + v * v).sqrt()
+    }
+
+    /// Returns whether what is known of the codewords of pixel `i` is known at unit coordinates `q`.
+    #[inline]
+    pub fn is_calibrated(&self, i: usize, q: [f32; 3], validity: &Validity) -> bool {
+        !self.known[i].is_none() && validity.known_at(q).covers(self.known[i])
     }
 
     /// Returns the ray of pixel `i` in the field's frame.

@@ -23,6 +23,18 @@ pub enum Form {
     Published(Box<PublishedForm>),
 }
 
+impl Form {
+    /// Returns the number of pattern channels k.
+    pub fn k(&self) -> usize {
+        match self {
+            Form::Grid(g) => g.k,
+            Form::Hash(h) => h.k(),
+            Form::Frequency(f) => f.k(),
+            Form::Published(p) => p.k(),
+        }
+    }
+}
+
 /// A calibrated color field: everything that a reconstruction needs to know of the light source.
 #[derive(Clone, Debug)]
 pub struct ColorField {
@@ -39,12 +51,7 @@ pub struct ColorField {
 impl ColorField {
     /// Returns the number of pattern channels k.
     pub fn k(&self) -> usize {
-        match &self.form {
-            Form::Grid(g) => g.k,
-            Form::Hash(h) => h.k(),
-            Form::Frequency(f) => f.k(),
-            Form::Published(p) => p.k(),
-        }
+        self.form.k()
     }
 
     /// Returns the field as a spline, which every later stage evaluates, but for recipe `paper` where the form is
@@ -58,13 +65,19 @@ impl ColorField {
         }
     }
 
-    /// Returns the standard deviation of depth that errors of the boards' poses leave, mm, at a point with unit
+    /// Returns the standard deviation of depth that errors of the boards' poses and shapes leave, mm, at a point with unit
     /// coordinates `q` that the camera sees through `plane`, its (x/z, y/z); 0 where it is not known.
     ///
+    /// Where every position was held out in turn, it is how far these were from the field where as many boards have lit
+    /// the same rays: an upper bound, since a held-out board has an error of its own. Else it follows from a mean:
     /// Errors of n boards average out where all of them were. Codewords that m of them have shown are n/m times as
     /// uncertain as a variance; carried ones, and those that nobody counted, rest on one.
     pub fn pose_sigma_mm(&self, plane: [f32; 2], q: [f32; 3]) -> f32 {
         let Some(quality) = &self.metadata.quality else { return 0.0 };
+        if let Some(by_support) = quality.depth_by_support {
+            let n = usize::from(self.validity.positions_at(q).unwrap_or(0));
+            return by_support[n.min(by_support.len() - 1)] as f32;
+        }
         let variance = match quality.pose_covariance {
             Some(covariance) => {
                 let at = [1.0, f64::from(plane[0]), f64::from(plane[1])];

@@ -1,5 +1,7 @@
 //! The validity volume: where samples were. Outside it nothing is reconstructed (paper, Fig. 8).
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -14,12 +16,66 @@ pub struct Validity {
     pub shape: ValidityShape,
     /// Per tile `[t_near, t_far]`, mm along the ray; an empty tile has `t_near > t_far`.
     pub t_range: Vec<[f32; 2]>,
-    /// Per cell `[b][a][w]`, 1 where there were samples.
+    /// Per cell `[b][a][w]`: 1 where there were samples; where codewords are known along some axes of the code only,
+    /// a bit per axis from 2 on; else 0.
     pub lit: Vec<u8>,
     /// Per column of cells `[b][a]`, number of positions that lit it, 255 at most; 0 where that is not known, as where
     /// codewords were carried from beside it. Empty in a field without a sweep, and in files of older versions.
     pub positions: Vec<u8>,
+    /// Axis of the code, 0 or 1, along which each pattern channel varies; empty where no cell is known along some axes
+    /// only.
+    pub axes: Vec<u8>,
 }
+
+/// The axes of the code along which codewords are known somewhere: all of them, some, or none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KnownAxes(u8);
+
+impl KnownAxes {
+    /// No channel is known.
+    pub const NONE: Self = Self(0);
+    /// The whole codeword is known.
+    pub const ALL: Self = Self(u8::MAX);
+
+    /// The channels that vary along one axis of the code, 0 or 1, are known.
+    pub fn only(axis: usize) -> Self {
+        assert!(axis < 2, "codes have two axes at most");
+        Self(1 << (axis + 1))
+    }
+
+    /// Reads the mark of a cell.
+    fn of_cell(mark: u8) -> Self {
+        if mark & WHOLE != 0 { Self::ALL } else { Self(mark) }
+    }
+
+    /// Returns whether nothing is known.
+    pub fn is_none(self) -> bool {
+        self == Self::NONE
+    }
+
+    /// Returns whether the whole codeword is known.
+    pub fn is_all(self) -> bool {
+        self == Self::ALL
+    }
+
+    /// Returns whether the channels of an axis are known.
+    pub fn has(self, axis: u8) -> bool {
+        self.0 & 1 << (axis + 1) != 0
+    }
+
+    /// Returns whether everything that `other` knows is known.
+    pub fn covers(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// Returns what both know.
+    pub fn and(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+}
+
+/// The mark of a cell whose whole codeword is known.
+const WHOLE: u8 = 1;
 
 /// Sizes of a [`Validity`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,6 +98,7 @@ impl Validity {
             t_range: vec![EMPTY; tiles[0] * tiles[1]],
             lit: vec![0; cells.iter().product()],
             positions: Vec::new(),
+            axes: Vec::new(),
         }
     }
 
@@ -57,7 +114,16 @@ impl Validity {
     /// Lights the cell at unit coordinates.
     pub fn light(&mut self, q: [f32; 3]) {
         if let Some(i) = self.cell(q) {
-            self.lit[i] = 1;
+            self.lit[i] = WHOLE;
+        }
+    }
+
+    /// Marks the cell at unit coordinates as known along some axes of the code, unless its whole codeword is known.
+    pub fn light_along(&mut self, q: [f32; 3], known: KnownAxes) {
+        if let Some(i) = self.cell(q)
+            && self.lit[i] != WHOLE
+        {
+            self.lit[i] |= known.0;
         }
     }
 
@@ -71,7 +137,7 @@ impl Validity {
         let [na, nb, nw] = self.shape.cells;
         self.positions.resize(na * nb, 0);
         for (count, column) in self.positions.iter_mut().zip(seen.lit.chunks_exact(nw)) {
-            *count = count.saturating_add(u8::from(column.contains(&1)));
+            *count = count.saturating_add(u8::from(column.contains(&WHOLE)));
         }
     }
 
@@ -85,10 +151,10 @@ impl Validity {
     /// cells).
     pub fn close(&mut self) {
         for column in self.lit.chunks_exact_mut(self.shape.cells[2]) {
-            let first = column.iter().position(|l| *l == 1);
-            let last = column.iter().rposition(|l| *l == 1);
+            let first = column.iter().position(|l| *l == WHOLE);
+            let last = column.iter().rposition(|l| *l == WHOLE);
             if let (Some(first), Some(last)) = (first, last) {
-                column[first..=last].fill(1);
+                column[first..=last].fill(WHOLE);
             }
         }
     }
@@ -97,7 +163,7 @@ impl Validity {
     /// field interpolates between them.
     pub fn fill_holes(&mut self) {
         let [na, nb, nw] = self.shape.cells;
-        let is_lit = |a: usize, b: usize| self.lit[(b * na + a) * nw..][..nw].contains(&1);
+        let is_lit = |a: usize, b: usize| self.lit[(b * na + a) * nw..][..nw].contains(&WHOLE);
         let lit: Vec<bool> = (0..na * nb).map(|i| is_lit(i % na, i / na)).collect();
         for i in (0..na * nb).filter(|i| !lit[*i]) {
             let (a, b) = (i % na, i / na);
@@ -110,22 +176,24 @@ impl Validity {
                 continue;
             }
             for w in 0..nw {
-                let votes = of.iter().filter(|j| self.lit[**j * nw + w] == 1).count();
+                let votes = of.iter().filter(|j| self.lit[**j * nw + w] == WHOLE).count();
                 if 2 * votes > of.len() {
-                    self.lit[i * nw + w] = 1;
+                    self.lit[i * nw + w] = WHOLE;
                 }
             }
         }
     }
 
     /// Extends every column of cells that was lit anywhere along w to the part `w` of unit coordinates (first, last):
-    /// the rays of light are known to be straight, and what a ray carries there is what it carries elsewhere.
+    /// the rays of light are known to be straight, and what a ray carries there is what it carries elsewhere. So does
+    /// what is known of it along one axis of the code.
     pub fn extend(&mut self, [first, last]: [f32; 2]) {
         let n = self.shape.cells[2];
         let at = |w: f32| ((w * n as f32).floor().max(0.0) as usize).min(n - 1);
         for column in self.lit.chunks_exact_mut(n) {
-            if column.contains(&1) {
-                column[at(first)..=at(last)].fill(1);
+            let mark = if column.contains(&WHOLE) { WHOLE } else { column.iter().fold(0, |all, mark| all | mark) };
+            if mark != 0 {
+                column[at(first)..=at(last)].fill(mark);
             }
         }
     }
@@ -145,7 +213,7 @@ impl Validity {
                     let px = [at(i % across, part % 3), at(i / across, part / 3)];
                     for s in 0..=STEPS {
                         let t = near + s as f64 * step;
-                        if self.is_lit(unit(px, t)) {
+                        if !self.known_at(unit(px, t)).is_none() {
                             range = [range[0].min((t - step) as f32), range[1].max((t + step) as f32)];
                         }
                     }
@@ -156,28 +224,38 @@ impl Validity {
         self.t_range = ranges.into_iter().map(|r| if r[0] < r[1] { r } else { EMPTY }).collect();
     }
 
-    /// `[t_near, t_far]` of the lit part of a ray, mm: from the first lit point to the last, of about 100 along its
-    /// tile's range; `None` where nothing is. `unit` gives the unit coordinates at a distance.
-    pub fn range_of_ray(&self, x: usize, y: usize, unit: impl Fn(f32) -> [f32; 3]) -> Option<[f32; 2]> {
+    /// `[t_near, t_far]` of the calibrated part of a ray, mm, and the axes of the code that are known all along it: from
+    /// the first point whose whole codeword is known to the last, of about 100 along its tile's range; where there is
+    /// none, of those that are known along the same axes. `None` where nothing is. `unit` gives the unit coordinates at
+    /// a distance.
+    pub fn range_of_ray(&self, x: usize, y: usize, unit: impl Fn(f32) -> [f32; 3]) -> Option<([f32; 2], KnownAxes)> {
         const STEPS: usize = 96;
         let [near, far] = self.range(x, y)?;
         let step = (far - near) / STEPS as f32;
-        let lit = |s: &usize| self.is_lit(unit(near + *s as f32 * step));
-        let first = (0..=STEPS).find(lit)?;
-        let last = (first..=STEPS).rev().find(lit)?;
+        let at = |s: usize| near + s as f32 * step;
+        let known: Vec<KnownAxes> = (0..=STEPS).map(|s| self.known_at(unit(at(s)))).collect();
+        let of_ray = if known.contains(&KnownAxes::ALL) {
+            KnownAxes::ALL
+        } else {
+            known.iter().filter(|k| !k.is_none()).copied().reduce(KnownAxes::and)?
+        };
+        if of_ray.is_none() {
+            return None;
+        }
+        let first = known.iter().position(|k| k.covers(of_ray))?;
+        let last = known.iter().rposition(|k| k.covers(of_ray))?;
         // To a tenth of a step.
         let sharpen = |lit_at: f32, dark_at: f32| {
             let (mut a, mut b) = (lit_at, dark_at);
             for _ in 0..4 {
                 let mid = 0.5 * (a + b);
-                if self.is_lit(unit(mid)) { a = mid } else { b = mid }
+                if self.known_at(unit(mid)).covers(of_ray) { a = mid } else { b = mid }
             }
             a
         };
-        let at = |s: usize| near + s as f32 * step;
         let first_t = if first > 0 { sharpen(at(first), at(first - 1)) } else { near };
         let last_t = if last < STEPS { sharpen(at(last), at(last + 1)) } else { far };
-        (first_t < last_t).then_some([first_t, last_t])
+        (first_t < last_t).then_some(([first_t, last_t], of_ray))
     }
 
     #[inline]
@@ -193,10 +271,25 @@ impl Validity {
         Some((c[1] * n[0] + c[0]) * n[2] + c[2])
     }
 
-    /// Whether the field was supervised around unit coordinates `q`.
+    /// Returns along which axes of the code codewords are known around unit coordinates `q`.
+    #[inline]
+    pub fn known_at(&self, q: [f32; 3]) -> KnownAxes {
+        self.cell(q).map_or(KnownAxes::NONE, |i| KnownAxes::of_cell(self.lit[i]))
+    }
+
+    /// Whether the field was supervised around unit coordinates `q`: the whole codeword is known.
     #[inline]
     pub fn is_lit(&self, q: [f32; 3]) -> bool {
-        self.cell(q).is_some_and(|i| self.lit[i] == 1)
+        self.cell(q).is_some_and(|i| self.lit[i] == WHOLE)
+    }
+
+    /// Returns per cell whether anything is known there, 1 or 0.
+    pub fn lit_at_all(&self) -> Cow<'_, [u8]> {
+        if self.axes.is_empty() {
+            Cow::Borrowed(&self.lit)
+        } else {
+            Cow::Owned(self.lit.iter().map(|mark| u8::from(*mark != 0)).collect())
+        }
     }
 
     /// `[t_near, t_far]` at a pixel, mm along its ray; `None` where no board was ever seen.
@@ -221,8 +314,34 @@ mod tests {
         let [near, far] = v.range(1, 1).unwrap();
         assert!((195.0..=201.0).contains(&near) && (699.0..=705.0).contains(&far), "{near} {far}");
         assert_eq!(v.range(9, 1), None);
-        let [near, far] = v.range_of_ray(1, 1, |t| unit([1.0, 1.0], f64::from(t))).unwrap();
+        let ([near, far], known) = v.range_of_ray(1, 1, |t| unit([1.0, 1.0], f64::from(t))).unwrap();
+        assert!(known.is_all());
         assert!((near - 200.0).abs() < 1.0 && (far - 700.0).abs() < 1.0, "{near} {far}");
+    }
+
+    #[test]
+    fn what_is_known_along_one_axis_is_no_whole_codeword() {
+        let mut v = Validity::new(8, 8, 8, [4, 1, 10]);
+        v.axes = vec![0, 1];
+        let [whole, along, across] = [0.1, 0.4, 0.6].map(|a| [a, 0.5, 0.45]);
+        v.light(whole);
+        v.light_along(whole, KnownAxes::only(0));
+        v.light_along(along, KnownAxes::only(0));
+        v.light_along(across, KnownAxes::only(1));
+        v.extend([0.2, 0.8]);
+        assert!(v.is_lit(whole) && v.known_at(whole).is_all());
+        assert!(!v.is_lit(along) && v.known_at(along) == KnownAxes::only(0));
+        assert!(v.known_at([0.4, 0.5, 0.25]).has(0) && !v.known_at([0.4, 0.5, 0.25]).has(1));
+        assert!(v.known_at([0.4, 0.5, 0.95]).is_none());
+        assert_eq!(v.lit_at_all().iter().filter(|l| **l == 1).count(), 3 * 7);
+        // A ray keeps what is known all along it, and the whole codeword where that is known anywhere.
+        let ray = |from: f32, to: f32| move |t: f32| [from + (to - from) * t / 1000.0, 0.5, 0.5];
+        v.t_range = vec![[0.0, 1000.0]];
+        let ([near, far], known) = v.range_of_ray(0, 0, ray(0.3, 0.45)).unwrap();
+        assert!(known == KnownAxes::only(0) && near < 1.0 && far > 999.0, "{near} {far} {known:?}");
+        assert_eq!(v.range_of_ray(0, 0, ray(0.3, 0.7)), None);
+        let ([near, far], known) = v.range_of_ray(0, 0, ray(0.1, 0.4)).unwrap();
+        assert!(known.is_all() && near < 1.0 && (far - 500.0).abs() < 2.0, "{near} {far} {known:?}");
     }
 
     #[test]

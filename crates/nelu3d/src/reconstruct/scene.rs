@@ -39,12 +39,17 @@ impl<'a> Scene<'a> {
     ) -> Result<Self, Failure> {
         cx.clock.begin("prepare");
         let metadata = &field.metadata;
-        let measurements = cx.progress.measure("normalize", || {
+        let mut measurements = cx.progress.measure("normalize", || {
             let m = Measurements::new(capture, &metadata.noise, &metadata.dark, model_sigma);
             let demand = demand::normalization(m.n(), m.k, capture.white.channels);
             (m, demand)
         });
         let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1));
+        let axes = &field.validity.axes;
+        if !axes.is_empty() {
+            let known = |i: usize, j: usize| rays.known[i].is_none() || rays.known[i].has(axes[j]);
+            measurements.keep_channels(known);
+        }
         cx.stop_if_cancelled()?;
         Ok(Self { camera, field, white: &capture.white, grid, rays, measurements })
     }

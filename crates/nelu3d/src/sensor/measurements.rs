@@ -138,6 +138,22 @@ impl Measurements {
         out
     }
 
+    /// Leaves channels out at pixels where the field does not know them: `is_known(pixel, channel)`.
+    pub(crate) fn keep_channels(&mut self, is_known: impl Fn(usize, usize) -> bool) {
+        for (at, inv_var) in self.inv_var.iter_mut().enumerate() {
+            if !is_known(at / self.k, at % self.k) {
+                *inv_var = 0.0;
+            }
+        }
+    }
+
+    /// Returns the number of channels of pixel `i` that are measured independently and can be used; at least a
+    /// hundredth.
+    pub(crate) fn independent_at(&self, i: usize) -> f32 {
+        let usable = self.inv_var[i * self.k..(i + 1) * self.k].iter().filter(|v| **v > 0.0).count();
+        (self.independent * usable as f32 / self.k as f32).max(0.01)
+    }
+
     /// Returns the number of pixels.
     pub fn n(&self) -> usize {
         self.width * self.height

@@ -23,6 +23,21 @@ pub(in crate::calibrate) struct Columns {
 }
 
 impl Columns {
+    /// Returns a volume of the shape of `all` that is lit all along the columns of which bright samples are in `bins`.
+    pub(in crate::calibrate) fn lit_in(bins: &Bins, all: &Validity) -> Validity {
+        let mut lit = Validity { lit: vec![0; all.lit.len()], axes: Vec::new(), positions: Vec::new(), ..all.clone() };
+        for b in 0..bins.n_rows() {
+            bins.for_each_in_row(b, |s| {
+                if s.mean > MIN_WEIGHT {
+                    lit.light(s.q);
+                }
+            });
+        }
+        lit.extend([0.0, 1.0]);
+        lit.fill_holes();
+        lit
+    }
+
     /// Averages bins along the rays.
     pub(super) fn new(bins: &Bins, validity: &Validity) -> Self {
         let [na, nb, _] = bins.counts();
@@ -85,9 +100,17 @@ impl Columns {
         self.is_known.iter().filter(|k| **k).count()
     }
 
-    /// Returns the columns that nothing has lit.
-    pub(super) fn dark(&self) -> impl Iterator<Item = usize> {
-        (0..self.is_lit.len()).filter(|i| !self.is_lit[*i])
+    /// Returns the columns that nothing has lit; of these, the ones that are lit in `within`, if that is given.
+    pub(super) fn dark(&self, within: Option<&Validity>) -> Vec<usize> {
+        let is_within = |i: usize| {
+            within.is_none_or(|v| {
+                let [na, nb] = self.n;
+                let [va, vb, vw] = v.shape.cells;
+                let cell = (i / na * vb / nb) * va + i % na * va / na;
+                v.lit[cell * vw..][..vw].contains(&1)
+            })
+        };
+        (0..self.is_lit.len()).filter(|i| !self.is_lit[*i] && is_within(*i)).collect()
     }
 
     /// Returns the number of dark columns between lit ones of the same row.

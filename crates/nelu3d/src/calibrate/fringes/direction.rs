@@ -34,6 +34,8 @@ pub(super) struct Axis {
     slope: SVector<f64, TERMS>,
     /// Columns along a and b.
     n: [usize; 2],
+    /// Unit direction along the stripes in the middle of every column.
+    directions: Vec<[f32; 2]>,
 }
 
 /// Gradient of a channel at a place.
@@ -66,9 +68,15 @@ fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 impl Axis {
-    /// Returns the unit direction along the stripes at a place, in columns.
+    /// Returns the unit direction along the stripes at a place in the field, in columns: that of the column's middle.
     #[inline]
     pub(super) fn along(&self, at: [f32; 2]) -> [f32; 2] {
+        let [a, b] = [0, 1].map(|i| (at[i] as usize).min(self.n[i] - 1));
+        self.directions[b * self.n[0] + a]
+    }
+
+    /// Evaluates the unit direction along the stripes at a place, in columns.
+    fn direction(&self, at: [f32; 2]) -> [f32; 2] {
         let slope = self.slope.dot(&terms(self.n, at.map(f64::from)));
         let n = normal(self.tangent);
         let t = [self.tangent[0] + slope * n[0], self.tangent[1] + slope * n[1]];
@@ -78,13 +86,13 @@ impl Axis {
 
     /// Returns the mean square change of a channel along the stripes.
     fn change(&self, of: &Directed) -> f64 {
-        let along = |g: &Gradient| dot(g.g, self.along(g.at.map(|x| x as f32)).map(f64::from)).powi(2);
+        let along = |g: &Gradient| dot(g.g, self.direction(g.at.map(|x| x as f32)).map(f64::from)).powi(2);
         of.gradients.iter().map(along).sum::<f64>() / of.gradients.len() as f64
     }
 
     /// Finds the slope at which the channels change least along the stripes: Σ (∇c · (t + m n))² is smallest.
     fn fit(channels: Vec<usize>, tangent: [f64; 2], found: &[Directed], n: [usize; 2]) -> Self {
-        let mut axis = Self { channels, tangent, slope: SVector::zeros(), n };
+        let mut axis = Self { channels, tangent, slope: SVector::zeros(), n, directions: Vec::new() };
         for _ in 0..3 {
             let normal = normal(axis.tangent);
             let mut h = SMatrix::<f64, TERMS, TERMS>::identity() / (SLOPE_SIGMA * SLOPE_SIGMA);
@@ -108,6 +116,8 @@ impl Axis {
             axis.tangent = t.map(|x| x / norm);
             axis.slope[0] -= m;
         }
+        let middle = |i: usize| axis.direction([(i % n[0]) as f32 + 0.5, (i / n[0]) as f32 + 0.5]);
+        axis.directions = (0..n[0] * n[1]).map(middle).collect();
         axis
     }
 }

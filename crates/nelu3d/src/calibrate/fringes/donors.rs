@@ -27,8 +27,16 @@ struct Donor {
 /// The donors of a dark column.
 pub(super) struct Fill {
     column: usize,
-    /// Per axis, the donors of one side or of both, nearest first.
+    /// Per axis, the donors of one side or of both, nearest first; none where its stripe meets no known column.
     donors: Vec<Vec<Donor>>,
+}
+
+/// How far samples may be carried along the stripes of an axis, and how good they are then.
+pub(super) struct Reach {
+    /// Longest way, columns.
+    pub(super) way: f32,
+    /// Mean square error of each of the axis' channels, in their order.
+    pub(super) variance: Vec<f32>,
 }
 
 /// Columns and the directions of their stripes.
@@ -43,18 +51,24 @@ impl Fill {
         self.donors.iter().map(Vec::len).max().unwrap_or(0)
     }
 
-    /// Writes the codeword of sample `i` to `values`, and returns its unit coordinates: where the stripes of its donors
-    /// cross.
+    /// Returns whether the channels of an axis, by index, are carried there.
+    pub(super) fn has(&self, axis: usize) -> bool {
+        !self.donors[axis].is_empty()
+    }
+
+    /// Writes what is carried of the codeword of sample `i` to `values`, and returns its unit coordinates: where the
+    /// stripes of its donors cross.
     pub(super) fn write(&self, columns: &Columns, axes: &[Axis], i: usize, values: &mut [f32]) -> [f32; 3] {
         let middle = columns.middle(self.column);
         let mut w = 0.0;
         let mut lines = Vec::with_capacity(2);
-        for (axis, donors) in axes.iter().zip(&self.donors) {
+        let n_axes = self.donors.iter().filter(|donors| !donors.is_empty()).count();
+        for (axis, donors) in axes.iter().zip(&self.donors).filter(|(_, donors)| !donors.is_empty()) {
             let donor = donors[i % donors.len()];
             for j in &axis.channels {
                 values[*j] = columns.values[donor.column * columns.k + j];
             }
-            w += columns.places[donor.column][2] / axes.len() as f32;
+            w += columns.places[donor.column][2] / n_axes as f32;
             let [x, y] = axis.along(middle);
             lines.push(([-y, x], donor.beside));
         }
@@ -77,22 +91,19 @@ impl<'a> Known<'a> {
         Self { columns, axes }
     }
 
-    /// Finds donors for dark columns, at most `reach` columns away; those that have none along some axis are left out.
-    pub(super) fn fill(&self, reach: f32) -> Vec<Fill> {
-        let dark: Vec<usize> = self.columns.dark().collect();
+    /// Finds donors for dark columns, no further away than each axis reaches, if it does at all; columns that have none
+    /// along any axis are left out.
+    pub(super) fn fill(&self, dark: Vec<usize>, reaches: &[Option<Reach>]) -> Vec<Fill> {
         dark.into_par_iter()
             .filter_map(|column| {
-                let mut donors = Vec::new();
-                for axis in self.axes {
-                    let sides = [1.0, -1.0].map(|sense| self.donors(axis, column, sense, [0.0, reach]));
+                let of_axis = |(axis, reach): (&Axis, &Option<Reach>)| -> Vec<Donor> {
+                    let Some(Reach { way, .. }) = reach else { return Vec::new() };
+                    let sides = [1.0, -1.0].map(|sense| self.donors(axis, column, sense, [0.0, *way]));
                     let nth = |i: usize| sides.iter().flatten().map(move |donors| donors[i]);
-                    let of_axis: Vec<Donor> = (0..DONORS).flat_map(nth).collect();
-                    if of_axis.is_empty() {
-                        return None;
-                    }
-                    donors.push(of_axis);
-                }
-                Some(Fill { column, donors })
+                    (0..DONORS).flat_map(nth).collect()
+                };
+                let donors: Vec<Vec<Donor>> = self.axes.iter().zip(reaches).map(of_axis).collect();
+                donors.iter().any(|d| !d.is_empty()).then_some(Fill { column, donors })
             })
             .collect()
     }
@@ -129,33 +140,28 @@ impl<'a> Known<'a> {
         None
     }
 
-    /// Mean square error of carried samples per channel, measured on known columns from known columns `way` columns
-    /// away and beyond. `None` where too few can be compared.
-    pub(super) fn variance(&self, way: f32) -> Option<Vec<f32>> {
+    /// Mean square error of samples carried along the stripes of an axis, per channel of the axis, measured on known
+    /// columns from known columns `way` columns away and beyond. `None` where too few can be compared.
+    pub(super) fn variance(&self, axis: &Axis, way: f32) -> Option<Vec<f32>> {
         let known: Vec<usize> = (0..self.columns.is_known.len()).filter(|i| self.columns.is_known[*i]).collect();
-        let mut variance = vec![0.0; self.columns.k];
-        for axis in self.axes {
-            let one = |i: usize| {
-                let column = known[i * 7919 % known.len()];
-                let own = self.columns.places[column];
-                let middle = self.columns.middle(column);
-                let t = axis.along(middle);
-                let beside = t[0] * (own[1] - middle[1]) - t[1] * (own[0] - middle[0]);
-                let sense = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
-                let donors = self.donors(axis, column, sense, [way, way + COMPARED_BEYOND])?;
-                let donor = donors.into_iter().find(|d| (d.beside - beside).abs() < SAME_STRIPE)?;
-                let of = |column: usize, j: usize| f64::from(self.columns.values[column * self.columns.k + j]);
-                Some(axis.channels.iter().map(|j| (of(donor.column, *j) - of(column, *j)).powi(2)).collect::<Vec<_>>())
-            };
-            let tests = if known.is_empty() { 0 } else { MAX_COMPARED.min(4 * known.len()) };
-            let errors: Vec<Vec<f64>> = (0..tests).into_par_iter().filter_map(one).collect();
-            if errors.len() < MIN_COMPARED {
-                return None;
-            }
-            for (c, j) in axis.channels.iter().enumerate() {
-                variance[*j] = (errors.iter().map(|e| e[c]).sum::<f64>() / errors.len() as f64) as f32;
-            }
+        let one = |i: usize| {
+            let column = known[i * 7919 % known.len()];
+            let own = self.columns.places[column];
+            let middle = self.columns.middle(column);
+            let t = axis.along(middle);
+            let beside = t[0] * (own[1] - middle[1]) - t[1] * (own[0] - middle[0]);
+            let sense = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+            let donors = self.donors(axis, column, sense, [way, way + COMPARED_BEYOND])?;
+            let donor = donors.into_iter().find(|d| (d.beside - beside).abs() < SAME_STRIPE)?;
+            let of = |column: usize, j: usize| f64::from(self.columns.values[column * self.columns.k + j]);
+            Some(axis.channels.iter().map(|j| (of(donor.column, *j) - of(column, *j)).powi(2)).collect::<Vec<_>>())
+        };
+        let tests = if known.is_empty() { 0 } else { MAX_COMPARED.min(4 * known.len()) };
+        let errors: Vec<Vec<f64>> = (0..tests).into_par_iter().filter_map(one).collect();
+        if errors.len() < MIN_COMPARED {
+            return None;
         }
-        Some(variance)
+        let mean = |c: usize| (errors.iter().map(|e| e[c]).sum::<f64>() / errors.len() as f64) as f32;
+        Some((0..axis.channels.len()).map(mean).collect())
     }
 }

@@ -14,11 +14,11 @@ mod donors;
 
 pub(super) use columns::Columns;
 use direction::{Axis, axes};
-use donors::{Fill, Known};
+use donors::{Fill, Known, Reach};
 use serde::Serialize;
 
 use crate::color_field::bins::{Bins, Gathered};
-use crate::color_field::validity::Validity;
+use crate::color_field::validity::{KnownAxes, Validity};
 
 /// Fewest rays without samples, as a fraction of those with, for which the work is worth its while.
 const MIN_SHARE: f64 = 0.002;
@@ -28,16 +28,33 @@ const MAX_RMS: f64 = 0.08;
 const MAX_CHANNEL_VARIANCE: f32 = 0.05;
 /// Ways along a stripe that are tried, as fractions of the columns across: the longest over which carried samples are
 /// good is taken.
-const WAYS: [f32; 6] = [0.02, 0.04, 0.06, 0.08, 0.10, 0.12];
+const WAYS: [f32; 9] = [0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.16, 0.20, 0.25];
 
 /// Samples that were carried along the stripes, and the rays that they stand for.
 pub(super) struct Carried {
     /// The samples, for the bins that they were made from.
     pub(super) samples: Gathered,
-    /// Unit coordinates of the samples.
-    pub(super) places: Vec<[f32; 3]>,
+    /// Unit coordinates of the samples, and along which axes of the code they tell the codeword.
+    pub(super) places: Vec<([f32; 3], KnownAxes)>,
+    /// Axis of the code along which each channel varies.
+    pub(super) axes: Vec<u8>,
     /// How many there are, and how good.
     pub(super) report: CarriedReport,
+}
+
+impl Carried {
+    /// Lights the cells of a volume that the samples lie in.
+    pub(super) fn light(&self, validity: &mut Validity) {
+        for (q, known) in &self.places {
+            if known.is_all() {
+                validity.light(*q);
+            } else {
+                validity.axes.clone_from(&self.axes);
+                validity.light_along(*q, *known);
+            }
+        }
+        validity.fill_holes();
+    }
 }
 
 /// How many rays of light got their codeword from others on the same stripe, and how good these are.
@@ -45,14 +62,18 @@ pub(super) struct Carried {
 pub struct CarriedReport {
     /// Fraction of the field's rays of light whose codeword was carried there.
     pub share: f64,
+    /// Fraction of the field's rays of light of which the channels of one axis of the code were carried there, and the
+    /// others are not known.
+    pub one_axis: f64,
     /// Root mean square error of carried codewords, normalized intensity: measured on known rays, over ways as long.
     pub rms: f64,
 }
 
 /// Carries samples of bins in the light's frame along the stripes, to the rays of light between them that no bright
 /// sample has lit in `validity`; `None` where the patterns have no stripes, where there is nothing to fill, or where
-/// carried samples are not good enough.
-pub(super) fn carry(bins: &Bins, validity: &Validity) -> Option<Carried> {
+/// carried samples are not good enough. Under a code along two axes, a ray whose stripe of one axis meets no board is
+/// known along the other. `within` restricts the rays to those that are lit there.
+pub(super) fn carry(bins: &Bins, validity: &Validity, within: Option<&Validity>) -> Option<Carried> {
     let columns = Columns::new(bins, validity);
     if (columns.n_between() as f64) < MIN_SHARE * columns.n_known() as f64 {
         return None;
@@ -60,34 +81,70 @@ pub(super) fn carry(bins: &Bins, validity: &Validity) -> Option<Carried> {
     let axes: Vec<Axis> = axes(&columns)?;
     let known = Known::new(&columns, &axes);
     let across = columns.n[0].max(columns.n[1]) as f32;
+    let reaches: Vec<Option<Reach>> = axes.iter().map(|axis| longest(&known, axis, across)).collect();
+    let fills: Vec<Fill> = known.fill(columns.dark(within), &reaches);
+    let (mut samples, mut places) = (bins.gathered(), Vec::new());
+    let (mut values, mut omegas) = (vec![0.0; columns.k], vec![0.0; columns.k]);
+    let mut whole = 0;
+    for fill in &fills {
+        let n = fill.samples();
+        let of = if (0..axes.len()).all(|axis| fill.has(axis)) {
+            whole += 1;
+            KnownAxes::ALL
+        } else {
+            KnownAxes::only(usize::from(!fill.has(0)))
+        };
+        values.fill(0.0);
+        omegas.fill(0.0);
+        for i in (0..axes.len()).filter(|axis| fill.has(*axis)) {
+            let variance = reaches[i].iter().flat_map(|reach| &reach.variance);
+            for (channel, variance) in axes[i].channels.iter().zip(variance) {
+                omegas[*channel] = 1.0 / (variance.max(1e-6) * n as f32);
+            }
+        }
+        for i in 0..n {
+            let q = fill.write(&columns, &axes, i, &mut values);
+            samples.push(q, &values, &omegas);
+            places.push((q, of));
+        }
+    }
+    tracing::debug!(whole, one_axis = fills.len() - whole, known = columns.n_known(), "carried along the stripes");
+    if fills.is_empty() {
+        return None;
+    }
+    let mut of_channels = vec![0; columns.k];
+    for (i, axis) in axes.iter().enumerate() {
+        axis.channels.iter().for_each(|channel| of_channels[*channel] = i as u8);
+    }
+    let all = (fills.len() + columns.n_known()) as f64;
+    let report = CarriedReport {
+        share: whole as f64 / all,
+        one_axis: (fills.len() - whole) as f64 / all,
+        rms: rms(reaches.iter().flatten().flat_map(|reach| &reach.variance)),
+    };
+    Some(Carried { samples, places, axes: of_channels, report })
+}
+
+/// Finds the longest way along an axis' stripes over which samples may be carried, `across` columns being the width of
+/// the field; `None` if they are not good enough over any.
+fn longest(known: &Known<'_>, axis: &Axis, across: f32) -> Option<Reach> {
     let mut best = None;
-    for reach in WAYS.map(|way| way * across) {
-        let Some(variance) = known.variance(reach) else { break };
-        let rms = (variance.iter().map(|v| f64::from(*v)).sum::<f64>() / variance.len() as f64).sqrt();
-        tracing::debug!(reach, rms, axes = axes.len(), "samples carried along the stripes");
+    for way in WAYS.map(|way| way * across) {
+        let Some(variance) = known.variance(axis, way) else { break };
+        let rms = rms(&variance);
+        tracing::debug!(way, rms, channels = axis.channels.len(), "samples carried along the stripes");
         if rms > MAX_RMS || variance.iter().any(|v| *v > MAX_CHANNEL_VARIANCE) {
             break;
         }
-        best = Some((reach, variance, rms));
+        best = Some(Reach { way, variance });
     }
-    let (reach, variance, rms) = best?;
-    let fills: Vec<Fill> = known.fill(reach);
-    tracing::debug!(filled = fills.len(), known = columns.n_known(), "carried along the stripes");
-    let (mut samples, mut places) = (bins.gathered(), Vec::new());
-    let (mut values, mut omegas) = (vec![0.0; columns.k], vec![0.0; columns.k]);
-    for fill in &fills {
-        let n = fill.samples();
-        for i in 0..n {
-            let q = fill.write(&columns, &axes, i, &mut values);
-            for (omega, variance) in omegas.iter_mut().zip(&variance) {
-                *omega = 1.0 / (variance.max(1e-6) * n as f32);
-            }
-            samples.push(q, &values, &omegas);
-            places.push(q);
-        }
-    }
-    let share = fills.len() as f64 / (fills.len() + columns.n_known()) as f64;
-    Some(Carried { samples, places, report: CarriedReport { share, rms } })
+    best
+}
+
+/// Root of the mean of variances.
+fn rms<'a>(variances: impl IntoIterator<Item = &'a f32>) -> f64 {
+    let (n, sum) = variances.into_iter().fold((0, 0.0), |(n, sum), v| (n + 1, sum + f64::from(*v)));
+    (sum / f64::from(n.max(1))).sqrt()
 }
 
 #[cfg(test)]
@@ -128,7 +185,7 @@ mod tests {
     #[test]
     fn black_squares_get_the_codewords_of_their_stripes() {
         let (bins, validity) = chessboard(14, 4, phases);
-        let carried = carry(&bins, &validity).unwrap();
+        let carried = carry(&bins, &validity, None).unwrap();
         assert!(carried.report.rms < 0.05, "{:?}", carried.report);
         let squares = N[0] * N[1] / 2;
         assert!(carried.places.len() > 3 * squares, "{} samples, {squares} dark columns", carried.places.len());
@@ -150,12 +207,12 @@ mod tests {
             vec![(cell.wrapping_mul(2_246_822_519) >> 31) as f32; 2]
         };
         let (bins, validity) = chessboard(14, 2, dots);
-        assert!(carry(&bins, &validity).is_none());
+        assert!(carry(&bins, &validity, None).is_none());
     }
 
     #[test]
     fn a_white_board_needs_nothing() {
         let (bins, validity) = chessboard(1000, 4, phases);
-        assert!(carry(&bins, &validity).is_none());
+        assert!(carry(&bins, &validity, None).is_none());
     }
 }

@@ -64,7 +64,7 @@ pub(super) fn judge(
         placed.n_positions(),
         evidence.step_mm,
     ));
-    judgment.extend(field::judge(&evidence.held_out));
+    judgment.extend(field::judge(&evidence.held_out, span.along_rays_mm));
     judgment.extend(evidence.without_consensus.iter().map(|name| {
         let sentence =
             format!("board position {name} is not used, because its codewords do not fit those of the others");

@@ -86,7 +86,7 @@ impl Checkpoint<'_> {
     }
 
     /// Reads the calibrated volume.
-    fn validity(&self, shape: ValidityShape) -> Result<Validity, CheckpointError> {
+    fn validity(&self, shape: ValidityShape, k: usize) -> Result<Validity, CheckpointError> {
         let ranges = self.floats("t_range", &[shape.tiles[0], shape.tiles[1], 2])?;
         let t_range = ranges.as_chunks::<2>().0.to_vec();
         // An empty tile has near > far; any other lies before the camera.
@@ -97,7 +97,14 @@ impl Checkpoint<'_> {
         // Earlier versions did not count positions, and there are none to count without a sweep.
         let counted = self.tensors.names().contains(&"positions");
         let positions = if counted { self.tensor("positions", Dtype::U8, &shape.cells[..2])? } else { Vec::new() };
-        Ok(Validity { shape, t_range, lit, positions })
+        // Only a field that is known along some axes of its code somewhere has them.
+        let axes =
+            if self.tensors.names().contains(&"axes") { self.tensor("axes", Dtype::U8, &[k])? } else { Vec::new() };
+        let highest = if axes.is_empty() { 1 } else { 7 };
+        if axes.iter().any(|axis| *axis > 1) || lit.iter().any(|mark| *mark > highest) {
+            return Err(self.malformed("its calibrated volume makes no sense"));
+        }
+        Ok(Validity { shape, t_range, lit, positions, axes })
     }
 }
 
@@ -151,7 +158,7 @@ impl ColorField {
         header.check().map_err(bad)?;
         let file = Checkpoint { path, tensors };
         let form = file.form(header.form, version.format)?;
-        let validity = file.validity(header.validity)?;
+        let validity = file.validity(header.validity, form.k())?;
         Ok(Self { frame: header.frame, form, validity, metadata: header.metadata })
     }
 }

@@ -74,6 +74,10 @@ impl ColorField {
         if !positions.is_empty() {
             tensors.push(("positions", TensorView::new(Dtype::U8, vec![cb, ca], positions).map_err(malformed)?));
         }
+        let axes = &self.validity.axes;
+        if !axes.is_empty() {
+            tensors.push(("axes", TensorView::new(Dtype::U8, vec![axes.len()], axes).map_err(malformed)?));
+        }
         let content = tensors.iter().map(|(name, tensor)| (*name, tensor.data()));
         let json = with_checksum(&json, &checksum(&json, content));
         let metadata = HashMap::from([("nelu3d".to_string(), json)]);

@@ -49,6 +49,8 @@ fn field(form: Form) -> ColorField {
             depth_mm: f64::NAN,
             pose_mm: 0.1,
             pose_covariance: None,
+            depth_by_support: None,
+            gross: None,
             pixels: None,
         }),
         warnings: Vec::new(),

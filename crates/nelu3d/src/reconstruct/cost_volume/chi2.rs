@@ -13,7 +13,12 @@ pub(crate) fn saturation(m: &Measurements) -> f32 {
 /// interreflection, saturating for outliers.
 #[inline]
 pub(crate) fn chi2_of_codeword(m: &Measurements, i: usize, c: &[f32], prior: [f32; 2]) -> f32 {
+    chi2_of_weighted(m, i, &m.inv_var[i * m.k..(i + 1) * m.k], c, prior)
+}
+
+/// Returns the same with other weights of the channels, `inv_var` of length k: one over their variances, or 0.
+#[inline]
+pub(crate) fn chi2_of_weighted(m: &Measurements, i: usize, inv_var: &[f32], c: &[f32], prior: [f32; 2]) -> f32 {
     let at = i * m.k..(i + 1) * m.k;
-    let measured = [&m.p, &m.inv_var, &m.surround].map(|v| &v[at.clone()]);
-    cost_volume::misfit(measured, c, prior, saturation(m))
+    cost_volume::misfit([&m.p[at.clone()], inv_var, &m.surround[at]], c, prior, saturation(m))
 }

@@ -11,7 +11,7 @@ mod hypotheses;
 mod problem;
 mod settings;
 
-pub(crate) use chi2::{chi2_of_codeword, saturation};
+pub(crate) use chi2::{chi2_of_codeword, chi2_of_weighted, saturation};
 pub(crate) use hypotheses::{HYPOTHESIS_PX, depth_hypotheses, depth_noise};
 pub use settings::CostVolumeSettings;
 

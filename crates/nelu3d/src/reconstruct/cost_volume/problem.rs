@@ -42,6 +42,8 @@ pub(super) fn solve(
 ) -> Result<Vec<Winner>, DeviceError> {
     let Some(first) = pixels.first() else { return Ok(Vec::new()) };
     let penalties = Penalties::new(s, hypotheses.count);
+    // Also what is known along one axis of the code only: there, the other channels of a pixel weigh nothing.
+    let lit = valid.lit_at_all();
     let of_camera = rays.in_frame(*first as usize);
     let problem = Problem {
         width: m.width,
@@ -55,7 +57,7 @@ pub(super) fn solve(
         inv_var: &m.inv_var,
         surround: &m.surround,
         lattice: grid.lattice(),
-        lit: LitCells { cells: valid.shape.cells, lit: &valid.lit },
+        lit: LitCells { cells: valid.shape.cells, lit: &lit },
         prior,
         saturation: saturation(m),
         step: penalties.step,

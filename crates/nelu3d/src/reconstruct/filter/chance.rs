@@ -9,7 +9,7 @@
 use nelu3d_scan::statistics::median;
 use rayon::prelude::*;
 
-use crate::reconstruct::cost_volume::chi2_of_codeword;
+use crate::reconstruct::cost_volume::{chi2_of_codeword, chi2_of_weighted};
 use crate::reconstruct::light_fractions::LightFractionPrior;
 use crate::reconstruct::refine::Refined;
 use crate::reconstruct::scene::Scene;
@@ -73,9 +73,15 @@ impl ForeignCodewords {
         // Depth moves a codeword across the light along one of its axes more than along the other.
         let axis = usize::from((to[1] - from[1]).abs() > (to[0] - from[0]).abs());
         let [low, high] = [from[axis].min(to[axis]) - MARGIN, from[axis].max(to[axis]) + MARGIN];
-        let foreign: Vec<usize> =
-            self.donors.iter().filter(|(_, q)| q[axis] < low || q[axis] > high).map(|(j, _)| *j).collect();
-        let foreign: Vec<usize> = spread(&foreign, FOREIGN).collect();
+        // Of codewords of which less is known, more is explained: only what is known of both counts.
+        let is_foreign =
+            |(j, q): &(usize, [f32; 2])| (q[axis] < low || q[axis] > high) && rays.known[*j].covers(rays.known[i]);
+        let foreign: Vec<usize> = self.donors.iter().filter(|donor| is_foreign(donor)).map(|(j, _)| *j).collect();
+        let of_own = |j: usize| {
+            let (own, foreign) = (&m.inv_var[i * m.k..(i + 1) * m.k], &m.inv_var[j * m.k..(j + 1) * m.k]);
+            own.iter().zip(foreign).map(|(own, foreign)| if *own > 0.0 { *foreign } else { 0.0 }).collect()
+        };
+        let foreign: Vec<(usize, Vec<f32>)> = spread(&foreign, FOREIGN).map(|j| (j, of_own(j))).collect();
         if foreign.len() < MIN_FOREIGN {
             return None;
         }
@@ -86,12 +92,12 @@ impl ForeignCodewords {
         let depths = ((last - first) / step).ceil().max(1.0) as usize;
         for n in 0..=depths {
             let q = at(first + (last - first) * n as f32 / depths as f32);
-            if !field.validity.is_lit(q) {
+            if !rays.is_calibrated(i, q, &field.validity) {
                 continue;
             }
             spline.eval(q, &mut c);
-            for (best, j) in best.iter_mut().zip(&foreign) {
-                *best = best.min(chi2_of_codeword(m, *j, &c, prior));
+            for (best, (j, inv_var)) in best.iter_mut().zip(&foreign) {
+                *best = best.min(chi2_of_weighted(m, *j, inv_var, &c, prior));
             }
         }
         Some(best.iter().filter(|b| **b <= own).count() as f32 / best.len() as f32)

@@ -49,7 +49,7 @@ pub(crate) fn filter(
         // The ends of the volume reject what may lie beyond, they do not collect it.
         let (last, first) = (1.0 / (near * dir_z) - 0.5 * step, 1.0 / (far * dir_z) + 0.5 * step);
         let inside = refined.inv_z[i] >= first && refined.inv_z[i] <= last;
-        if !(inside && field.validity.is_lit(rays.in_frame(i).at(f64::from(t)).q)) {
+        if !(inside && rays.is_calibrated(i, rays.in_frame(i).at(f64::from(t)).q, &field.validity)) {
             m.status[i] = PixelStatus::OutsideVolume;
         } else if chi2[i] > max_chi2 {
             m.status[i] = PixelStatus::Ambiguous;

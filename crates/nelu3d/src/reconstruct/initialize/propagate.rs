@@ -123,7 +123,7 @@ fn best_offsets(decoder: &Decoder<'_>, m: &Measurements, near: &[f32], on: &[boo
                     let t = 1.0 / ((near[i] + offset as f32 * step) * rays.dir_z(i));
                     let q = rays.in_frame(i).at(f64::from(t)).q;
                     let [close, far] = rays.range[i];
-                    if !(t >= close && t <= far && valid.is_lit(q)) {
+                    if !(t >= close && t <= far && rays.is_calibrated(i, q, valid)) {
                         return saturation(m);
                     }
                     decoder.spline.eval(q, &mut c);

@@ -213,11 +213,11 @@ impl<'a> Refinement<'a> {
     /// Returns one standard deviation of the unknown per pixel of the window.
     fn sigma(&self) -> Vec<f32> {
         let (m, k, n) = (&self.scene.measurements, self.scene.measurements.k, self.x.len());
-        let information: Vec<Information> =
-            self.data.iter().map(|d| Information { h: d.h, chi2: d.chi2 / m.independent }).collect();
+        let mut information = vec![Information::default(); n];
         let (mut whitened, mut slopes) = (vec![0.0f32; n * k], vec![0.0f32; n * k]);
         for i in (0..n).filter(|i| self.active[*i]) {
             let px = self.window.at(i);
+            information[i] = Information { h: self.data[i].h, chi2: self.data[i].chi2 / m.independent_at(px) };
             for j in 0..k {
                 let weight = m.inv_var[px * k + j].sqrt();
                 whitened[i * k + j] = weight * self.residual(i, px, j);
@@ -233,7 +233,7 @@ impl<'a> Refinement<'a> {
         let (m, k, channels) = (&self.scene.measurements, self.scene.measurements.k, self.channels);
         let sigma = self.sigma();
         let mut out = Refined::empty(m.n(), losses, self.fractions.albedo.clone());
-        let mut residuals = vec![0.0f32; k];
+        let mut residuals = Vec::with_capacity(k);
         for i in (0..self.x.len()).filter(|i| self.active[*i]) {
             let px = self.window.at(i);
             out.inv_z[px] = self.inv_z(i);
@@ -241,12 +241,12 @@ impl<'a> Refinement<'a> {
             let fractions = &self.fractions.of_pixels[i * channels..(i + 1) * channels];
             out.ambient[px] = fractions.iter().map(|f| f.sum()).sum::<f32>() / channels as f32;
             out.unseen[px] = fractions.iter().map(|f| f.ambient + f.unseen).sum::<f32>() / channels as f32;
-            out.chi2[px] = self.data[i].chi2 / m.independent;
-            for j in 0..k {
-                residuals[j] = self.residual(i, px, j).abs();
-            }
-            out.residual[px] = (residuals.iter().map(|r| r * r).sum::<f32>() / k as f32).sqrt();
-            out.abs_residual[px] = median(&mut residuals).expect("a pixel has channels");
+            out.chi2[px] = self.data[i].chi2 / m.independent_at(px);
+            residuals.clear();
+            let usable = (0..k).filter(|j| m.inv_var[px * k + j] > 0.0);
+            residuals.extend(usable.map(|j| self.residual(i, px, j).abs()));
+            out.residual[px] = (residuals.iter().map(|r| r * r).sum::<f32>() / residuals.len().max(1) as f32).sqrt();
+            out.abs_residual[px] = median(&mut residuals).unwrap_or(0.0);
         }
         out
     }

@@ -1,0 +1,327 @@
+//! How far off, in depth, a board is that the field was not made from: by how many others have lit the same rays.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Point3, Vector3};
+use nelu3d_scan::statistics::median;
+
+use super::placed_sweep::PlacedSweep;
+use super::sweep::Position;
+use crate::color_field::frame::FieldFrame;
+use crate::color_field::grid::Grid;
+use crate::color_field::validity::KnownAxes;
+
+/// Squares of pixels across the image over which displacements are averaged.
+const BLOCKS_ACROSS: usize = 40;
+/// Samples that are taken of a square.
+const PER_SQUARE: usize = 32;
+/// Multiple of the median displacement beyond which a sample is not counted.
+pub(super) const FAR: f32 = 4.0;
+/// Fewest pairs of neighboring squares that tell a mean square.
+const MIN_PAIRS: f64 = 20.0;
+/// Fewest samples of a square of pixels that tell its displacement.
+const MIN_IN_SQUARE: usize = 8;
+/// Multiples of the shared displacement, and of a square's own noise, beyond which it is a gross error.
+const GROSS: f64 = 5.0;
+const OWN_NOISE: f64 = 3.0;
+/// Numbers of boards that are told apart: none but carried codewords, one, two, and more.
+pub(super) const CLASSES: usize = 4;
+
+/// A sample's normal equation `h · displacement = g`, its weighted squared error, where the camera sees it, (x/z, y/z),
+/// and the square of pixels that it lies in, across and down.
+#[derive(Clone, Copy)]
+pub(super) struct Sample {
+    pub(super) g: f32,
+    pub(super) h: f32,
+    pub(super) squared: f32,
+    pub(super) plane: [f64; 2],
+    pub(super) block: [usize; 2],
+}
+
+impl Sample {
+    /// Returns where the camera sees it, as (1, x/z, y/z).
+    pub(super) fn at(&self) -> Vector3<f64> {
+        Vector3::new(1.0, self.plane[0], self.plane[1])
+    }
+
+    /// Returns the size of its displacement, mm.
+    pub(super) fn size(&self) -> f32 {
+        (self.g / self.h).abs()
+    }
+
+    /// Returns the side of a square of pixels.
+    fn block_px(width: usize) -> usize {
+        (width / BLOCKS_ACROSS).max(1)
+    }
+
+    /// Returns the square of pixels that pixel `i` lies in.
+    pub(super) fn block_of(i: usize, width: usize) -> [usize; 2] {
+        let px = Self::block_px(width);
+        [i % width / px, i / width / px]
+    }
+}
+
+/// Sum over pairs of neighboring squares of pixels: their number, weights, and weighted products of displacements, mm².
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct SharedSquare {
+    pairs: f64,
+    weight: f64,
+    product: f64,
+}
+
+impl SharedSquare {
+    /// Sums over samples, beside the displacement `plane`: (a, b, c) of a + b x/z + c y/z, mm.
+    pub(super) fn of<'a>(samples: impl Iterator<Item = &'a Sample>, plane: &Vector3<f64>) -> Self {
+        let mut blocks: BTreeMap<[usize; 2], [f64; 2]> = BTreeMap::new();
+        for s in samples {
+            let [h, g] = blocks.entry(s.block).or_default();
+            *h += f64::from(s.h);
+            *g += f64::from(s.g) - f64::from(s.h) * plane.dot(&s.at());
+        }
+        let mut sum = Self::default();
+        for ([x, y], [h, g]) in &blocks {
+            for beside in [[x + 1, *y], [*x, y + 1]] {
+                if let Some([of_beside, g_beside]) = blocks.get(&beside) {
+                    let w = h.min(*of_beside);
+                    sum.add(Self { pairs: 1.0, weight: w, product: w * (g / h) * (g_beside / of_beside) });
+                }
+            }
+        }
+        sum
+    }
+
+    /// Joins two sums.
+    pub(super) fn add(&mut self, other: Self) {
+        self.pairs += other.pairs;
+        self.weight += other.weight;
+        self.product += other.product;
+    }
+
+    /// Returns the mean square of what neighboring squares share, mm²: noise, which they do not share, adds nothing on
+    /// average. 0 where nothing is shared.
+    pub(super) fn mm2(&self) -> f64 {
+        if self.weight > 0.0 { (self.product / self.weight).max(0.0) } else { 0.0 }
+    }
+}
+
+/// The typical displacement of a square of pixels.
+#[derive(Clone, Copy, Debug)]
+struct SquareDisplacement {
+    /// Position, by index.
+    position: usize,
+    /// Number of other boards that have lit its rays, or more.
+    class: usize,
+    /// Median over its samples, mm.
+    mm: f32,
+    /// Standard deviation that their scatter leaves, mm.
+    sigma_mm: f32,
+}
+
+/// Displacements of boards from fields that were not made from them, by the number of other boards that have lit the
+/// same rays of light: 0 (codewords were carried there), 1, 2, and more.
+#[derive(Clone, Debug, Default)]
+pub(super) struct DisplacementsBySupport {
+    shared: [SharedSquare; CLASSES],
+    squares: Vec<SquareDisplacement>,
+}
+
+/// Squares of pixels on the held-out boards that are further off than the others let expect.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct GrossSquares {
+    /// Fraction of all squares.
+    pub(super) share: f64,
+    /// Position that has most of them, by index.
+    pub(super) position: usize,
+    /// Fraction of that position's squares.
+    pub(super) of_position: f64,
+}
+
+impl DisplacementsBySupport {
+    /// Compares position `p` with a field. `support` tells the number of other boards at unit
+    /// coordinates, 3 at most, and which axes of the code are known there; `axes` the axis of every channel.
+    pub(super) fn of(
+        placed: &PlacedSweep<'_>,
+        frame: &FieldFrame,
+        grid: &Grid,
+        (p, position): (usize, &Position),
+        axes: &[u8],
+        support: impl Fn([f32; 3]) -> Option<(usize, KnownAxes)>,
+    ) -> Self {
+        let (k, width) = (placed.sweep.k, placed.camera.width);
+        let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
+        let mut samples: [Vec<Sample>; CLASSES] = Default::default();
+        let stride = (Sample::block_px(width).pow(2) / PER_SQUARE).max(1);
+        let mut n = 0usize;
+        placed.for_each(p, position, |i, t, v, w| {
+            n += 1;
+            if !n.is_multiple_of(stride) {
+                return;
+            }
+            let dir = &placed.dirs[i];
+            let at = frame.along_ray(dir).at(t);
+            let inside = frame.to_unit(&Point3::from(dir * t)).is_some();
+            let Some((class, known)) = support(at.q).filter(|_| inside) else { return };
+            grid.eval_along(at.q, at.dq, &mut c, &mut d);
+            let (mut h, mut g) = (0.0, 0.0);
+            for j in (0..k).filter(|j| axes.get(*j).is_none_or(|axis| known.has(*axis))) {
+                h += w[j] * d[j] * d[j];
+                g += w[j] * d[j] * (c[j] - v[j]);
+            }
+            if h > 0.0 {
+                let plane = [dir.x / dir.z, dir.y / dir.z];
+                samples[class].push(Sample { g, h, squared: 0.0, plane, block: Sample::block_of(i, width) });
+            }
+        });
+        let mut out = Self::default();
+        for (class, of_class) in samples.iter().enumerate() {
+            let limit = median(&mut of_class.iter().map(Sample::size).collect::<Vec<_>>()).unwrap_or(0.0) * FAR;
+            out.shared[class] = SharedSquare::of(of_class.iter().filter(|s| s.size() <= limit), &Vector3::zeros());
+            out.squares.extend(square_displacements(of_class, p, class));
+        }
+        out
+    }
+
+    /// Joins what another position tells.
+    pub(super) fn add(&mut self, other: &Self) {
+        self.shared.iter_mut().zip(other.shared).for_each(|(sum, s)| sum.add(s));
+        self.squares.extend_from_slice(&other.squares);
+    }
+
+    /// Returns how many squares of the boards are gross errors: beyond five times the root mean square of
+    /// [`Self::rms_mm`] and three times their own noise. `None` if there are too few squares to tell.
+    pub(super) fn gross(&self) -> Option<GrossSquares> {
+        let rms = self.rms_mm()?;
+        let is_gross =
+            |s: &&SquareDisplacement| f64::from(s.mm.abs()) > GROSS * rms[s.class] + OWN_NOISE * f64::from(s.sigma_mm);
+        let mut positions: BTreeMap<usize, [f64; 2]> = BTreeMap::new();
+        for s in &self.squares {
+            let [all, gross] = positions.entry(s.position).or_default();
+            *all += 1.0;
+            *gross += f64::from(u8::from(is_gross(&s)));
+        }
+        let share = positions.values().map(|p| p[1]).sum::<f64>() / self.squares.len().max(1) as f64;
+        let of = |p: &[f64; 2]| p[1] / p[0];
+        let (position, worst) = positions.iter().max_by(|a, b| of(a.1).total_cmp(&of(b.1)))?;
+        Some(GrossSquares { share, position: *position, of_position: of(worst) })
+    }
+
+    /// Returns one standard deviation of what a further board is off by, mm, as [`Self::rms_mm`]: wider, since few boards
+    /// tell how far boards are off (Student's t).
+    pub(super) fn sigma_mm(&self) -> Option<[f64; CLASSES]> {
+        let boards: BTreeSet<usize> = self.squares.iter().map(|s| s.position).collect();
+        let freedom = boards.len().saturating_sub(1).max(1) as f64;
+        Some(self.rms_mm()?.map(|mm| mm * (1.0 + STUDENT / freedom)))
+    }
+
+    /// Returns the root mean square displacement, mm, per number of boards: none, one, two, and more; `None` if there
+    /// are too few of them to tell. More boards are never worse than fewer.
+    pub(super) fn rms_mm(&self) -> Option<[f64; CLASSES]> {
+        let known: [Option<f64>; CLASSES] = self.shared.map(|s| (s.pairs >= MIN_PAIRS).then(|| s.mm2()));
+        // A field of n boards and one more are (1 + 1/n) times as far apart as a board is off.
+        let of_board = |n: usize| 1.0 + 1.0 / n as f64;
+        let (mut pairs, mut board) = (0.0, 0.0);
+        for n in 1..CLASSES {
+            if let Some(mm2) = known[n] {
+                pairs += self.shared[n].pairs;
+                board += self.shared[n].pairs * mm2 / of_board(n);
+            }
+        }
+        if pairs == 0.0 {
+            return None;
+        }
+        let mut mm2 = [0.0; CLASSES];
+        let mut least = 0.0f64;
+        for n in (0..CLASSES).rev() {
+            let expected = if n > 0 { board / pairs * of_board(n) } else { least };
+            least = least.max(known[n].unwrap_or(expected));
+            mm2[n] = least;
+        }
+        Some(mm2.map(f64::sqrt))
+    }
+}
+
+/// Half of the width that holds 68 % of Student's t distribution with ν degrees of freedom, over that of a normal
+/// distribution: 1 + 0.58 / ν, to 0.01 for 3 degrees and more.
+const STUDENT: f64 = 0.58;
+
+/// Returns the displacement of every square of pixels that has enough samples of a class.
+fn square_displacements(samples: &[Sample], position: usize, class: usize) -> impl Iterator<Item = SquareDisplacement> {
+    let mut blocks: BTreeMap<[usize; 2], Vec<f32>> = BTreeMap::new();
+    for s in samples {
+        blocks.entry(s.block).or_default().push(s.g / s.h);
+    }
+    blocks.into_values().filter(|mm| mm.len() >= MIN_IN_SQUARE).filter_map(move |mut of_square| {
+        let n = of_square.len() as f32;
+        let mm = median(&mut of_square)?;
+        let scatter = median(&mut of_square.iter().map(|x| (x - mm).abs()).collect::<Vec<_>>())?;
+        Some(SquareDisplacement { position, class, mm, sigma_mm: 1.5 * scatter / n.sqrt() })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Samples over 30 × 20 squares, whose displacement is `mm(x, y)` and noise of 2 mm each.
+    fn samples(mm: impl Fn(f64, f64) -> f64) -> Vec<Sample> {
+        let noise = |i: usize| 2.0 * ((i as f64 * 0.618_034).fract() - 0.5);
+        (0..30 * 20 * 16)
+            .map(|i| {
+                let block = [i / 16 % 30, i / 480];
+                let plane = [block[0] as f64 / 300.0, block[1] as f64 / 300.0];
+                let d = mm(plane[0], plane[1]) + noise(i * 7919);
+                Sample { g: (4.0 * d) as f32, h: 4.0, squared: 0.0, plane, block }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn what_neighbors_share_is_no_noise() {
+        let flat = samples(|_, _| 0.0);
+        let none = SharedSquare::of(flat.iter(), &Vector3::zeros());
+        assert!(none.mm2() < 0.003, "{none:?}");
+        // A bend of 0.4 mm, root mean square, on a tilted plane.
+        let plane = Vector3::new(0.5, -3.0, 2.0);
+        let bent = samples(|x, y| 0.57 * (80.0 * x).sin() + 0.5 - 3.0 * x + 2.0 * y);
+        let beside = SharedSquare::of(bent.iter(), &plane).mm2().sqrt();
+        assert!((0.33..0.43).contains(&beside), "{beside}");
+        assert!(SharedSquare::of(bent.iter(), &Vector3::zeros()).mm2().sqrt() > 0.45);
+    }
+
+    #[test]
+    fn fewer_boards_are_never_better() {
+        let of = |mm: [f64; CLASSES], pairs: [f64; CLASSES]| {
+            let class =
+                |i: usize| SharedSquare { pairs: pairs[i], weight: pairs[i], product: pairs[i] * mm[i] * mm[i] };
+            DisplacementsBySupport { shared: [0, 1, 2, 3].map(class), squares: Vec::new() }.rms_mm()
+        };
+        let close = |a: [f64; CLASSES], b: [f64; CLASSES]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
+        assert!(close(of([4.0, 2.0, 1.0, 0.5], [99.0; 4]).unwrap(), [4.0, 2.0, 1.0, 0.5]));
+        assert!(close(of([4.0, 0.7, 1.0, 0.5], [99.0; 4]).unwrap(), [4.0, 1.0, 1.0, 0.5]));
+        // From two boards alone: one board is √(3/2) off, and √2 from another.
+        let expected = [2.0, 2.0, 1.5, 4.0 / 3.0].map(f64::sqrt);
+        assert!(close(of([0.0, 0.0, 1.5f64.sqrt(), 0.0], [3.0, 3.0, 99.0, 3.0]).unwrap(), expected));
+        assert_eq!(of([1.0; 4], [99.0, 3.0, 3.0, 3.0]), None);
+    }
+
+    #[test]
+    fn a_part_of_one_board_that_is_far_off_is_found() {
+        let mut all = DisplacementsBySupport::default();
+        for position in 0..4 {
+            // The last board's lower left corner shows another period of the code.
+            let of = samples(|x, y| if position == 3 && x < 0.03 && y > 0.03 { 40.0 } else { 0.3 * (60.0 * x).sin() });
+            let shared = [0, 0, 1, 0].map(|is| {
+                let near = of.iter().filter(|s| is == 1 && s.size() < 5.0);
+                SharedSquare::of(near, &Vector3::zeros())
+            });
+            let squares = square_displacements(&of, position, 2).collect();
+            all.add(&DisplacementsBySupport { shared, squares });
+        }
+        let gross = all.gross().unwrap();
+        let expected = 9.0 * 10.0 / 600.0;
+        assert!(gross.position == 3 && (gross.of_position - expected).abs() < 0.02, "{gross:?}");
+        assert!((gross.share - expected / 4.0).abs() < 0.005, "{gross:?}");
+        all.squares.retain(|s| s.position != 3);
+        assert_eq!(all.gross().unwrap().share, 0.0);
+    }
+}
