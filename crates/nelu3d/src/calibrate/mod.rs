@@ -108,6 +108,7 @@ pub fn calibrate(
         cells_per_pixel: best.cells_per_pixel,
         step_mm: placed.typical_step_mm(),
         quality: Some(best.quality.clone()),
+        residual: None,
         warnings: Vec::new(),
         boards: places(&geometry.trajectory, &placed),
         board_bend: geometry.trajectory.bend().copied(),

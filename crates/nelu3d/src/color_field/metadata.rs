@@ -45,6 +45,10 @@ pub struct FieldMetadata {
     pub step_mm: f64,
     /// Quality of its predictions at held-out positions.
     pub quality: Option<Quality>,
+    /// What the codewords of scenes leave beside a field from a calibrated projector; `None` for a field from a sweep, and
+    /// in fields of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residual: Option<ProjectorResidual>,
     /// Codes of the warnings of its calibration; none where it is good.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
@@ -62,20 +66,36 @@ pub struct FieldMetadata {
 }
 
 impl FieldMetadata {
+    /// Returns the variances of the field's errors, noise included, and of noise alone, normalized intensity squared: at
+    /// held-out positions, or on the scenes that a field from a projector was fitted to; `None` where neither is known.
+    fn variances(&self) -> Option<[f64; 2]> {
+        let of_projector = || self.residual.map(|r| [r.sigma * r.sigma, r.noise_sigma * r.noise_sigma]);
+        let of_positions = |q: &Quality| [q.psnr_db, q.ceiling_db].map(|db| 10f64.powf(-db / 10.0));
+        self.quality.as_ref().map(of_positions).or_else(of_projector)
+    }
+
     /// Returns whether unseen positions are predicted to within 3 dB of what noise allows; true for a field from a
     /// calibrated projector, which has no positions.
     pub fn is_at_its_noise(&self) -> bool {
         self.quality.as_ref().is_none_or(|q| q.psnr_db > q.ceiling_db - 3.0)
     }
 
-    /// Returns the standard deviation of the color field's own error, normalized intensity: the error at held-out
-    /// positions beyond their noise, and at least `min`, because interreflection, nonlinearity of the sensor and the
-    /// like never vanish.
+    /// Returns the standard deviation of the color field's own error, normalized intensity: what it is off by beyond
+    /// noise, and at least `min`, because interreflection, nonlinearity of the sensor and the like never vanish.
     pub fn model_sigma(&self, min: f32) -> f32 {
-        let q = self.quality.as_ref();
-        let excess = q.map_or(1e-4, |q| (10f64.powf(-q.psnr_db / 10.0) - 10f64.powf(-q.ceiling_db / 10.0)).max(0.0));
+        let excess = self.variances().map_or(1e-4, |[error, noise]| (error - noise).max(0.0));
         (excess.sqrt() as f32).max(min)
     }
+}
+
+/// What the codewords of scenes leave beside a field from a calibrated projector.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProjectorResidual {
+    /// Standard deviation of their distance from the field, normalized intensity, by its median.
+    pub sigma: f64,
+    /// Standard deviation that noise alone gives them, normalized intensity: root of the median variance.
+    pub noise_sigma: f64,
 }
 
 /// Where the board stood at a position of a sweep.

@@ -27,6 +27,6 @@ pub mod validity;
 pub use camera_rays::CameraRays;
 pub use compatibility::{FieldMismatch, camera_key, check_field, check_mono};
 pub use field::{ColorField, Form};
-pub use metadata::{BoardPlace, FieldMetadata, PixelQuality, Quality};
+pub use metadata::{BoardPlace, FieldMetadata, PixelQuality, ProjectorResidual, Quality};
 pub use motion::LightMotion;
 pub use spline_evaluator::SplineEvaluator;

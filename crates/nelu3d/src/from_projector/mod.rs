@@ -11,12 +11,13 @@ mod render;
 mod response;
 
 use nelu3d_scan::rig::{Capture, PatternSet};
+use nelu3d_scan::statistics::median;
 use nelu3d_scan::{Image, Projector, Rig};
 
 use crate::calibrate::{CalibrationError, CalibrationReport};
 use crate::color_field::frame::{Center, FieldFrame};
 use crate::color_field::validity::Validity;
-use crate::color_field::{ColorField, FieldMetadata, Form, camera_key};
+use crate::color_field::{ColorField, FieldMetadata, Form, ProjectorResidual, camera_key};
 use crate::progress::{Progress, StageClock};
 use crate::reconstruct::{Codeword, decode_codewords};
 use crate::sensor::NoiseModel;
@@ -64,7 +65,7 @@ pub fn calibrate_from_projector(
     clock.begin("estimate blur and response");
     let validity = lit_volume(&rig.camera, projector, &frame, depth_mm);
     let fit = ResponseFit { rig, projector, patterns, captures, frame, validity, metadata: metadata(rig, set, noise) };
-    let Some((residual, response, mut field)) = fit.best(progress)? else {
+    let Some(Fitted { residual, noise_sigma, response, mut field }) = fit.best(progress)? else {
         let reason = "no scene could be decoded, so blur and response stay unknown; check the projector's calibration, \
                       or give a depth range";
         return Err(projector_error(rig.root.join("scenes"), reason));
@@ -72,6 +73,8 @@ pub fn calibrate_from_projector(
     field.metadata.settings = serde_json::json!({
         "options": opts, "response": response, "residual": residual, "depth_mm": depth_mm,
     });
+    // The standard deviation of a normal distribution with that median.
+    field.metadata.residual = Some(ProjectorResidual { sigma: 1.4826 * residual, noise_sigma });
     let center = projector.center();
     let report = CalibrationReport {
         judgment: Judgment::default(),
@@ -122,12 +125,23 @@ fn metadata(rig: &Rig, set: &PatternSet, noise: NoiseModel) -> FieldMetadata {
         cells_per_pixel: 1,
         step_mm: 0.0,
         quality: None,
+        residual: None,
         warnings: Vec::new(),
         boards: Vec::new(),
         board_bend: None,
         corrected: Vec::new(),
         settings: serde_json::Value::Null,
     }
+}
+
+/// A field whose blur and response were fitted to scenes.
+struct Fitted {
+    /// Median absolute residual of the scenes' codewords, normalized intensity.
+    residual: f64,
+    /// Root of the median variance that noise gives these, normalized intensity.
+    noise_sigma: f64,
+    response: Response,
+    field: ColorField,
 }
 
 /// The estimation of blur and response, and all that it compares.
@@ -143,10 +157,10 @@ struct ResponseFit<'a> {
 }
 
 impl ResponseFit<'_> {
-    /// Decodes the scenes and fits the response by turns, from every start, and returns the best median residual with
-    /// its response and field; `None` if no scene could be decoded.
-    fn best(&self, progress: &Progress) -> Result<Option<(f64, Response, ColorField)>, CalibrationError> {
-        let mut best: Option<(f64, Response, ColorField)> = None;
+    /// Decodes the scenes and fits the response by turns, from every start, and returns the fit with the smallest median
+    /// residual; `None` if no scene could be decoded.
+    fn best(&self, progress: &Progress) -> Result<Option<Fitted>, CalibrationError> {
+        let mut best: Option<Fitted> = None;
         let starts = if exponent_matters(&self.patterns) { &FIRST_GAMMAS[..] } else { &FIRST_GAMMAS[..1] };
         for gamma in starts.iter().copied() {
             let mut response = Response { blur_px: FIRST_BLUR_PX, offset: 0.0, scale: 1.0, gamma };
@@ -160,8 +174,10 @@ impl ResponseFit<'_> {
                 }
                 let (fitted, residual) = fit_response(&self.patterns, self.projector, &codewords);
                 tracing::debug!(gamma, round, ?fitted, residual, pixels = codewords.len(), "response");
-                if best.as_ref().is_none_or(|b| residual < b.0) {
-                    best = Some((residual, fitted, self.field(fitted)));
+                if best.as_ref().is_none_or(|b| residual < b.residual) {
+                    let variance = median(&mut codewords.iter().map(|c| c.variance).collect::<Vec<_>>());
+                    let noise_sigma = f64::from(variance.unwrap_or(0.0)).sqrt();
+                    best = Some(Fitted { residual, noise_sigma, response: fitted, field: self.field(fitted) });
                 } else {
                     break;
                 }

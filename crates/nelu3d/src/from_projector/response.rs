@@ -162,7 +162,11 @@ mod tests {
             .map(|i| {
                 let point = [100.0 + f64::from(i % 200 - 100) * 2.3, f64::from(i / 200 - 10) * 2.0, 650.0];
                 let px = projector.project(&Point3::from(point)).unwrap();
-                Codeword { point, intensities: vec![expected.offset + expected.scale * value_at(&image, px)] }
+                Codeword {
+                    point,
+                    intensities: vec![expected.offset + expected.scale * value_at(&image, px)],
+                    variance: 0.0,
+                }
             })
             .collect();
         let (found, residual) = fit_response(&[pattern], &projector, &codewords);
@@ -191,7 +195,7 @@ mod tests {
             .map(|i| {
                 let point = [f64::from(i % 200 - 100) * 0.7, f64::from(i / 200), 650.0];
                 let px = projector.project(&Point3::from(point)).unwrap();
-                Codeword { point, intensities: vec![0.05 + 0.8 * value_at(&image, px)] }
+                Codeword { point, intensities: vec![0.05 + 0.8 * value_at(&image, px)], variance: 0.0 }
             })
             .collect();
         let (found, residual) = fit_response(&[binary], &projector, &codewords);

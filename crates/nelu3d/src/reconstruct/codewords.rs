@@ -18,6 +18,8 @@ pub(crate) struct Codeword {
     pub(crate) point: [f64; 3],
     /// The k normalized intensities; NaN where a channel is unusable.
     pub(crate) intensities: Vec<f32>,
+    /// Mean variance that noise gives them, normalized intensity squared.
+    pub(crate) variance: f32,
 }
 
 /// Largest number of pixels that are decoded: a sample is enough.
@@ -49,7 +51,10 @@ pub(crate) fn decode_codewords(capture: &Capture, camera: &Camera, field: &Color
             let [u, v] = rays.plane[i].map(f64::from);
             let intensities =
                 (i * k..(i + 1) * k).map(|j| if m.inv_var[j] > 0.0 { m.p[j] } else { f32::NAN }).collect();
-            Codeword { point: [u * z, v * z, z], intensities }
+            let inv_var = m.inv_var[i * k..(i + 1) * k].iter().filter(|v| **v > 0.0);
+            let (n, sum) = inv_var.fold((0, 0.0), |(n, sum), v| (n + 1, sum + 1.0 / v));
+            let variance = (sum / n.max(1) as f32 - MODEL_SIGMA * MODEL_SIGMA).max(0.0);
+            Codeword { point: [u * z, v * z, z], intensities, variance }
         })
         .collect()
 }

@@ -53,6 +53,7 @@ fn field(form: Form) -> ColorField {
             gross: None,
             pixels: None,
         }),
+        residual: None,
         warnings: Vec::new(),
         boards: Vec::new(),
         board_bend: None,
