@@ -45,7 +45,7 @@ pub(super) struct HeldOutErrors {
     depth: Vec<f32>,
     /// By how much each position seems to be displaced along the rays.
     displacements: Vec<Displacement>,
-    /// The same by the number of boards that support the field, where positions are held out in turn.
+    /// Displacements by the number of boards that support the field, where positions are held out in turn.
     pub(super) by_support: DisplacementsBySupport,
 }
 

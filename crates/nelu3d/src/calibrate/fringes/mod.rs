@@ -211,6 +211,47 @@ mod tests {
     }
 
     #[test]
+    fn beside_a_board_the_stripes_that_cross_it_are_known() {
+        // Nothing was right of column 150, where stripes along x come from the left, and those along y from nowhere.
+        let edge = 150.0 / N[0] as f32;
+        let (bins, _) = chessboard(14, 4, phases);
+        let mut left = Bins::new([N[0], N[1], 4], 4);
+        let mut validity = Validity::new(32, 32, 8, [N[0] / 2, N[1] / 2, 8]);
+        bins.for_each_sample(|q, values, omegas| {
+            if q[0] < edge {
+                left.add(q, values, omegas);
+                if omegas[0] > 100.0 {
+                    validity.add([5.0, 5.0], 700.0, q);
+                }
+            }
+        });
+        let carried = carry(&left, &validity, None).unwrap();
+        assert!(carried.axes[0] == carried.axes[1] && carried.axes[2] == carried.axes[3]);
+        assert_ne!(carried.axes[0], carried.axes[2]);
+        let (along_x, along_y) = (carried.axes[2], carried.axes[0]);
+        let beside: Vec<KnownAxes> = carried.places.iter().filter(|p| p.0[0] > edge + 0.03).map(|p| p.1).collect();
+        assert!(beside.len() > 1000, "{}", beside.len());
+        assert!(beside.iter().all(|known| known.has(along_x) && !known.has(along_y)));
+        assert!(carried.report.one_axis > 0.02 && carried.report.share > 0.2, "{:?}", carried.report);
+        // What is carried there is right, and the other channels weigh nothing.
+        let mut filled = Bins::new([N[0], N[1], 4], 4);
+        filled.add_all(&[carried.samples]);
+        let (mut n, mut off) = (0, 0.0);
+        filled.for_each_sample(|q, values, omegas| {
+            if q[0] > edge + 0.03 {
+                let truth = phases([f64::from(q[0]) * N[0] as f64, f64::from(q[1]) * N[1] as f64]);
+                assert!(omegas[0] == 0.0 && omegas[1] == 0.0 && omegas[2] > 0.0);
+                n += 2;
+                off += [2, 3].iter().map(|j| f64::from((values[*j] - truth[*j]).powi(2))).sum::<f64>();
+            }
+        });
+        assert!((off / f64::from(n)).sqrt() < 0.08, "{}", (off / f64::from(n)).sqrt());
+        // Only where it is asked for.
+        let nowhere = Validity { lit: vec![0; validity.lit.len()], ..validity.clone() };
+        assert!(carry(&left, &validity, Some(&nowhere)).is_none());
+    }
+
+    #[test]
     fn a_white_board_needs_nothing() {
         let (bins, validity) = chessboard(1000, 4, phases);
         assert!(carry(&bins, &validity, None).is_none());

@@ -11,9 +11,9 @@ use crate::color_field::frame::{Center, FieldFrame};
 use crate::color_field::frequency::{FrequencyForm, FrequencySettings, Octaves};
 use crate::color_field::grid::Grid;
 use crate::color_field::hash::{HashForm, HashSettings};
-use crate::color_field::metadata::{FieldMetadata, Quality};
+use crate::color_field::metadata::{FieldMetadata, ProjectorResidual, Quality};
 use crate::color_field::published::{PublishedForm, PublishedOptions, PublishedSettings};
-use crate::color_field::validity::Validity;
+use crate::color_field::validity::{KnownAxes, Validity};
 use crate::sensor::NoiseModel;
 
 /// A field of two channels for a camera of 20 × 12 px.
@@ -119,6 +119,35 @@ fn described(bytes: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     out.extend_from_slice(&header);
     out.extend_from_slice(&bytes[8 + n..]);
     out
+}
+
+#[test]
+fn what_is_known_along_one_axis_is_read_back() {
+    let mut partly = grid();
+    partly.validity.axes = vec![0, 1];
+    partly.validity.light_along([0.8, 0.4, 0.5], KnownAxes::only(1));
+    let read = load(&bytes(&partly)).unwrap();
+    assert_eq!(read.validity, partly.validity);
+    assert!(read.validity.known_at([0.8, 0.4, 0.5]).has(1) && !read.validity.known_at([0.8, 0.4, 0.5]).is_all());
+    // Without the channels' axes, such a mark says nothing.
+    partly.validity.axes.clear();
+    assert!(load(&bytes(&partly)).is_err());
+    partly.validity.axes = vec![0, 2];
+    assert!(load(&bytes(&partly)).is_err());
+}
+
+#[test]
+fn what_the_field_is_off_by_is_known_of_positions_or_of_scenes() {
+    let mut metadata = grid().metadata;
+    // 30 dB where 40 are possible: 0.0316² is 0.01² of noise, and the rest.
+    metadata.quality.as_mut().unwrap().psnr_db = 30.0;
+    assert!((metadata.model_sigma(0.005) - 0.03).abs() < 1e-4);
+    metadata.quality = None;
+    assert!((metadata.model_sigma(0.005) - 0.01).abs() < 1e-6);
+    metadata.residual = Some(ProjectorResidual { sigma: 0.05, noise_sigma: 0.03 });
+    assert!((metadata.model_sigma(0.005) - 0.04).abs() < 1e-6);
+    metadata.residual = Some(ProjectorResidual { sigma: 0.02, noise_sigma: 0.03 });
+    assert_eq!(metadata.model_sigma(0.005), 0.005);
 }
 
 #[test]
