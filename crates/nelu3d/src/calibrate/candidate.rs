@@ -230,17 +230,17 @@ impl Candidate {
     }
 }
 
-/// What the positions tell that are not held out.
+/// What the positions that are not held out tell beside their own samples.
 struct Others {
-    /// Where they tell codewords, those that were carried included.
+    /// The rays of light whose codewords they tell, carried ones included.
     known: Validity,
-    /// Samples that were carried along the stripes.
+    /// The samples that were carried along the stripes.
     carried: Option<Gathered>,
 }
 
 impl Others {
-    /// Carries samples along the stripes, and adds them to the bins of the other positions, in which `all` positions
-    /// are not.
+    /// Carries samples of the other positions along the stripes and adds them to `bins`, which hold those positions
+    /// alone. Only rays that are lit in `all`, the volume of all positions, are filled: no others are compared.
     fn add_carried(bins: &mut Bins, all: &Validity) -> Self {
         let mut known = Columns::lit_in(bins, all);
         let carried = carry(bins, &known, Some(all)).map(|carried| {

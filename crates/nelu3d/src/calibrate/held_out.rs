@@ -179,7 +179,7 @@ impl HeldOutErrors {
         let mean_square = self.displacements.iter().map(|d| d.mm * d.mm).sum::<f64>() * part + uneven;
         let mut covariance: Matrix3<f64> =
             self.displacements.iter().map(|d| d.plane * d.plane.transpose() * part).sum();
-        // No plane, but as far as one board goes shared by neighbors: it has no place of its own.
+        // What is no plane may lie anywhere on a board: it adds to the variance everywhere.
         covariance[(0, 0)] += uneven;
         tracing::debug!(
             uneven = uneven.sqrt(),
