@@ -4,12 +4,14 @@
     python3 benches/real/leave_one_out.py PROGRAM RIG FOLDER [--sets both,rows] [--boards 0,1,2] [--projector]
 
 RIG has a sweep `calibration/000 …`, and every position as a scene `board0 …` with its own plane as ground truth, as the
-shared `kamino`. Prints a row per set and board; results lie in FOLDER, and what is there is not computed again.
+shared `kamino`. Prints a row per set and board. Results lie in FOLDER, in a folder named after the program's SHA-256;
+what is there is not computed again.
 `--projector` adds a row of a field that is computed from a projector calibrated from the same other boards (the set
 must have Gray code along both axes somewhere in the rig). Nothing is written to RIG.
 """
 
 import argparse
+import hashlib
 import json
 import pathlib
 import shutil
@@ -40,6 +42,11 @@ def without(rig, board, folder):
     return folder
 
 
+def number(value, digits, times=1):
+    """Writes a number; a dash for one that there is none of, as where nothing has a depth."""
+    return "–" if value is None else f"{times * value:.{digits}f}"
+
+
 def row(label, board, calibrated, scanned):
     """Prints a row of the table."""
     metrics = scanned["summary"]["metrics"]
@@ -47,13 +54,19 @@ def row(label, board, calibrated, scanned):
     quality = calibrated["report"].get("quality")
     decibels = f"{quality['psnr_db']:.1f} ({quality['ceiling_db']:.1f})" if quality else "–"
     codes = ", ".join(f"`{w['code']}`" for w in calibrated["warnings"] + scanned["warnings"])
-    print(
-        f"| board {board}, {label} | {decibels} | {whole['depth_mm']['mae']:.3f} | {body['depth_mm']['median']:.3f} "
-        f"| {100 * whole['coverage']:.1f} | {100 * whole['sigma']['gross']:.2f} "
-        f"| {100 * body['sigma']['within_1']:.0f}, {100 * body['sigma']['within_2']:.0f} "
-        f"| {body['sigma']['median_mm']:.2f} | {scanned['verdict']}{': ' if codes else ''}{codes} |",
-        flush=True,
-    )
+    sigma = body["sigma"]
+    columns = [
+        f"board {board}, {label}",
+        decibels,
+        number(whole["depth_mm"]["mae"], 3),
+        number(body["depth_mm"]["median"], 3),
+        number(whole["coverage"], 1, 100),
+        number(whole["sigma"]["gross"], 2, 100),
+        f"{number(sigma['within_1'], 0, 100)}, {number(sigma['within_2'], 0, 100)}",
+        number(sigma["median_mm"], 2),
+        f"{scanned['verdict']}{': ' if codes else ''}{codes}",
+    ]
+    print(f"| {' | '.join(columns)} |", flush=True)
 
 
 def main():
@@ -65,7 +78,8 @@ def main():
     parser.add_argument("--boards", default="0,1,2,3,4")
     parser.add_argument("--projector", action="store_true")
     args = parser.parse_args()
-    rig, folder = args.rig.resolve(), args.folder
+    of_program = hashlib.sha256(pathlib.Path(args.program).read_bytes()).hexdigest()[:12]
+    rig, folder = args.rig.resolve(), args.folder / of_program
     folder.mkdir(parents=True, exist_ok=True)
     print("| case | held out (noise allows), dB | MAE, mm | body median, mm | coverage, % | gross, % "
           "| within 1σ, 2σ (body), % | 1σ, mm | verdict |\n|---|---|---|---|---|---|---|---|---|")

@@ -71,10 +71,12 @@ pub(super) fn fit_best_frame(
 }
 
 /// Returns the best of at least one candidate: of those in the light's frame, the one whose errors at the held-out
-/// positions are the smallest in depth; of that and the one in the camera's frame, the one that predicts codewords best.
+/// positions are the smallest in depth; of that and the one in the camera's frame, the one that predicts codewords
+/// best.
 ///
-/// Cells finer than pixels follow the edges of a code better, which decibels reward, and its noise, which depth does not
-/// forgive: four to eight boards of Gray code, held by hand, have 1 dB more with them and 1.5 to 1.8 times the error.
+/// Cells finer than pixels follow the edges of a code better, which decibels reward, and its noise, which depth does
+/// not forgive: four to eight boards of Gray code, held by hand, have 1 dB more with them and 1.5 to 1.8 times the
+/// error.
 fn best_of(tried: Vec<Candidate>) -> Candidate {
     let (light, camera): (Vec<_>, Vec<_>) = tried.into_iter().partition(|c| c.center == Center::Light);
     let depth = |c: &Candidate| if c.quality.depth_mm.is_nan() { f64::INFINITY } else { c.quality.depth_mm };

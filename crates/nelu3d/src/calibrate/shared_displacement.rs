@@ -205,8 +205,8 @@ impl DisplacementsBySupport {
         Some(GrossSquares { share, position: *position, of_position: of(worst) })
     }
 
-    /// Returns one standard deviation of what a further board is off by, mm, as [`Self::rms_mm`]: wider, since few boards
-    /// tell how far boards are off (Student's t).
+    /// Returns one standard deviation of what a further board is off by, mm, as [`Self::rms_mm`]: wider, since few
+    /// boards tell how far boards are off (Student's t).
     pub(super) fn sigma_mm(&self) -> Option<[f64; CLASSES]> {
         let boards: BTreeSet<usize> = self.squares.iter().map(|s| s.position).collect();
         let freedom = boards.len().saturating_sub(1).max(1) as f64;
@@ -262,7 +262,7 @@ fn square_displacements(samples: &[Sample], position: usize, class: usize) -> im
 mod tests {
     use super::*;
 
-    /// Samples over 30 × 20 squares, whose displacement is `mm(x, y)` and noise of 2 mm each.
+    /// Samples over 30 × 20 squares, whose displacement is `mm(x, y)` and up to 1 mm of noise each.
     fn samples(mm: impl Fn(f64, f64) -> f64) -> Vec<Sample> {
         let noise = |i: usize| 2.0 * ((i as f64 * 0.618_034).fract() - 0.5);
         (0..30 * 20 * 16)

@@ -65,8 +65,8 @@ impl ColorField {
         }
     }
 
-    /// Returns the standard deviation of depth that errors of the boards' poses and shapes leave, mm, at a point with unit
-    /// coordinates `q` that the camera sees through `plane`, its (x/z, y/z); 0 where it is not known.
+    /// Returns the standard deviation of depth that errors of the boards' poses and shapes leave, mm, at a point with
+    /// unit coordinates `q` that the camera sees through `plane`, its (x/z, y/z); 0 where it is not known.
     ///
     /// Where every position was held out in turn, it is how far these were from the field where as many boards have lit
     /// the same rays: an upper bound, since a held-out board has an error of its own. Else it follows from a mean:

@@ -45,8 +45,8 @@ pub struct FieldMetadata {
     pub step_mm: f64,
     /// Quality of its predictions at held-out positions.
     pub quality: Option<Quality>,
-    /// What the codewords of scenes leave beside a field from a calibrated projector; `None` for a field from a sweep, and
-    /// in fields of older versions.
+    /// What the codewords of scenes leave beside a field from a calibrated projector; `None` for a field from a sweep,
+    /// and in fields of older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residual: Option<ProjectorResidual>,
     /// Codes of the warnings of its calibration; none where it is good.
@@ -66,8 +66,9 @@ pub struct FieldMetadata {
 }
 
 impl FieldMetadata {
-    /// Returns the variances of the field's errors, noise included, and of noise alone, normalized intensity squared: at
-    /// held-out positions, or on the scenes that a field from a projector was fitted to; `None` where neither is known.
+    /// Returns the variances of the field's errors, noise included, and of noise alone, normalized intensity squared:
+    /// at held-out positions, or on the scenes that a field from a projector was fitted to; `None` where neither is
+    /// known.
     fn variances(&self) -> Option<[f64; 2]> {
         let of_projector = || self.residual.map(|r| [r.sigma * r.sigma, r.noise_sigma * r.noise_sigma]);
         let of_positions = |q: &Quality| [q.psnr_db, q.ceiling_db].map(|db| 10f64.powf(-db / 10.0));
@@ -153,24 +154,25 @@ pub struct Quality {
     #[serde(deserialize_with = "or_nan")]
     pub depth_mm: f64,
     /// Standard deviation of depth that errors of the boards' poses and shapes leave where all boards were, mm: root
-    /// mean square displacement of held-out boards, and of squares of pixels on them, from the field of the others, along
-    /// the rays, by the root of the number of boards. 0 where it was not measured. Errors that all boards share (a wrong
-    /// focal length) are not in it.
+    /// mean square displacement of held-out boards, and of squares of pixels on them, from the field of the others,
+    /// along the rays, by the root of the number of boards. 0 where it was not measured. Errors that all boards share
+    /// (a wrong focal length) are not in it.
     #[serde(default)]
     pub pose_mm: f64,
     /// Covariance, mm², of the displacement a + b x/z + c y/z, mm, that errors of the boards' poses leave where all
-    /// boards were, along the ray through (x, y, z): 3 × 3, in the order (a, b, c), with what is no plane in a's variance.
-    /// [`Self::pose_mm`] is its root mean square over the boards; poses are wrong by angles, too. `None` where no board could be compared, and in fields of older
-    /// versions.
+    /// boards were, along the ray through (x, y, z): 3 × 3, in the order (a, b, c), with what is no plane in a's
+    /// variance. [`Self::pose_mm`] is its root mean square over the boards; poses are wrong by angles, too. `None`
+    /// where no board could be compared, and in fields of older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_covariance: Option<[[f64; 3]; 3]>,
-    /// One standard deviation of the distance in depth, mm, of a board from the field of others, as far as squares of some
-    /// pixels share it, from those that were held out: where codewords were carried from beside, where one other board has lit the same rays of light,
-    /// where two have, and where more have. `None` where positions were not held out in turn, and in fields of older
-    /// versions.
+    /// One standard deviation of the distance in depth, mm, of a board from the field of others, as far as squares of
+    /// some pixels share it, from those that were held out: where codewords were carried from beside, where one other
+    /// board has lit the same rays of light, where two have, and where more have. `None` where positions were not held
+    /// out in turn, and in fields of older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_by_support: Option<[f64; 4]>,
-    /// Fraction of the squares of pixels on held-out boards that are gross errors: five times further off than most. `None` as above.
+    /// Fraction of the squares of pixels on held-out boards that are gross errors: five times further off than most.
+    /// `None` as above.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gross: Option<f64>,
     /// Quality at random held-out samples of the other positions; form `published` alone has it, which is trained for

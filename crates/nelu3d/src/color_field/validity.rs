@@ -224,10 +224,10 @@ impl Validity {
         self.t_range = ranges.into_iter().map(|r| if r[0] < r[1] { r } else { EMPTY }).collect();
     }
 
-    /// `[t_near, t_far]` of the calibrated part of a ray, mm, and the axes of the code that are known all along it: from
-    /// the first point whose whole codeword is known to the last, of about 100 along its tile's range; where there is
-    /// none, of those that are known along the same axes. `None` where nothing is. `unit` gives the unit coordinates at
-    /// a distance.
+    /// `[t_near, t_far]` of the calibrated part of a ray, mm, and the axes of the code that are known all along it:
+    /// from the first point whose whole codeword is known to the last, of about 100 along its tile's range; where there
+    /// is none, of those that are known along the same axes. `None` where nothing is. `unit` gives the unit coordinates
+    /// at a distance.
     pub fn range_of_ray(&self, x: usize, y: usize, unit: impl Fn(f32) -> [f32; 3]) -> Option<([f32; 2], KnownAxes)> {
         const STEPS: usize = 96;
         let [near, far] = self.range(x, y)?;

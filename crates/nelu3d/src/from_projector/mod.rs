@@ -157,8 +157,8 @@ struct ResponseFit<'a> {
 }
 
 impl ResponseFit<'_> {
-    /// Decodes the scenes and fits the response by turns, from every start, and returns the fit with the smallest median
-    /// residual; `None` if no scene could be decoded.
+    /// Decodes the scenes and fits the response by turns, from every start, and returns the fit with the smallest
+    /// median residual; `None` if no scene could be decoded.
     fn best(&self, progress: &Progress) -> Result<Option<Fitted>, CalibrationError> {
         let mut best: Option<Fitted> = None;
         let starts = if exponent_matters(&self.patterns) { &FIRST_GAMMAS[..] } else { &FIRST_GAMMAS[..1] };

@@ -45,11 +45,13 @@ pub(super) struct Carried {
 impl Carried {
     /// Lights the cells of a volume that the samples lie in.
     pub(super) fn light(&self, validity: &mut Validity) {
+        if self.places.iter().any(|(_, known)| !known.is_all()) {
+            validity.axes.clone_from(&self.axes);
+        }
         for (q, known) in &self.places {
             if known.is_all() {
                 validity.light(*q);
             } else {
-                validity.axes.clone_from(&self.axes);
                 validity.light_along(*q, *known);
             }
         }

@@ -18,8 +18,8 @@ pub(in crate::calibrate) struct HeldOut<'a> {
 
 /// Fraction of the codewords' variance at unseen positions that a field has to predict, to be one.
 const MIN_PREDICTED: f64 = 0.5;
-/// Distance of unseen boards from the field beyond which 1σ does not make up for it, as a fraction of the depth that the
-/// boards span.
+/// Distance of unseen boards from the field beyond which 1σ does not make up for it, as a fraction of the depth that
+/// the boards span.
 const FAR_OFF: f64 = 0.01;
 /// Fraction of a position's squares of pixels that may be gross errors.
 const MANY_GROSS: f64 = 0.05;
@@ -30,8 +30,8 @@ const MOSTLY_GROSS: f64 = 0.2;
 pub(super) fn judge(held_out: &HeldOut<'_>, span_mm: f64) -> Vec<Finding> {
     let gross = held_out.gross.as_ref().filter(|(_, gross)| gross.of_position > MANY_GROSS).map(|(name, gross)| {
         let sentence = format!(
-            "{:.0} % of board position {name} lies where the field of the other positions has something else, far beyond \
-             what the rest of the boards is off by",
+            "{:.0} % of board position {name} lies where the field of the other positions has something else, far \
+             beyond what the rest of the boards is off by",
             100.0 * gross.of_position
         );
         let remedy = "check that position, or leave it out; where it is right, add positions around it";

@@ -1,9 +1,9 @@
 //! Whether a component's codewords are explained better than chance explains anything.
 //!
-//! How much χ² and how much light of unseen origin a right depth needs differs from scene to scene: a bright wall beside
-//! the object sends it a sixth of its light. What a wrong depth achieves can be tried: codewords from elsewhere in the
-//! same picture, which cannot belong to a ray, are looked up along it, with the same noise and the same freedom of
-//! light. With twenty Gray images next to none of them is explained as well as a right depth is; with three patterns
+//! How much χ² and how much light of unseen origin a right depth needs differs from scene to scene: a bright wall
+//! beside the object sends it a sixth of its light. What a wrong depth achieves can be tried: codewords from elsewhere
+//! in the same picture, which cannot belong to a ray, are looked up along it, with the same noise and the same freedom
+//! of light. With twenty Gray images next to none of them is explained as well as a right depth is; with three patterns
 //! some are. It is a permutation test (Fisher 1935) with the picture's own codewords.
 
 use nelu3d_scan::statistics::median;
