@@ -53,6 +53,14 @@ impl Chart {
         LightCenter { origin: self.origin, along, kappa: s[2] / self.scale, line: None }
     }
 
+    /// Returns the state of a center at a point, mm; `None` beside or behind the volume.
+    pub(super) fn state(&self, at: &Point3<f64>) -> Option<State> {
+        let toward = self.origin - at;
+        let depth = toward.dot(&self.base);
+        let tangent = |e: Vector3<f64>| (toward.dot(&e) / depth).atan();
+        (depth > 1e-3 * self.scale).then(|| [tangent(self.e1), tangent(self.e2), self.scale / toward.norm()])
+    }
+
     /// Returns the derivatives of [`LightCenter::along`] and [`LightCenter::kappa`] at a state, one for each of its
     /// coordinates.
     pub(super) fn slopes(&self, s: State) -> [Slope; 3] {
@@ -74,4 +82,22 @@ pub(super) struct Slope {
     pub(super) along: Vector3<f64>,
     /// Derivative of the inverse distance to the light's center, 1/mm.
     pub(super) kappa: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_and_centers_are_one_to_one() {
+        let chart = Chart::new(Point3::new(30.0, -20.0, 700.0));
+        for at in [Point3::new(190.0, -25.0, 20.0), Point3::new(-5.0, 630.0, -2.0), Point3::new(0.0, 0.0, 300.0)] {
+            let again = chart.center(chart.state(&at).unwrap()).position().unwrap();
+            assert!((again - at).norm() < 1e-9 * chart.scale, "{at} {again}");
+        }
+        // Beside the volume, and behind it.
+        for at in [Point3::new(30.0 + 700.0, 470.0, 700.0), Point3::new(60.0, -40.0, 1400.0)] {
+            assert!(chart.state(&at).is_none(), "{at}");
+        }
+    }
 }

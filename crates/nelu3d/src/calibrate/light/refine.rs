@@ -36,9 +36,18 @@ pub(super) struct Steps {
     pub(super) min_scale: f64,
     /// Strength of the pull towards the camera, as a fraction of the best determined direction's information.
     pub(super) pull: f64,
-    /// Direction of the state that the codes leave open, and the strength of a further pull along it alone; zero for
-    /// none.
-    pub(super) open: (Vector3<f64>, f64),
+    /// Where the state is held along a direction that the codes leave open.
+    pub(super) held: Option<Held>,
+}
+
+/// A state that is held along one direction.
+#[derive(Clone, Copy)]
+pub(super) struct Held {
+    pub(super) at: State,
+    /// Unit direction.
+    pub(super) along: Vector3<f64>,
+    /// As a fraction of the best determined direction's information.
+    pub(super) strength: f64,
 }
 
 /// Gauss-Newton with Cauchy weights on carried samples.
@@ -68,11 +77,12 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
             a[(i, i)] += pull;
             b[i] += pull * (out.state[i] - HOME[i]);
         }
-        let (direction, strength) = how.open;
-        let home = Vector3::from(out.state) - Vector3::from(HOME);
-        let further = a.diagonal().max() * strength;
-        a += further * direction * direction.transpose();
-        b += further * direction * direction.dot(&home);
+        if let Some(held) = how.held {
+            let strength = a.diagonal().max() * held.strength;
+            let off = Vector3::from(out.state) - Vector3::from(held.at);
+            a += strength * held.along * held.along.transpose();
+            b += strength * held.along * held.along.dot(&off);
+        }
         let Some(step) = a.try_inverse().map(|i| i * b) else { break };
         let limit = (0.1 / step.amax().max(1e-12)).min(1.0);
         for i in 0..3 {

@@ -6,7 +6,6 @@
 //! the images: from how far a sample's neighbors still have its codeword. A code without anything coarse has small
 //! basins, and more centers are tried.
 
-use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::super::views::Level;
@@ -46,7 +45,7 @@ impl SearchLevel<'_> {
 
     /// Steps of a refinement from afar.
     pub(super) fn steps(&self, k: usize, arm: usize) -> Steps {
-        Steps { arm, count: 6, min_scale: 0.3 * self.spread(k), pull: PULL, open: (Vector3::zeros(), 0.0) }
+        Steps { arm, count: 6, min_scale: 0.3 * self.spread(k), pull: PULL, held: None }
     }
 }
 

@@ -22,7 +22,7 @@ const FOREIGN: usize = 32;
 const MIN_FOREIGN: usize = 16;
 /// Distance across the light beyond which a codeword cannot belong to a ray, as a fraction of the field's width: wider
 /// than blur and than errors of the field.
-const MARGIN: f32 = 0.02;
+pub(super) const MARGIN: f32 = 0.02;
 
 /// Codewords of a scene with the places across the light where they were found.
 pub(super) struct ForeignCodewords {
@@ -105,6 +105,6 @@ impl ForeignCodewords {
 }
 
 /// Returns about `n` of some pixels, evenly spread over their list.
-fn spread(pixels: &[usize], n: usize) -> impl Iterator<Item = usize> + '_ {
+pub(super) fn spread(pixels: &[usize], n: usize) -> impl Iterator<Item = usize> + '_ {
     pixels.iter().copied().step_by(pixels.len().div_ceil(n).max(1))
 }

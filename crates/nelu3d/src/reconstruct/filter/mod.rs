@@ -1,5 +1,6 @@
 //! Rejects pixels whose depth is not supported by what was measured. This is where a refined pixel loses its depth.
 
+mod beyond;
 mod chance;
 mod components;
 mod partly_covered;
@@ -13,8 +14,9 @@ use crate::reconstruct::refine::Refined;
 use crate::reconstruct::scene::Scene;
 use crate::sensor::{CodewordStatistics, judge_codewords};
 use crate::surface::{Links, MAX_SLOPE, PixelStatus, reject_small_components};
+use beyond::explained_beyond;
 use chance::ForeignCodewords;
-use components::reject_unexplained_components;
+use components::{Alternatives, reject_unexplained_components};
 use partly_covered::reject_partly_covered;
 pub use settings::FilterSettings;
 
@@ -69,8 +71,13 @@ pub(crate) fn filter(
     let mut status = std::mem::take(&mut scene.measurements.status);
     let foreign = ForeignCodewords::new(scene, &depth);
     let noise_is_known = scene.field.metadata.is_at_its_noise();
-    let chance = |pixels: &[usize]| foreign.explained_as_well(pixels, scene, refined, prior, step);
-    reject_unexplained_components(&mut depth, &mut status, scene.camera, refined, settings, noise_is_known, chance);
+    let alternatives = |pixels: &[usize]| {
+        let by_chance = foreign.explained_as_well(pixels, scene, refined, prior, step);
+        let chance = by_chance.unwrap_or(settings.unknown_chance);
+        Alternatives { by_chance, beyond: explained_beyond(pixels, scene, refined, prior, step, chance) }
+    };
+    let camera = scene.camera;
+    reject_unexplained_components(&mut depth, &mut status, camera, refined, settings, noise_is_known, alternatives);
     scene.measurements.status = status;
     let Scene { camera, rays, measurements: m, .. } = scene;
     reject_small_components(&mut depth, &mut m.status, camera, settings.min_component);

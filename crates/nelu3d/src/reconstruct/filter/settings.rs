@@ -32,6 +32,13 @@ pub struct FilterSettings {
     pub clear_chi2: f32,
     /// The same for the median fraction of light of unseen origin. Fractions of the two add up.
     pub clear_unseen: f32,
+    /// Median χ² per measurement of a component, as a multiple of what is typical of the scene's explained pixels, above
+    /// which it is at a wrong depth, unless it is below `clear_chi2`. Right ones had 3.3 times as much at most (1.9 but
+    /// for one of 201 px), wrong periods 5.3 and more.
+    pub chi2_over_typical: f32,
+    /// Fraction of a component's pixels that a point outside the calibrated volume explains far better, beyond what
+    /// chance does, above which the component lies there.
+    pub max_beyond: f32,
     /// Fraction of the decoded pixels from which these limits hold; below, they shrink, as what is explained among much
     /// that is not may be so by chance.
     pub explained: f32,
@@ -54,6 +61,8 @@ impl Default for FilterSettings {
             unknown_chance: 0.3,
             clear_chi2: 1.75,
             clear_unseen: 0.08,
+            chi2_over_typical: 4.0,
+            max_beyond: 0.4,
             explained: 0.25,
             max_score_alone: 0.5,
             min_component: 40,
