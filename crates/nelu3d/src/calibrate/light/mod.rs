@@ -109,12 +109,18 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
 
 /// Moves a center that codes along one axis leave open along its line, as near to the camera as the codewords do not
 /// mind: anywhere on the line is as good, but what they leave open across it grows with the distance. `refine` refines
-/// a state that is held along a direction. `None` where the codes tell the center, or where they do mind.
+/// a state that is held along a direction. `None` where the codes tell the center, where it is near enough, or where they
+/// do mind.
 fn nearest_to_camera(t: &Transport<'_>, found: &Refined, refine: impl Fn(Held) -> Refined) -> Option<Refined> {
     /// How strongly.
     const STRENGTH: f64 = 3e-2;
+    /// Part of the distance to the boards that is near enough.
+    const NEAR: f64 = 0.1;
     let line = undetermined(t.chart, found)?;
     let from = t.chart.center(found.state).position()?;
+    if line.dot(&from.coords).abs() < NEAR * t.chart.scale {
+        return None;
+    }
     // From the nearest point of the line outward.
     [1.0, 0.75, 0.5, 0.25].into_iter().find_map(|part| {
         let at = from - line * (part * line.dot(&from.coords));
@@ -319,7 +325,7 @@ mod tests {
         let off = (at - center) - line * line.dot(&(at - center));
         assert!(off.norm() < 8.0, "{at} {line}");
         // Of that line, the point nearest to the camera.
-        assert!(line.dot(&at.coords).abs() < 40.0, "{at} {line}");
+        assert!(line.dot(&at.coords).abs() < 80.0, "{at} {line}");
     }
 
     #[test]

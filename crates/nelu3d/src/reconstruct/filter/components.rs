@@ -229,6 +229,6 @@ mod tests {
         use PixelStatus::{OutsideVolume, Valid};
         let beyond = |beyond| statuses(false, 20, [3.5, 1.5], [0.09, 0.0], Some(0.07), beyond);
         assert_eq!(beyond([0.52, 0.0]), [OutsideVolume, Valid]);
-        assert_eq!(beyond([0.3, 0.0]), [Valid, Valid]);
+        assert_eq!(beyond([0.2, 0.0]), [Valid, Valid]);
     }
 }

@@ -62,7 +62,7 @@ impl Default for FilterSettings {
             clear_chi2: 1.75,
             clear_unseen: 0.08,
             chi2_over_typical: 4.0,
-            max_beyond: 0.4,
+            max_beyond: 0.25,
             explained: 0.25,
             max_score_alone: 0.5,
             min_component: 40,
