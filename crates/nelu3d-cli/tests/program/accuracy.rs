@@ -167,6 +167,36 @@ fn four_boards_held_by_hand_are_as_accurate_as_they_were() {
     scan("by hand", &four_boards(hands, false), &bounds);
 }
 
+/// Three boards leave gaps on the light's rays, and a period of the code that is explained somewhere else. What lies in
+/// a gap or behind all boards has no depth, rather than a wrong period's.
+#[test]
+fn phases_of_three_boards_keep_no_wrong_period() {
+    let mut spec = four_boards(Some(HandsSpec { number: 1, size_mm: 40.0, albedo: [0.5, 0.35, 0.3] }), false);
+    let SweepSpec::Handheld { positions, .. } = &mut spec.sweep else { unreachable!("boards by hand") };
+    (*positions, spec.seed, spec.supersampling, spec.board_albedo) = (3, 3, 2, [0.05, 0.85]);
+    let wall = ShapeSpec::Plane { width_mm: 400.0, height_mm: 300.0 };
+    let wall = ObjectSpec { rotation: [0.05, -0.1, 0.0], ..ObjectSpec::new(wall, [0.0, 0.0, 1000.0]) };
+    spec.scenes.push(SceneSpec::new("behind", vec![wall]));
+    let mut table = toml::Table::try_from(&spec).unwrap();
+    // The light is dim toward its corners.
+    table["light"]["vignetting"] = 40.0.into();
+    table["pattern_sets"] = toml::toml! {
+        all = [{ name = "phases", patterns = [
+            { family = "phase", axis = "x", periods_px = [20.0, 640.0], steps = [3, 3] },
+        ] }]
+    }["all"]
+        .clone();
+    let (_folder, rig) = simulated(&table.try_into().unwrap());
+    let rig = rig.to_str().unwrap();
+    ok(&["calibrate", rig]);
+    let answer = ok(&["reconstruct", rig, "seen", "--truth", &format!("{rig}/scenes/seen/truth")]);
+    let bounds = Bounds { body_median_mm: 0.126, whole_mae_mm: 0.2, coverage: 0.974, outliers: 0.01, outside: 0.001 };
+    hold("three boards", &answer["summary"]["metrics"], &bounds);
+    let behind = nelu3d(&["reconstruct", rig, "behind", "--quiet"]);
+    let why = stderr(&behind);
+    assert!(!behind.status.success() && why.contains("put the object where the board was swept"), "{why}");
+}
+
 /// Boards whose poses are off by a millimeter and a quarter of a degree, one this way and the next that way, are moved
 /// to where the codewords of the others say that they are.
 #[test]
