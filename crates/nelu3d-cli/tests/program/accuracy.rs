@@ -197,6 +197,19 @@ fn phases_of_three_boards_keep_no_wrong_period() {
     assert!(!behind.status.success() && why.contains("put the object where the board was swept"), "{why}");
 }
 
+/// A wall behind all boards has a depth where the light's rays that meet it are known, and none elsewhere: neither where
+/// they are known, but not so far away, nor where no board has met them.
+#[test]
+fn a_wall_behind_the_boards_is_not_on_a_wrong_period() {
+    let spec: Spec = toml::from_str(include_str!("chessboards.toml")).unwrap();
+    let (_folder, rig) = simulated(&spec);
+    let rig = rig.to_str().unwrap();
+    ok(&["calibrate", rig]);
+    let answer = ok(&["reconstruct", rig, "object", "--truth", &format!("{rig}/scenes/object/truth")]);
+    let bounds = Bounds { body_median_mm: 0.245, whole_mae_mm: 0.48, coverage: 0.39, outliers: 0.065, outside: 0.001 };
+    hold("chessboards", &answer["summary"]["metrics"], &bounds);
+}
+
 /// Boards whose poses are off by a millimeter and a quarter of a degree, one this way and the next that way, are moved
 /// to where the codewords of the others say that they are.
 #[test]

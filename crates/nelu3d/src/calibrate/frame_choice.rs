@@ -79,9 +79,11 @@ pub(super) fn fit_best_frame(
 /// error. Depth alone does not tell either: it is error over slope, and noise that is followed has large slopes. Four
 /// boards under three random patterns have 1 dB less and half of the depth error with finer cells, and scan worse.
 fn best_of(tried: Vec<Candidate>) -> Candidate {
+    /// Gain of finer cells below which they are not worth the rays that no sample of them supports.
+    const MIN_GAIN_DB: f64 = 0.5;
     let is_better = |finer: &Candidate, coarser: &Candidate| {
         let (finer, coarser) = (&finer.quality, &coarser.quality);
-        finer.depth_mm < coarser.depth_mm && finer.psnr_db > coarser.psnr_db
+        finer.depth_mm < coarser.depth_mm && finer.psnr_db > coarser.psnr_db + MIN_GAIN_DB
     };
     let (light, camera): (Vec<_>, Vec<_>) = tried.into_iter().partition(|c| c.center == Center::Light);
     let light = light.into_iter().reduce(|best, next| if is_better(&next, &best) { next } else { best });

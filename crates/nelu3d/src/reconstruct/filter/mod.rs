@@ -3,6 +3,7 @@
 mod beyond;
 mod chance;
 mod components;
+mod continuation;
 mod partly_covered;
 mod settings;
 
@@ -17,6 +18,7 @@ use crate::surface::{Links, MAX_SLOPE, PixelStatus, reject_small_components};
 use beyond::explained_beyond;
 use chance::ForeignCodewords;
 use components::{Alternatives, reject_unexplained_components};
+use continuation::reject_continuations;
 use partly_covered::reject_partly_covered;
 pub use settings::FilterSettings;
 
@@ -78,6 +80,7 @@ pub(crate) fn filter(
     };
     let camera = scene.camera;
     reject_unexplained_components(&mut depth, &mut status, camera, refined, settings, noise_is_known, alternatives);
+    reject_continuations(&mut depth, &mut status, scene, refined, prior, step, settings.min_component);
     scene.measurements.status = status;
     let Scene { camera, rays, measurements: m, .. } = scene;
     reject_small_components(&mut depth, &mut m.status, camera, settings.min_component);
