@@ -1,9 +1,9 @@
 //! Whether a component's codewords belong to points outside the calibrated volume.
 //!
-//! A field is calibrated on part of each camera ray: between gaps that no board has crossed, and before and behind all
+//! A field is calibrated on part of each camera ray: in gaps that no board has crossed, and before and behind all
 //! boards, nothing vouches for it. A surface there is not found; what is found instead is the best of the calibrated
-//! depths, a wrong period of the code. But light travels in straight lines, so that the field tells what codewords there
-//! are on the rest of a ray, too, well enough to see that the own one is among them.
+//! depths, a wrong period of the code. But light travels in straight lines, so that the field tells what codewords
+//! there are on the rest of a ray, too, well enough to see that the own one is among them.
 
 use nelu3d_scan::statistics::median;
 use rayon::prelude::*;
@@ -16,8 +16,10 @@ use crate::reconstruct::scene::Scene;
 
 /// Number of pixels of a component that are tested.
 const TESTED: usize = 64;
-/// Points are tried from the camera's side, at this fraction of the nearest calibrated depth, to infinity.
+/// Points are tried from infinity to this fraction of the nearest calibrated depth.
 const NEAREST: f32 = 0.5;
+/// Largest number of points of a ray.
+const MAX_POINTS: usize = 8192;
 /// Part of the own χ² below which another explanation is far better.
 const BETTER: f32 = 0.5;
 /// χ² per measurement below which no other explanation is needed.
@@ -69,7 +71,7 @@ fn test(i: usize, scene: &Scene<'_>, refined: &Refined, prior: [f32; 2], step: f
         in_light && (q[0] - found[0]).hypot(q[1] - found[1]) > MARGIN
     };
     let last = 1.0 / (NEAREST * rays.range[i][0] * dir_z);
-    let points = (1..=(last / step) as usize).map(|n| at(n as f32 * step)).filter(is_elsewhere);
+    let points = (1..=((last / step) as usize).min(MAX_POINTS)).map(|n| at(n as f32 * step)).filter(is_elsewhere);
     let (inside, outside): (Vec<[f32; 3]>, Vec<[f32; 3]>) =
         points.partition(|q| rays.is_calibrated(i, *q, &field.validity));
     let needs_other = own > NEEDS_NONE * m.independent;

@@ -32,9 +32,9 @@ pub struct FilterSettings {
     pub clear_chi2: f32,
     /// The same for the median fraction of light of unseen origin. Fractions of the two add up.
     pub clear_unseen: f32,
-    /// Median χ² per measurement of a component, as a multiple of what is typical of the scene's explained pixels, above
-    /// which it is at a wrong depth, unless it is below `clear_chi2`. Right ones had 3.3 times as much at most (1.9 but
-    /// for one of 201 px), wrong periods 5.3 and more.
+    /// Median χ² per measurement of a component, as a multiple of what is typical of the scene's explained pixels,
+    /// above which it is at a wrong depth, unless it is below `clear_chi2`. Right ones had 3.3 times as much at most
+    /// (1.9 but for one of 201 px), wrong periods 5.3 and more.
     pub chi2_over_typical: f32,
     /// Fraction of a component's pixels that a point outside the calibrated volume explains far better, beyond what
     /// chance does, above which the component lies there.
