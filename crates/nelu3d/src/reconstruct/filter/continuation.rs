@@ -34,12 +34,13 @@ const WORSE: f64 = 1.5;
 /// What a component's outline tells.
 #[derive(Clone, Copy, Default)]
 struct Outline {
+    /// Number of places along it where a neighbor could be continued.
     places: usize,
-    /// Sum of χ² at the depths that were found.
+    /// Sum of χ² at these places, at the depths that were found.
     found: f64,
-    /// The same where the neighbor is continued.
+    /// Sum of χ² at these places, at the depths where the neighbor is continued.
     continued: f64,
-    /// The same of the neighbor itself, across the step.
+    /// Sum of χ² of the neighbor's own pixels across the step, at their depths.
     neighbor: f64,
     /// Number of places where the continued neighbor lies in the calibrated volume.
     inside: usize,
@@ -90,7 +91,7 @@ pub(super) fn reject_continuations(
             };
             let inward = offset(i, toward, -MIXED_PX, camera).filter(|j| component[*j] == *id);
             let Some(j) = inward else { continue };
-            let distance = (pixels_between(j, across, camera)) as f32;
+            let distance = pixels_between(j, across, camera) as f32;
             let slope = (refined.inv_z[across] - refined.inv_z[further]) / SLOPE_PX as f32;
             let continued = refined.inv_z[across] + slope * distance;
             if continued <= 0.0 || (continued - refined.inv_z[j]).abs() < MIN_STEP * step {
