@@ -197,8 +197,8 @@ fn phases_of_three_boards_keep_no_wrong_period() {
     assert!(!behind.status.success() && why.contains("put the object where the board was swept"), "{why}");
 }
 
-/// A wall behind all boards has a depth where the light's rays that meet it are known, and none elsewhere: neither where
-/// they are known, but not so far away, nor where no board has met them.
+/// A wall behind all boards has a depth where the light's rays that meet it are known, and none elsewhere: neither
+/// where they are known, but not so far away, nor where no board has met them.
 #[test]
 fn a_wall_behind_the_boards_is_not_on_a_wrong_period() {
     let spec: Spec = toml::from_str(include_str!("chessboards.toml")).unwrap();

@@ -109,8 +109,8 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
 
 /// Moves a center that codes along one axis leave open along its line, as near to the camera as the codewords do not
 /// mind: anywhere on the line is as good, but what they leave open across it grows with the distance. `refine` refines
-/// a state that is held along a direction. `None` where the codes tell the center, where it is near enough, or where they
-/// do mind.
+/// a state that is held along a direction. `None` where the codes tell the center, where it is near enough, or where
+/// they do mind.
 fn nearest_to_camera(t: &Transport<'_>, found: &Refined, refine: impl Fn(Held) -> Refined) -> Option<Refined> {
     /// How strongly.
     const STRENGTH: f64 = 3e-2;
