@@ -19,6 +19,7 @@ mod maps;
 pub mod neural;
 mod observer;
 mod options;
+mod pixel_beside;
 mod previous;
 mod refine;
 mod scene;

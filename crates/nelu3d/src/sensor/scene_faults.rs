@@ -83,24 +83,36 @@ pub fn judge_clipping(status: &[PixelStatus]) -> Option<Finding> {
     })
 }
 
-/// Judges how much of what is lit was explained.
-pub fn judge_explained(status: &[PixelStatus]) -> Option<Finding> {
-    /// Fraction of the decoded pixels below which what is left may be chance. Of a mirrored scene, up to 52 % is
-    /// explained.
+/// Judges how much of what is lit was explained. `cut_by_volume` is the fraction of the surface's pixels in pieces that
+/// end where the calibrated volume does, in the middle of what is lit; `None` where there is no such volume.
+pub fn judge_explained(status: &[PixelStatus], cut_by_volume: Option<f64>) -> Option<Finding> {
+    /// Fraction of the decoded pixels below which what is left may be chance.
     const MIN_EXPLAINED: f64 = 0.6;
+    /// The same where most of the surface ends by itself: a room around an object may be out of reach.
+    const MIN_OF_WHOLE: f64 = 0.5;
+    /// The same where most of the surface is cut by the volume's ends. Of a mirrored scene, up to 72 % is explained.
+    const MIN_OF_CUT: f64 = 0.8;
     let count = |s: PixelStatus| status.iter().filter(|v| **v == s).count();
     let (valid, ambiguous) = (count(PixelStatus::Valid), count(PixelStatus::Ambiguous));
     let share = valid as f64 / (valid + ambiguous).max(1) as f64;
-    tracing::debug!(share, valid, ambiguous, outside = count(PixelStatus::OutsideVolume), "explained");
-    (valid + ambiguous >= MIN_PIXELS && share < MIN_EXPLAINED).then(|| {
+    tracing::debug!(share, valid, ambiguous, outside = count(PixelStatus::OutsideVolume), ?cut_by_volume, "explained");
+    let is_cut = cut_by_volume.is_some_and(|cut| cut > 0.5);
+    let least = match cut_by_volume {
+        None => MIN_EXPLAINED,
+        Some(_) if is_cut => MIN_OF_CUT,
+        Some(_) => MIN_OF_WHOLE,
+    };
+    (valid + ambiguous >= MIN_PIXELS && share < least).then(|| {
+        let cut = if is_cut { ", and most of that ends where the volume does, not where an object does" } else { "" };
         let sentence = format!(
-            "only {:.0} % of what is lit within the calibrated volume's rays has a depth that the field explains",
+            "only {:.0} % of what is lit within the calibrated volume's rays has a depth that the field explains{cut}",
             100.0 * share
         );
         let remedy = "place the object where the board was swept, and check that the images are this scene's, in the \
                       set's order";
         Finding::new(Code::LittleExplained, Verdict::Doubtful, sentence, remedy)
             .with("explained_share", share)
+            .with("cut_by_volume", cut_by_volume)
             .with("valid_px", valid)
             .with("ambiguous_px", ambiguous)
     })
@@ -126,7 +138,7 @@ pub fn judge_capture(capture: &Capture, status: &[PixelStatus], images: &[String
     let statistics = CodewordStatistics::new(&codewords, c * capture.patterns.len());
     let mut findings: Vec<Finding> = judge_clipping(status).into_iter().collect();
     findings.extend(judge_codewords(&statistics, None, images));
-    findings.extend(judge_explained(status));
+    findings.extend(judge_explained(status, None));
     findings
 }
 
@@ -236,9 +248,18 @@ mod tests {
     fn little_that_is_explained_is_doubtful() {
         let mut status = vec![PixelStatus::Ambiguous; 1000];
         status[..100].fill(PixelStatus::Valid);
-        assert_eq!(judge_explained(&status).unwrap().code, Code::LittleExplained);
-        status[..600].fill(PixelStatus::Valid);
-        assert!(judge_explained(&status).is_none());
+        for cut in [None, Some(0.0), Some(1.0)] {
+            assert_eq!(judge_explained(&status, cut).unwrap().code, Code::LittleExplained);
+        }
+        // A room around the object may be out of reach, but not where the object itself is cut.
+        status[..550].fill(PixelStatus::Valid);
+        assert!(judge_explained(&status, None).is_some() && judge_explained(&status, Some(0.4)).is_none());
+        status[..700].fill(PixelStatus::Valid);
+        let found = judge_explained(&status, Some(0.6)).unwrap();
+        assert!(found.sentence.contains("where the volume does"), "{found}");
+        assert!(judge_explained(&status, None).is_none() && judge_explained(&status, Some(0.4)).is_none());
+        status[..900].fill(PixelStatus::Valid);
+        assert!(judge_explained(&status, Some(0.9)).is_none());
     }
 
     #[test]

@@ -10,6 +10,7 @@ use nelu3d_scan::Camera;
 
 use crate::reconstruct::cost_volume::chi2_of_codeword;
 use crate::reconstruct::light_fractions::LightFractionPrior;
+use crate::reconstruct::pixel_beside::pixel_beside;
 use crate::reconstruct::refine::Refined;
 use crate::reconstruct::scene::Scene;
 use crate::surface::{Links, MAX_SLOPE, PixelStatus};
@@ -89,7 +90,7 @@ pub(super) fn reject_continuations(
             let Some([across, further]) = behind_step(i, &component, &sizes, min_component, camera, toward) else {
                 continue;
             };
-            let inward = offset(i, toward, -MIXED_PX, camera).filter(|j| component[*j] == *id);
+            let inward = pixel_beside(i, toward, -MIXED_PX, camera).filter(|j| component[*j] == *id);
             let Some(j) = inward else { continue };
             let distance = pixels_between(j, across, camera) as f32;
             let slope = (refined.inv_z[across] - refined.inv_z[further]) / SLOPE_PX as f32;
@@ -127,13 +128,6 @@ pub(super) fn reject_continuations(
     }
 }
 
-/// Returns the pixel `by` pixels from `i` in a direction, if it is in the image.
-fn offset(i: usize, [dx, dy]: [isize; 2], by: isize, camera: &Camera) -> Option<usize> {
-    let (x, y) = ((i % camera.width) as isize + by * dx, (i / camera.width) as isize + by * dy);
-    let inside = (0..camera.width as isize).contains(&x) && (0..camera.height as isize).contains(&y);
-    inside.then(|| y as usize * camera.width + x as usize)
-}
-
 /// Returns the number of pixels from one to another in its row or column.
 fn pixels_between(i: usize, j: usize, camera: &Camera) -> usize {
     (i % camera.width).abs_diff(j % camera.width) + (i / camera.width).abs_diff(j / camera.width)
@@ -149,18 +143,19 @@ fn behind_step(
     camera: &Camera,
     toward: [isize; 2],
 ) -> Option<[usize; 2]> {
-    let next = offset(i, toward, 1, camera)?;
+    let next = pixel_beside(i, toward, 1, camera)?;
     if component[next] == component[i] {
         return None;
     }
-    let first =
-        (1..=MAX_GAP_PX + 1).filter_map(|by| offset(i, toward, by, camera)).find(|j| component[*j] != u32::MAX)?;
+    let first = (1..=MAX_GAP_PX + 1)
+        .filter_map(|by| pixel_beside(i, toward, by, camera))
+        .find(|j| component[*j] != u32::MAX)?;
     let other = component[first];
     if other == component[i] || (sizes[other as usize] as usize) < min_component {
         return None;
     }
-    let across = offset(first, toward, MIXED_PX, camera)?;
-    let further = offset(across, toward, SLOPE_PX, camera)?;
+    let across = pixel_beside(first, toward, MIXED_PX, camera)?;
+    let further = pixel_beside(across, toward, SLOPE_PX, camera)?;
     (component[across] == other && component[further] == other).then_some([across, further])
 }
 

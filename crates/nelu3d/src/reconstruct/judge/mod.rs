@@ -1,5 +1,6 @@
 //! Whether to trust a reconstruction: its captures, and how well the field explains what was measured.
 
+mod ends;
 mod response;
 
 use nelu3d_scan::statistics::median;
@@ -25,7 +26,7 @@ pub(super) fn judge(scene: &Scene<'_>, depth: &[f32], chi2: Option<&[f32]>) -> J
     judgment.extend(judge_codewords(&statistics, expected.as_ref(), &metadata.images));
     judgment.extend(response::judge(scene, depth));
     judgment.extend(chi2.and_then(|chi2| residual(depth, chi2)));
-    judgment.extend(judge_explained(&m.status));
+    judgment.extend(judge_explained(&m.status, Some(ends::cut_by_volume(scene, depth))));
     judgment.extend(of_field(&metadata.warnings));
     judgment.extend(of_corrected_field(&metadata.corrected));
     judgment
