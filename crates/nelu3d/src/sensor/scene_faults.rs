@@ -88,9 +88,11 @@ pub fn judge_clipping(status: &[PixelStatus]) -> Option<Finding> {
 pub fn judge_explained(status: &[PixelStatus], cut_by_volume: Option<f64>) -> Option<Finding> {
     /// Fraction of the decoded pixels below which what is left may be chance.
     const MIN_EXPLAINED: f64 = 0.6;
-    /// The same where most of the surface ends by itself: a room around an object may be out of reach.
+    /// Fraction of the decoded pixels that have to be explained where most of the surface ends by itself: a room around
+    /// an object may be out of reach.
     const MIN_OF_WHOLE: f64 = 0.5;
-    /// The same where most of the surface is cut by the volume's ends. Of a mirrored scene, up to 72 % is explained.
+    /// Fraction of the decoded pixels that have to be explained where most of the surface is cut by the volume's ends:
+    /// of a mirrored scene up to 72 % is.
     const MIN_OF_CUT: f64 = 0.8;
     let count = |s: PixelStatus| status.iter().filter(|v| **v == s).count();
     let (valid, ambiguous) = (count(PixelStatus::Valid), count(PixelStatus::Ambiguous));
