@@ -78,7 +78,8 @@ fn apply(h: &Matrix3<f64>, [x, y]: [f64; 2]) -> [f64; 2] {
 
 fn residual(h: &Matrix3<f64>, from: [f64; 2], to: [f64; 2]) -> f64 {
     let q = apply(h, from);
-    let r = (q[0] - to[0]).hypot(q[1] - to[1]);
+    // Several times as fast as `hypot`, which guards against overflow.
+    let r = ((q[0] - to[0]).powi(2) + (q[1] - to[1]).powi(2)).sqrt();
     if r.is_finite() { r } else { f64::MAX }
 }
 

@@ -89,7 +89,9 @@ pub fn solve_pnp(corners: &[Corner], camera: &Camera) -> Result<PoseFit, PoseErr
 pub(super) fn norms(corners: &[Corner], camera: &Camera, pose: &Isometry3<f64>) -> Vec<f64> {
     let norm = |c: &Corner| {
         let p = pose * Point3::new(c.board_mm[0], c.board_mm[1], 0.0);
-        camera.project(&p).map_or(f64::INFINITY, |q| (q[0] - c.px[0]).hypot(q[1] - c.px[1]))
+        // Several times as fast as `hypot`, which guards against overflow.
+        let length = |q: [f64; 2]| ((q[0] - c.px[0]).powi(2) + (q[1] - c.px[1]).powi(2)).sqrt();
+        camera.project(&p).map_or(f64::INFINITY, length)
     };
     corners.iter().map(norm).collect()
 }

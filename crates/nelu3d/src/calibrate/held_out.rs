@@ -19,7 +19,11 @@ const OF_BENDS: f64 = 0.1;
 /// The contrast (white − black) from which a sample is well lit: a tenth of full scale, or half of what the best tenth
 /// of the position's samples have where the exposure is short. Black ink is below it.
 pub(super) fn well_lit(contrast: &[f32]) -> f32 {
-    let mut usable: Vec<f32> = contrast.iter().copied().filter(|c| *c > 0.0).collect();
+    /// Samples that are looked at, about.
+    const ENOUGH: usize = 40_000;
+    // No multiple of the number of channels.
+    let step = contrast.len() / ENOUGH / 6 * 6 + 1;
+    let mut usable: Vec<f32> = contrast.iter().step_by(step).copied().filter(|c| *c > 0.0).collect();
     if usable.is_empty() {
         return 0.1;
     }
@@ -76,7 +80,7 @@ impl HeldOutErrors {
         let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
         let mut beside = [vec![0.0; k], vec![0.0; k], vec![0.0; k], vec![0.0; k]];
         let predicted = field.predict(k, stride, |f| {
-            placed.for_each(p, position, |i, t, _, _| {
+            placed.for_each_usable(p, position, |i, t| {
                 if supporting(frame.along_ray(&placed.dirs[i]).at(t).q) > 0 {
                     f(Point3::from(placed.dirs[i] * t), placed.dirs[i]);
                 }

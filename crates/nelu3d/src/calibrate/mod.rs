@@ -3,6 +3,7 @@
 
 mod board_poses;
 mod candidate;
+mod drawn;
 mod error;
 mod excluded;
 mod frame_choice;
@@ -130,7 +131,7 @@ pub fn calibrate(
         without_consensus: &without_consensus,
         excluded: &excluded,
     };
-    let judgment = judge(&field, &placed, &evidence, progress)?;
+    let judgment = judge(&field, &placed, &evidence);
     field.metadata.warnings = judgment.warnings.iter().map(|w| w.code.name()).collect();
     let report = CalibrationReport {
         judgment,

@@ -45,14 +45,14 @@ impl Passed {
         let mut out = Self { gathered: into.0.clone(), validity: into.1.clone(), n: 0 };
         let width = placed.camera.width;
         let mut w = vec![0.0; placed.sweep.k];
-        placed.for_each(p, read, |i, t, v, _| {
+        placed.for_each_usable(p, read, |i, t| {
             out.n += 1;
             if let Some(q) = frame.to_unit(&Point3::from(placed.dirs[i] * t)) {
                 read.weights_in_means(i, &placed.noise, &mut w);
                 if w.iter().any(|w| *w > MIN_WEIGHT) {
                     out.validity.add([(i % width) as f64, (i / width) as f64], t as f32, q);
                 }
-                out.gathered.push(q, v, &w);
+                out.gathered.push(q, &read.values[i * read.k..][..read.k], &w);
             }
         });
         out

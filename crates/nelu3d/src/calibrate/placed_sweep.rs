@@ -5,6 +5,7 @@ use nelu3d_scan::Camera;
 use nelu3d_scan::pose::Bend;
 use rayon::prelude::*;
 
+use super::drawn::Drawn;
 use super::excluded::ExcludedBlocks;
 use super::position::Position;
 use super::sweep::Sweep;
@@ -28,6 +29,8 @@ pub struct PlacedSweep<'a> {
     pub dirs: Vec<Vector3<f64>>,
     /// Blocks of each position's image that are not used; none where all are.
     excluded: Vec<Option<ExcludedBlocks>>,
+    /// What each position is judged by, of those that are.
+    drawn: Vec<Option<Drawn>>,
 }
 
 /// The plane, bend and outline of a board, for intersection with rays from the camera.
@@ -136,8 +139,9 @@ impl<'a> PlacedSweep<'a> {
         let dirs =
             (0..camera.n_pixels()).into_par_iter().map(|i| camera.ray([(i % w) as f64, (i / w) as f64]).dir).collect();
         let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, extent_mm, bend)).collect();
-        let excluded = vec![None; boards.len()];
-        Self { sweep, boards, camera, noise: NoiseModel { read: 0.0, gain: 0.0 }, noise_growth: None, dirs, excluded }
+        let (excluded, drawn) = (vec![None; boards.len()], vec![None; boards.len()]);
+        let noise = NoiseModel { read: 0.0, gain: 0.0 };
+        Self { sweep, boards, camera, noise, noise_growth: None, dirs, excluded, drawn }
     }
 
     /// Returns whether the outline of any board is in the image, lit or not.
@@ -154,12 +158,22 @@ impl<'a> PlacedSweep<'a> {
     #[inline]
     pub fn for_each(&self, p: usize, position: &Position, mut f: impl FnMut(usize, f64, &[f32], &[f32])) {
         let mut w = vec![0.0; self.sweep.k];
-        for (i, dir) in self.dirs.iter().enumerate() {
-            if let Some(t) = self.boards[p].hit(dir)
-                && !self.is_excluded(p, i)
-                && let Some(v) = position.sample(i, &self.noise, &mut w)
-            {
+        self.for_each_usable(p, position, |i, t| {
+            if let Some(v) = position.sample(i, &self.noise, &mut w) {
                 f(i, t, v, &w);
+            }
+        });
+    }
+
+    /// Calls `f(pixel, t)` for every usable sample of a position.
+    #[inline]
+    pub(super) fn for_each_usable(&self, p: usize, position: &Position, mut f: impl FnMut(usize, f64)) {
+        for (i, dir) in self.dirs.iter().enumerate() {
+            if position.is_usable(i)
+                && let Some(t) = self.boards[p].hit(dir)
+                && !self.is_excluded(p, i)
+            {
+                f(i, t);
             }
         }
     }
@@ -167,10 +181,13 @@ impl<'a> PlacedSweep<'a> {
     /// Drops positions, by index.
     pub(super) fn remove(&mut self, which: &[usize]) {
         let names: Vec<String> = which.iter().map(|p| self.sweep.shots[*p].name.clone()).collect();
-        let mut is_kept = (0..self.boards.len()).map(|p| !which.contains(&p));
-        self.boards.retain(|_| is_kept.next().expect("one answer per position"));
-        let mut is_kept = (0..self.excluded.len()).map(|p| !which.contains(&p));
-        self.excluded.retain(|_| is_kept.next().expect("one answer per position"));
+        fn remove<T>(of_positions: &mut Vec<T>, which: &[usize]) {
+            let mut is_kept = (0..of_positions.len()).map(|p| !which.contains(&p));
+            of_positions.retain(|_| is_kept.next().expect("one answer per position"));
+        }
+        remove(&mut self.boards, which);
+        remove(&mut self.excluded, which);
+        remove(&mut self.drawn, which);
         self.sweep.retain(|name| !names.iter().any(|n| n == name));
     }
 
@@ -181,9 +198,19 @@ impl<'a> PlacedSweep<'a> {
         }
     }
 
+    /// Keeps what a position is judged by.
+    pub(super) fn keep_drawn(&mut self, p: usize, drawn: Drawn) {
+        self.drawn[p] = Some(drawn);
+    }
+
+    /// Returns what positions are judged by, and their indices.
+    pub(super) fn drawn(&self) -> impl Iterator<Item = (usize, &Drawn)> {
+        self.drawn.iter().enumerate().filter_map(|(p, drawn)| drawn.as_ref().map(|drawn| (p, drawn)))
+    }
+
     /// Returns whether pixel `i` of position `p` is left out.
     #[inline]
-    fn is_excluded(&self, p: usize, i: usize) -> bool {
+    pub(super) fn is_excluded(&self, p: usize, i: usize) -> bool {
         let width = self.camera.width;
         self.excluded[p].as_ref().is_some_and(|blocks| blocks.contains(i % width, i / width))
     }

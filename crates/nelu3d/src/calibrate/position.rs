@@ -46,14 +46,19 @@ impl Position {
     #[inline]
     pub fn sample(&self, i: usize, noise: &NoiseModel, w: &mut [f32]) -> Option<&[f32]> {
         let v = &self.values[i * self.k..(i + 1) * self.k];
-        let contrast = &self.contrast[i * self.channels..(i + 1) * self.channels];
-        if contrast.iter().all(|c| *c <= 0.0) {
+        if !self.is_usable(i) {
             return None;
         }
         for (j, (w, v)) in w.iter_mut().zip(v).enumerate() {
             *w = self.weight(i, j, *v, noise);
         }
         Some(v)
+    }
+
+    /// Returns whether any value of a sample is usable.
+    #[inline]
+    pub(super) fn is_usable(&self, i: usize) -> bool {
+        self.contrast[i * self.channels..][..self.channels].iter().any(|c| *c > 0.0)
     }
 
     /// Writes the weights of a sample with which it goes into means: those of [`Self::sample`] for values in mid range.
@@ -80,6 +85,12 @@ impl Position {
     /// Returns the position averaged over blocks of `block × block` pixels, as a camera of larger pixels would have
     /// measured it. A block is usable where all its pixels are.
     pub fn reduced(&self, block: usize) -> Self {
+        self.reduced_by(&self.contrast, block)
+    }
+
+    /// Returns [`Self::reduced`] with another contrast, `height × width × channels`.
+    pub(super) fn reduced_by(&self, contrast: &[f32], block: usize) -> Self {
+        let of_pixels = contrast;
         let (w, h, c, k) = (self.width / block, self.height / block, self.channels, self.k);
         let mut values = Vec::with_capacity(w * h * k);
         let mut contrast = Vec::with_capacity(w * h * c);
@@ -93,15 +104,15 @@ impl Position {
                     // The mean weighted by contrast is the ratio of mean intensities, as a larger pixel measures it.
                     let (mut num, mut den) = (0.0, 0.0);
                     for i in pixels(x, y) {
-                        let d = self.contrast[i * c + j % c];
+                        let d = of_pixels[i * c + j % c];
                         num += d * self.values[i * k + j];
                         den += d;
                     }
                     values.push(if den > 0.0 { num / den } else { 0.0 });
                 }
                 for ch in 0..c {
-                    let usable = pixels(x, y).all(|i| self.contrast[i * c + ch] > 0.0);
-                    let d: f32 = pixels(x, y).map(|i| self.contrast[i * c + ch]).sum();
+                    let usable = pixels(x, y).all(|i| of_pixels[i * c + ch] > 0.0);
+                    let d: f32 = pixels(x, y).map(|i| of_pixels[i * c + ch]).sum();
                     contrast.push(if usable { d * norm } else { 0.0 });
                 }
             }

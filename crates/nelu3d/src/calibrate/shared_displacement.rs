@@ -148,15 +148,16 @@ impl DisplacementsBySupport {
         support: impl Fn([f32; 3]) -> Option<(usize, KnownAxes)>,
     ) -> Self {
         let (k, width) = (placed.sweep.k, placed.camera.width);
-        let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
+        let (mut c, mut d, mut w) = (vec![0.0; k], vec![0.0; k], vec![0.0; k]);
         let mut samples: [Vec<Sample>; CLASSES] = Default::default();
         let stride = (Sample::block_px(width).pow(2) / PER_SQUARE).max(1);
         let mut n = 0usize;
-        placed.for_each(p, position, |i, t, v, w| {
+        placed.for_each_usable(p, position, |i, t| {
             n += 1;
             if !n.is_multiple_of(stride) {
                 return;
             }
+            let Some(v) = position.sample(i, &placed.noise, &mut w) else { return };
             let dir = &placed.dirs[i];
             let at = frame.along_ray(dir).at(t);
             let inside = frame.to_unit(&Point3::from(dir * t)).is_some();

@@ -47,6 +47,12 @@ impl<'a> Sweep<'a> {
         Self { rig, set, shots, k, channels, min_contrast, pool, mono: OnceLock::new() }
     }
 
+    /// Returns the number of images of a position that pass `gather` in [`Self::stream`]: the patterns and the white
+    /// image.
+    pub(super) fn n_images(&self) -> usize {
+        self.set.images.len() + 1
+    }
+
     /// Returns the sweep's folder.
     pub fn folder(&self) -> std::path::PathBuf {
         self.rig.root.join("calibration")

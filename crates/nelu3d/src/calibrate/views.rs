@@ -2,11 +2,13 @@
 //! center are estimated from.
 
 use nalgebra::Vector3;
-use nelu3d_scan::{Camera, Rig};
+use nelu3d_scan::{Camera, Image, Rig};
 use rayon::prelude::*;
 
+use super::drawn::{self, Drawn};
 use super::error::CalibrationError;
 use super::held_out::well_lit;
+use super::judge::Fingerprint;
 use super::placed_sweep::{BoardPlane, PlacedSweep};
 use super::sweep::Position;
 use crate::progress::Progress;
@@ -126,100 +128,104 @@ impl Views {
     }
 }
 
-/// Reads a selection of positions: sets the sensor's noise of `placed`, and with `keep` returns the views that the
-/// light's center is found from.
+/// Reads a selection of positions: sets the sensor's noise of `placed` and what its positions are judged by, and with
+/// `keep` returns the views that the light's center is found from.
 pub(super) fn estimate_noise(
     placed: &mut PlacedSweep<'_>,
     rig: &Rig,
     keep: bool,
     progress: &Progress,
 ) -> Result<Option<Views>, CalibrationError> {
-    let which = selection(placed.n_positions());
+    let n = placed.n_positions();
+    let (of_views, judged) = (selection(n), drawn::selection(n));
+    let which: Vec<usize> = (0..n).filter(|p| of_views.contains(p) || judged.contains(p)).collect();
     let (k, channels) = (placed.sweep.k, placed.sweep.channels);
-    let mut finest = keep.then(|| Level::finest(&placed.camera, k, which.len()));
+    let mut finest = keep.then(|| Level::finest(&placed.camera, k, of_views.len()));
     let mut placed_at = Vec::new();
     let block = finest.as_ref().map(|v| v.block);
     let (boards, dirs) = (&placed.boards, &placed.dirs);
-    let mut noise = NoiseEstimator::default();
-    let map = |p: usize, noise: NoiseEstimator, position: &Position| {
+    let (mut noise, mut kept) = (NoiseEstimator::default(), Vec::new());
+    let n_images = which.len() * placed.sweep.n_images();
+    let gather = |(noise, fingerprint): &mut (NoiseEstimator, Fingerprint), image: &Image| {
+        noise.add_one_of(n_images, image);
+        fingerprint.add(image);
+    };
+    let map = |p: usize, (noise, fingerprint): (NoiseEstimator, Fingerprint), position: &Position| {
         debug_assert_eq!(position.channels, channels);
         // Beside the board there is a room that stands still: it would tell of a light in the camera.
         let on_board = |i: usize| boards[p].hit(&dirs[i]).is_some();
-        (noise, (p, boards[p]), block.map(|block| smoothed(&masked(position, on_board), block)))
+        let block = block.filter(|_| of_views.contains(&p));
+        let view = block.map(|block| (p, boards[p], smoothed(position, on_board, block)));
+        let lit = well_lit(&position.contrast);
+        let drawn = judged.contains(&p).then(|| (p, Drawn::of(position, fingerprint, lit, judged.len())));
+        (noise, drawn, view)
     };
     let take = |wave: Vec<_>| {
-        for (n, board, image) in wave {
+        for (n, drawn, view) in wave {
             noise.merge(&n);
-            if let (Some(finest), Some(image)) = (&mut finest, image) {
-                placed_at.push(board);
+            kept.extend(drawn);
+            if let (Some(finest), Some((p, board, image))) = (&mut finest, view) {
+                placed_at.push((p, board));
                 finest.images.push(image);
             }
         }
     };
-    placed.sweep.stream(&which, progress, NoiseEstimator::add, map, take)?;
+    placed.sweep.stream(&which, progress, gather, map, take)?;
+    kept.into_iter().for_each(|(p, drawn)| placed.keep_drawn(p, drawn));
     let step = quantization_step(rig.black_level, rig.saturation);
     (placed.noise, placed.noise_growth) = (noise.finish(step), noise.growth(step));
     let middle = placed.mean_point().normalize();
     Ok(finest.map(|finest| Views::new(k, placed_at, finest, &middle)))
 }
 
-/// The position with only those pixels usable for which `keep` holds.
-fn masked(position: &Position, keep: impl Fn(usize) -> bool) -> Position {
-    let Position { width, height, k, channels, ref values, ref contrast, ref around, ref edge } = *position;
-    let kept = contrast.iter().enumerate().map(|(i, c)| if keep(i / channels) { *c } else { 0.0 }).collect();
-    Position {
-        width,
-        height,
-        k,
-        channels,
-        values: values.clone(),
-        contrast: kept,
-        around: around.clone(),
-        edge: edge.clone(),
-    }
-}
-
-/// A position's values, averaged over blocks of `block` pixels and smoothed by a small binomial kernel (linear
-/// interpolation between pixels is exact enough on the result), with validity 1 where the whole kernel was usable: `n ×
-/// (k + 1)`. Ink is not: it reflects too little to tell its codeword.
-fn smoothed(position: &Position, block: usize) -> Vec<f32> {
-    let reduced = (block > 1).then(|| position.reduced(block));
-    let position = reduced.as_ref().unwrap_or(position);
-    let (w, h, k) = (position.width, position.height, position.k);
-    let lit = 0.5 * well_lit(&position.contrast);
-    let usable = |i: usize| position.contrast[i * position.channels..][..position.channels].iter().all(|c| *c > lit);
-    const KERNEL: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
-    // What is not usable counts nothing.
-    let mut masked = vec![0.0f32; w * h * (k + 1)];
-    for (i, (to, from)) in masked.chunks_exact_mut(k + 1).zip(position.values.chunks_exact(k)).enumerate() {
-        if usable(i) {
-            to[..k].copy_from_slice(from);
-            to[k] = 1.0;
+/// A position's values where `keep` holds for its pixels, averaged over blocks of `block` pixels and smoothed by a
+/// small binomial kernel (linear interpolation between pixels is exact enough on the result), with validity 1 where the
+/// whole kernel was usable: `n × (k + 1)`. Ink is not: it reflects too little to tell its codeword.
+fn smoothed(position: &Position, keep: impl Fn(usize) -> bool, block: usize) -> Vec<f32> {
+    let channels = position.channels;
+    let mut contrast = position.contrast.clone();
+    for (i, contrast) in contrast.chunks_exact_mut(channels).enumerate() {
+        if contrast.iter().any(|c| *c > 0.0) && !keep(i) {
+            contrast.fill(0.0);
         }
     }
+    let reduced = (block > 1).then(|| position.reduced_by(&contrast, block));
+    let (position, contrast) = reduced.as_ref().map_or((position, &contrast), |reduced| (reduced, &reduced.contrast));
+    let (w, h, k) = (position.width, position.height, position.k);
+    let lit = 0.5 * well_lit(contrast);
+    let usable = |i: usize| contrast[i * channels..][..channels].iter().all(|c| *c > lit);
+    const KERNEL: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
     // Along a row and then down, as sums of shifted rows.
     let line = w * (k + 1);
-    let mut rows = vec![0.0f32; masked.len()];
-    for (to, from) in rows.chunks_exact_mut(line.max(1)).zip(masked.chunks_exact(line.max(1))) {
-        let inner = line.saturating_sub(4 * (k + 1));
-        for (i, weight) in KERNEL.iter().enumerate().filter(|_| w > 4) {
-            let (to, from) = (&mut to[2 * (k + 1)..][..inner], &from[i * (k + 1)..][..inner]);
-            to.iter_mut().zip(from).for_each(|(t, f)| *t += weight * f);
+    let (mut masked, mut rows) = (vec![0.0f32; line], vec![0.0f32; h * line]);
+    for (y, to) in rows.chunks_exact_mut(line.max(1)).enumerate().filter(|_| w > 4) {
+        // What is not usable counts nothing.
+        masked.fill(0.0);
+        for (x, masked) in masked.chunks_exact_mut(k + 1).enumerate().filter(|(x, _)| usable(y * w + x)) {
+            masked[..k].copy_from_slice(&position.values[(y * w + x) * k..][..k]);
+            masked[k] = 1.0;
         }
+        let inner = line - 4 * (k + 1);
+        let from: [&[f32]; 5] = std::array::from_fn(|i| &masked[i * (k + 1)..][..inner]);
+        add_weighed(&mut to[2 * (k + 1)..][..inner], from, &KERNEL);
     }
-    let mut out = masked;
-    out.fill(0.0);
+    let mut out = vec![0.0f32; h * line];
     for y in 2..h.saturating_sub(2) {
         let to = &mut out[y * line..][..line];
-        for (i, weight) in KERNEL.iter().enumerate() {
-            to.iter_mut().zip(&rows[(y + i - 2) * line..][..line]).for_each(|(t, f)| *t += weight * f);
-        }
+        add_weighed(to, std::array::from_fn(|i| &rows[(y + i - 2) * line..][..line]), &KERNEL);
         for t in to.chunks_exact_mut(k + 1).filter(|t| t[k] > 0.5) {
             let norm = 1.0 / t[k];
             t[..k].iter_mut().for_each(|v| *v *= norm);
         }
     }
     out
+}
+
+/// Adds the sum of five slices, weighed.
+fn add_weighed(to: &mut [f32], [a, b, c, d, e]: [&[f32]; 5], weights: &[f32; 5]) {
+    for ((((to, a), b), c), (d, e)) in to.iter_mut().zip(a).zip(b).zip(c).zip(d.iter().zip(e)) {
+        *to += weights[0] * a + weights[1] * b + weights[2] * c + weights[3] * d + weights[4] * e;
+    }
 }
 
 #[cfg(test)]
@@ -255,7 +261,7 @@ mod tests {
         let around = contrast.clone();
         let edge = vec![0.0; contrast.len()];
         let position = Position { width, height, k: 1, channels: 1, values, contrast, around, edge };
-        let out = smoothed(&position, 1);
+        let out = smoothed(&position, |_| true, 1);
         let at = |x: usize, y: usize| &out[(y * width + x) * 2..][..2];
         assert!((at(4, 5)[0] - (4.0 * 0.02 + 5.0 * 0.03)).abs() < 1e-6 && (at(4, 5)[1] - 1.0).abs() < 1e-6);
         // Within two pixels of the hole, the validity says so; the border has none.

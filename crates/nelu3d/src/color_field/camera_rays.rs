@@ -25,11 +25,17 @@ impl CameraRays {
     /// Makes the rays of a camera's image reduced by a factor `f`.
     pub fn new(camera: &Camera, field: &ColorField, f: usize) -> Self {
         let (w, h) = (camera.width / f, camera.height / f);
+        let pixels: Vec<[usize; 2]> = (0..w * h).map(|i| [i % w, i / w]).collect();
+        Self::of_pixels(camera, field, f, &pixels)
+    }
+
+    /// Makes the rays of some pixels (x, y) of a camera's image reduced by a factor `f`, in their order.
+    pub fn of_pixels(camera: &Camera, field: &ColorField, f: usize, pixels: &[[usize; 2]]) -> Self {
         let half = (f as f64 - 1.0) / 2.0;
-        let (plane, (range, known)) = (0..w * h)
-            .into_par_iter()
-            .map(|i| {
-                let (x, y) = ((i % w) * f, (i / w) * f);
+        let (plane, (range, known)) = pixels
+            .par_iter()
+            .map(|[x, y]| {
+                let (x, y) = (x * f, y * f);
                 let plane = camera.undistort([x as f64 + half, y as f64 + half]).map(|v| v as f32);
                 let [u, v] = plane.map(f64::from);
                 let ray = field.frame.along_ray(&nalgebra::Vector3::new(u, v, 1.0).normalize());

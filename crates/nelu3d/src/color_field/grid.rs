@@ -1,7 +1,7 @@
 //! Form `grid`: a cubic B-spline over the unit cube of a [`FieldFrame`](super::frame::FieldFrame), fitted by least
 //! squares.
 
-use nelu3d_field::lattice::{Lattice, LatticeEvaluator};
+use nelu3d_field::lattice::{self, Lattice, LatticeEvaluator};
 use rayon::prelude::*;
 
 /// A uniform tricubic B-spline of `k` channels on `[0, 1]^3`. Nodes are stored `[b][a][w][k]`.
@@ -60,17 +60,66 @@ impl Grid {
     /// Returns the same function on a grid with other numbers of cells, sampled at the new nodes: a start for a fit.
     pub fn resampled(&self, cells: [usize; 3]) -> Self {
         let mut out = Self::new(cells, self.k);
-        let [na, _, nw] = out.nodes();
-        let k = self.k;
-        out.coeffs.par_chunks_mut(na * nw * k).enumerate().for_each(|(b, row)| {
-            for a in 0..na {
-                for w in 0..nw {
-                    let at = |i: usize, n: usize| (i as f32 - 1.0) / n as f32;
-                    let q = [at(a, cells[0]), at(b, cells[1]), at(w, cells[2])];
-                    self.eval(q, &mut row[(a * nw + w) * k..][..k]);
-                }
+        let (from, to, k) = (self.nodes(), out.nodes(), self.k);
+        let taps: [Vec<Tap>; 3] = std::array::from_fn(|i| Tap::of_nodes(self.cells[i], cells[i]));
+        let column = from[2] * k;
+        // Axis by axis: four rows to one, in that four columns to one, in that four nodes to one.
+        out.coeffs.par_chunks_mut(to[0] * to[2] * k).zip(&taps[1]).for_each(|(out, tap)| {
+            let (mut row, mut values) = (vec![0.0; from[0] * column], vec![0.0; column]);
+            tap.sum(&self.coeffs, &mut row);
+            for (out, tap) in out.chunks_exact_mut(to[2] * k).zip(&taps[0]) {
+                tap.sum(&row, &mut values);
+                out.chunks_exact_mut(k).zip(&taps[2]).for_each(|(out, tap)| tap.sum(&values, out));
             }
         });
         out
+    }
+}
+
+/// Where a spline is evaluated along one of its axes: the first of four nodes, and their weights.
+struct Tap {
+    first: usize,
+    weights: [f32; 4],
+}
+
+impl Tap {
+    /// Returns the places of the nodes of `to` cells in `from` cells, clamped to these.
+    fn of_nodes(from: usize, to: usize) -> Vec<Self> {
+        let at = |node: usize| {
+            let (cell, position) = lattice::locate([from; 3], [(node as f32 - 1.0) / to as f32; 3]);
+            Self { first: cell[0], weights: lattice::weights(position[0]) }
+        };
+        (0..to + 3).map(at).collect()
+    }
+
+    /// Writes the weighed sum of four runs of the length of `to`.
+    fn sum(&self, from: &[f32], to: &mut [f32]) {
+        let n = to.len();
+        let [x0, x1, x2, x3] = std::array::from_fn(|i| &from[(self.first + i) * n..][..n]);
+        let [w0, w1, w2, w3] = self.weights;
+        for ((((to, x0), x1), x2), x3) in to.iter_mut().zip(x0).zip(x1).zip(x2).zip(x3) {
+            *to = w0 * x0 + w1 * x1 + w2 * x2 + w3 * x3;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn resampled_has_the_values_at_the_new_nodes() {
+        let (from, to, k) = ([3, 5, 2], [7, 4, 3], 3);
+        let mut grid = Grid::new(from, k);
+        grid.coeffs.iter_mut().enumerate().for_each(|(i, c)| *c = ((i * 7919) % 1000) as f32 * 1e-3);
+        let out = grid.resampled(to);
+        let ([na, nb, nw], mut expected) = (out.nodes(), vec![0.0; k]);
+        for node in 0..na * nb * nw {
+            let at = [node / nw % na, node / nw / na, node % nw];
+            grid.eval(std::array::from_fn(|i| (at[i] as f32 - 1.0) / to[i] as f32), &mut expected);
+            for (c, expected) in out.coeffs[node * k..][..k].iter().zip(&expected) {
+                assert!((c - expected).abs() < 1e-6, "{at:?}: {c} {expected}");
+            }
+        }
     }
 }

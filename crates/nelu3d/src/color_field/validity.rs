@@ -198,9 +198,13 @@ impl Validity {
         }
     }
 
-    /// Finds the range of every tile anew, from the lit cells: `unit` gives the unit coordinates at a distance along
-    /// the ray of a pixel, and `[near, far]` bounds the distances, mm.
-    pub fn find_ranges(&mut self, [near, far]: [f64; 2], unit: impl Fn([f64; 2], f64) -> [f32; 3] + Sync) {
+    /// Finds the range of every tile anew, from the lit cells: `ray` gives a pixel's ray, which gives the unit
+    /// coordinates at a distance along it, and `[near, far]` bounds the distances, mm.
+    pub fn find_ranges<Ray: Fn(f64) -> [f32; 3]>(
+        &mut self,
+        [near, far]: [f64; 2],
+        ray: impl Fn([f64; 2]) -> Ray + Sync,
+    ) {
         const STEPS: usize = 256;
         let (tile, across) = (self.shape.tile_px, self.shape.tiles[0]);
         let step = (far - near) / STEPS as f64;
@@ -210,12 +214,11 @@ impl Validity {
                 let mut range = [f32::INFINITY, f32::NEG_INFINITY];
                 for part in 0..9 {
                     let at = |tile_at: usize, part: usize| (tile_at * tile) as f64 + 0.5 * (part * (tile - 1)) as f64;
-                    let px = [at(i % across, part % 3), at(i / across, part / 3)];
-                    for s in 0..=STEPS {
-                        let t = near + s as f64 * step;
-                        if !self.known_at(unit(px, t)).is_none() {
-                            range = [range[0].min((t - step) as f32), range[1].max((t + step) as f32)];
-                        }
+                    let ray = ray([at(i % across, part % 3), at(i / across, part / 3)]);
+                    let t = |s: usize| near + s as f64 * step;
+                    let is_known = |s: &usize| !self.known_at(ray(t(*s))).is_none();
+                    if let (Some(first), Some(last)) = ((0..=STEPS).find(is_known), (0..=STEPS).rfind(is_known)) {
+                        range = [range[0].min((t(first) - step) as f32), range[1].max((t(last) + step) as f32)];
                     }
                 }
                 [range[0].max(near as f32), range[1].min(far as f32)]
@@ -233,17 +236,18 @@ impl Validity {
         let [near, far] = self.range(x, y)?;
         let step = (far - near) / STEPS as f32;
         let at = |s: usize| near + s as f32 * step;
-        let known: Vec<KnownAxes> = (0..=STEPS).map(|s| self.known_at(unit(at(s)))).collect();
-        let of_ray = if known.contains(&KnownAxes::ALL) {
-            KnownAxes::ALL
-        } else {
-            known.iter().filter(|k| !k.is_none()).copied().reduce(KnownAxes::and)?
+        let known = |s: &usize| self.known_at(unit(at(*s)));
+        // Mostly the whole codeword is known from near one end to near the other.
+        let whole = (0..=STEPS).find(|s| known(s).is_all());
+        let of_ray = match whole {
+            Some(_) => KnownAxes::ALL,
+            None => (0..=STEPS).map(|s| known(&s)).filter(|k| !k.is_none()).reduce(KnownAxes::and)?,
         };
         if of_ray.is_none() {
             return None;
         }
-        let first = known.iter().position(|k| k.covers(of_ray))?;
-        let last = known.iter().rposition(|k| k.covers(of_ray))?;
+        let first = whole.or_else(|| (0..=STEPS).find(|s| known(s).covers(of_ray)))?;
+        let last = (0..=STEPS).rfind(|s| known(s).covers(of_ray))?;
         // To a tenth of a step.
         let sharpen = |lit_at: f32, dark_at: f32| {
             let (mut a, mut b) = (lit_at, dark_at);
@@ -309,12 +313,12 @@ mod tests {
         let mut v = Validity::new(16, 8, 8, [4, 1, 10]);
         v.add([3.0, 2.0], 500.0, [0.3, 0.5, 0.45]);
         v.extend([0.25, 0.65]);
-        let unit = |px: [f64; 2], t: f64| [if px[0] < 8.0 { 0.3 } else { 0.8 }, 0.5, (t / 1000.0) as f32];
-        v.find_ranges([0.0, 1000.0], unit);
+        let ray = |px: [f64; 2]| move |t: f64| [if px[0] < 8.0 { 0.3 } else { 0.8 }, 0.5, (t / 1000.0) as f32];
+        v.find_ranges([0.0, 1000.0], ray);
         let [near, far] = v.range(1, 1).unwrap();
         assert!((195.0..=201.0).contains(&near) && (699.0..=705.0).contains(&far), "{near} {far}");
         assert_eq!(v.range(9, 1), None);
-        let ([near, far], known) = v.range_of_ray(1, 1, |t| unit([1.0, 1.0], f64::from(t))).unwrap();
+        let ([near, far], known) = v.range_of_ray(1, 1, |t| ray([1.0, 1.0])(f64::from(t))).unwrap();
         assert!(known.is_all());
         assert!((near - 200.0).abs() < 1.0 && (far - 700.0).abs() < 1.0, "{near} {far}");
     }

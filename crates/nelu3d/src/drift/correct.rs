@@ -22,8 +22,11 @@ pub fn correct(field: &ColorField, motion: &LightMotion, camera: &Camera) -> Col
     let (near, far) =
         lit.fold((f64::INFINITY, 0.0f64), |(near, far), r| (near.min(f64::from(r[0])), far.max(f64::from(r[1]))));
     let frame = out.frame;
-    let unit = |px: [f64; 2], t: f64| frame.along_ray(&camera.ray(px).dir).at(t).q;
-    out.validity.find_ranges([(1.0 - BEYOND) * near, (1.0 + BEYOND) * far], unit);
+    let ray = |px: [f64; 2]| {
+        let ray = frame.along_ray(&camera.ray(px).dir);
+        move |t: f64| ray.at(t).q
+    };
+    out.validity.find_ranges([(1.0 - BEYOND) * near, (1.0 + BEYOND) * far], ray);
     out.metadata.corrected.push(*motion);
     out
 }

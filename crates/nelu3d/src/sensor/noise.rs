@@ -45,6 +45,8 @@ const LEVELS: usize = 24;
 const BUCKETS: usize = 512;
 /// Number of pixels in the rows that are looked at, about: levels need some hundreds of responses each.
 const ENOUGH: usize = 500_000;
+/// Number of pixels in the rows of all images that are looked at, about.
+const ENOUGH_IN_ALL: usize = 5_000_000;
 /// Number of classes of roughness, each 1.6 times the one before.
 const CLASSES: usize = 24;
 
@@ -106,9 +108,14 @@ impl NoiseEstimator {
     /// Adds an image. Each pixel's response to the mask [1 −2 1; −2 4 −2; 1 −2 1] (blind to any quadratic surface;
     /// Immerkær 1996) goes to its intensity level; neighborhoods with a clipped pixel are skipped.
     pub fn add(&mut self, image: &Image) {
+        self.add_one_of(1, image);
+    }
+
+    /// Adds an image like [`Self::add`], of `n` images that are added alike: of many, fewer rows of each are enough.
+    pub fn add_one_of(&mut self, n: usize, image: &Image) {
         let (w, h, k) = (image.width, image.height, image.channels);
         // Every other row: neighboring rows' responses share two thirds of their pixels. Of large images fewer are enough.
-        let step = (w * h / ENOUGH).max(2);
+        let step = (w * h / ENOUGH).max(w * h * n / ENOUGH_IN_ALL).max(2);
         for y in (1..h.saturating_sub(1)).step_by(step) {
             for x in 1..w.saturating_sub(1) {
                 for c in 0..k {

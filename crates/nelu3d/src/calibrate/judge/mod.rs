@@ -13,23 +13,19 @@ mod scale;
 mod spread;
 
 use nelu3d_scan::pose::Steps;
+use rayon::prelude::*;
 
 use super::board_poses::SweepFacts;
-use super::error::CalibrationError;
+use super::drawn::Drawn;
 use super::placed_sweep::PlacedSweep;
-use super::sweep::Position;
 use crate::color_field::ColorField;
-use crate::progress::Progress;
 use crate::sensor::BlockDetector;
 use crate::verdict::{Code, Finding, Judgment, Verdict};
 pub(super) use field::HeldOut;
 use positions::PositionSums;
-use repeated::Fingerprint;
+pub(super) use repeated::Fingerprint;
 use response::InkSums;
 pub use spread::DepthSpan;
-
-/// Most positions that are compared with the field, spread over the sweep.
-const MAX_POSITIONS: usize = 64;
 
 /// What the judgment of a calibration rests on, besides field and sweep.
 pub(super) struct Evidence<'a> {
@@ -47,13 +43,8 @@ pub(super) struct Evidence<'a> {
     pub(super) excluded: &'a [(String, f64)],
 }
 
-/// Judges a calibration. Positions are read once more.
-pub(super) fn judge(
-    field: &ColorField,
-    placed: &PlacedSweep<'_>,
-    evidence: &Evidence<'_>,
-    progress: &Progress,
-) -> Result<Judgment, CalibrationError> {
+/// Judges a calibration by what was drawn from its positions.
+pub(super) fn judge(field: &ColorField, placed: &PlacedSweep<'_>, evidence: &Evidence<'_>) -> Judgment {
     let mut judgment = Judgment::default();
     let span = DepthSpan::of(placed);
     judgment.extend(spread::judge(&span, field));
@@ -73,50 +64,23 @@ pub(super) fn judge(
         Finding::new(Code::PositionDisagrees, Verdict::Doubtful, sentence, remedy).with("position", name.as_str())
     }));
     judgment.extend(parts_left_out(evidence.excluded));
-    let Compared { which, fingerprints, of_positions, of_ink } = compare(field, placed, progress)?;
     let names: Vec<&str> = placed.sweep.shots.iter().map(|s| s.name.as_str()).collect();
-    let of_compared: Vec<&str> = which.iter().map(|p| names[*p]).collect();
-    judgment.extend(repeated::judge(&fingerprints, &of_compared));
+    judgment.extend(repeated::judge(placed.drawn().map(|(p, drawn)| (names[p], &drawn.fingerprint))));
+    let (of_positions, of_ink): (Vec<_>, Vec<_>) = compare(field, placed).into_iter().unzip();
     judgment.extend(positions::judge(of_positions, &names, &field.metadata.images));
     judgment.extend(response::judge(&of_ink, placed.noise_growth));
     judgment.extend(repeats::judge(field, &placed.camera));
     judgment.extend(captures(evidence.facts));
-    Ok(judgment)
+    judgment
 }
 
-/// What positions show.
-#[derive(Default)]
-struct Compared {
-    /// Indices of the positions, at most [`MAX_POSITIONS`].
-    which: Vec<usize>,
-    /// Hashes of their images.
-    fingerprints: Vec<Fingerprint>,
-    /// Their well-lit samples against the field.
-    of_positions: Vec<PositionSums>,
-    /// Their ink against the field.
-    of_ink: Vec<InkSums>,
-}
-
-/// Compares positions with each other and with the field.
-fn compare(field: &ColorField, placed: &PlacedSweep<'_>, progress: &Progress) -> Result<Compared, CalibrationError> {
-    let n = placed.n_positions();
-    let which: Vec<usize> = match n {
-        ..=MAX_POSITIONS => (0..n).collect(),
-        _ => (0..MAX_POSITIONS).map(|i| i * (n - 1) / (MAX_POSITIONS - 1)).collect(),
-    };
+/// Compares the samples that were drawn from positions with the field.
+fn compare(field: &ColorField, placed: &PlacedSweep<'_>) -> Vec<(PositionSums, InkSums)> {
     let grid = field.to_grid();
-    let map = |p: usize, images: Fingerprint, read: &Position| {
-        (images, PositionSums::of(field, &grid, placed, p, read), InkSums::of(field, &grid, placed, p, read))
+    let of = |(p, drawn): (usize, &Drawn)| {
+        (PositionSums::of(field, &grid, placed, p, drawn), InkSums::of(field, &grid, placed, p, drawn))
     };
-    let mut all = Compared::default();
-    placed.sweep.stream(&which, progress, Fingerprint::add, map, |wave| {
-        for (fingerprint, sums, ink) in wave {
-            all.fingerprints.push(fingerprint);
-            all.of_positions.push(sums);
-            all.of_ink.push(ink);
-        }
-    })?;
-    Ok(Compared { which, ..all })
+    placed.drawn().collect::<Vec<_>>().into_par_iter().map(of).collect()
 }
 
 /// Notes the positions of which much is not used.

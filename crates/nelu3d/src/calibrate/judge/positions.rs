@@ -6,15 +6,14 @@
 use nalgebra::{Matrix3, Vector3};
 use nelu3d_scan::statistics::median;
 
-use crate::calibrate::held_out::well_lit;
+use crate::calibrate::drawn::Drawn;
 use crate::calibrate::placed_sweep::PlacedSweep;
-use crate::calibrate::sweep::Position;
 use crate::color_field::ColorField;
 use crate::color_field::grid::Grid;
 use crate::verdict::{Code, Finding, Verdict};
 
-/// About how many samples of a position are compared.
-const SAMPLES: usize = 4000;
+/// One of so many samples that were drawn from a position is compared.
+const STRIDE: usize = 3;
 /// Fewest positions among which one can stand out.
 const MIN_POSITIONS: usize = 5;
 /// Ratio of a position's mean squared error to the others' median beyond which it stands out, with so many median
@@ -117,8 +116,8 @@ fn exposure_scatter(all: &[PositionSums], images: &[String]) -> Option<Finding> 
 
 impl PositionSums {
     /// Compares a position with the field.
-    pub(super) fn of(field: &ColorField, grid: &Grid, placed: &PlacedSweep<'_>, p: usize, read: &Position) -> Self {
-        let (k, channels, w) = (read.k, read.channels, read.width);
+    pub(super) fn of(field: &ColorField, grid: &Grid, placed: &PlacedSweep<'_>, p: usize, drawn: &Drawn) -> Self {
+        let (k, w) = (placed.sweep.k, placed.camera.width);
         let mut s = Self {
             p,
             n: 0,
@@ -127,14 +126,11 @@ impl PositionSums {
             cross: std::array::from_fn(|_| vec![0.0; k * k]),
             shift: (Matrix3::zeros(), Vector3::zeros()),
         };
-        let lit = well_lit(&read.contrast);
         let board = &placed.boards[p];
-        // A share of the pixels, in no pattern that a print could share.
-        let every = (placed.dirs.len() / SAMPLES).max(1) as u64;
         let mut c = [vec![0.0f32; k], vec![0.0; k], vec![0.0; k], vec![0.0; k]];
-        placed.for_each(p, read, |i, t, v, _| {
-            let drawn = (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
-            if !drawn.is_multiple_of(every) || read.contrast[i * channels..][..channels].iter().any(|c| *c < lit) {
+        drawn.for_each(placed, p, |sample, t| {
+            let i = sample.pixel;
+            if !sample.number.is_multiple_of(STRIDE) || sample.contrast.iter().any(|c| *c < drawn.lit) {
                 return;
             }
             let at = |i: usize, t: f64| field.frame.along_ray(&placed.dirs[i]).at(t).q;
@@ -144,7 +140,7 @@ impl PositionSums {
             for (c, q) in c.iter_mut().zip([at(i, t), right, below, at(i, t + 1.0)]) {
                 grid.eval(q, c);
             }
-            s.add(v, &c);
+            s.add(sample.values, &c);
         });
         s
     }

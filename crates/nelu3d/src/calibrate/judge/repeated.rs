@@ -9,25 +9,25 @@ use nelu3d_scan::Image;
 use crate::verdict::{Code, Finding, Verdict};
 
 /// About how many values of an image are compared.
-const VALUES: usize = 100_000;
+const VALUES: usize = 20_000;
 
 /// A hash of a position's images, equal where they are.
 #[derive(Clone, Default)]
-pub(super) struct Fingerprint(DefaultHasher);
+pub(in crate::calibrate) struct Fingerprint(DefaultHasher);
 
 impl Fingerprint {
     /// Adds an image. Positions add theirs in the same order.
-    pub(super) fn add(&mut self, image: &Image) {
+    pub(in crate::calibrate) fn add(&mut self, image: &Image) {
         for v in image.data.iter().step_by((image.data.len() / VALUES).max(1)) {
             self.0.write_u32(v.to_bits());
         }
     }
 }
 
-/// Judges the fingerprints of positions; `names` are theirs.
-pub(super) fn judge(fingerprints: &[Fingerprint], names: &[&str]) -> Option<Finding> {
+/// Judges positions by their names and fingerprints.
+pub(super) fn judge<'a>(positions: impl Iterator<Item = (&'a str, &'a Fingerprint)>) -> Option<Finding> {
     let mut groups = BTreeMap::<u64, Vec<&str>>::new();
-    for (f, name) in fingerprints.iter().zip(names) {
+    for (name, f) in positions {
         groups.entry(f.0.finish()).or_default().push(name);
     }
     let same: Vec<&str> = groups.into_values().filter(|g| g.len() > 1).max_by_key(Vec::len)?;
@@ -59,10 +59,11 @@ mod tests {
             f
         };
         let [a, b, c] = [of([0.1, 0.2]), of([0.1, 0.3]), of([0.2, 0.1])];
-        assert!(judge(&[a.clone(), b.clone(), c.clone()], &["000", "001", "002"]).is_none());
-        let found = judge(&[b.clone(), a.clone(), b.clone(), c], &["000", "001", "002", "003"]).unwrap();
+        let judge = |of: &[&Fingerprint]| judge(["000", "001", "002", "003"].into_iter().zip(of.iter().copied()));
+        assert!(judge(&[&a, &b, &c]).is_none());
+        let found = judge(&[&b, &a, &b, &c]).unwrap();
         assert!(found.sentence.contains("000 and 002") && found.code == Code::PositionsRepeat, "{found}");
-        let found = judge(&[a.clone(), a.clone(), a, b], &["000", "001", "002", "003"]).unwrap();
+        let found = judge(&[&a, &a, &a, &b]).unwrap();
         assert!(found.sentence.contains("3 board positions"), "{found}");
     }
 }

@@ -12,7 +12,9 @@ use crate::verdict::{Code, Finding, Verdict};
 const DEPTHS: usize = 96;
 /// Number of patches across the image.
 const ACROSS: usize = 20;
-/// Distance between the 3 × 3 pixels of a patch, as a fraction of the image's width.
+/// Pixels of a patch, 3 × 3.
+const PIXELS: usize = 9;
+/// Distance between them, as a fraction of the image's width.
 const PATCH: f64 = 0.015;
 /// Mean square difference per channel, in units of the variance of a measured codeword's error, up to which two depths
 /// look the same; and the multiple of it by which what lies between differs.
@@ -42,43 +44,44 @@ pub(super) fn judge(field: &ColorField, camera: &Camera) -> Option<Finding> {
 /// Fraction of the rays with a double, number of rays that were tried, and the median distance of doubles, mm.
 fn repeats(field: &ColorField, camera: &Camera) -> (f64, usize, f64) {
     let grid = field.to_grid();
-    let rays = CameraRays::new(camera, field, 1);
     let (w, h, k) = (camera.width, camera.height, field.k());
     // What noise leaves open: a field that is worse than its noise has a warning of its own.
     let db = field.metadata.quality.as_ref().map_or(40.0, |q| q.ceiling_db);
     let variance = 10f64.powf(-db / 10.0).max(1e-5);
     let step = (w / ACROSS).max(1);
     let reach = ((w as f64 * PATCH) as usize).max(1);
+    let along = |n: usize| (reach + step / 2..n.saturating_sub(reach)).step_by(step);
+    let pixels: Vec<[usize; 2]> = along(h)
+        .flat_map(|y| along(w).map(move |x| [x, y]))
+        .flat_map(|[x, y]| (0..PIXELS).map(move |i| [x + i % 3 * reach - reach, y + i / 3 * reach - reach]))
+        .collect();
+    let rays = CameraRays::of_pixels(camera, field, 1, &pixels);
     let (mut tried, mut found, mut apart) = (0usize, 0usize, Vec::new());
-    for y in (reach + step / 2..h.saturating_sub(reach)).step_by(step) {
-        for x in (reach + step / 2..w.saturating_sub(reach)).step_by(step) {
-            let patch: [usize; 9] =
-                std::array::from_fn(|i| (y + i / 3 * reach - reach) * w + x + i % 3 * reach - reach);
-            let [near, far] = rays.range[patch[4]];
-            let inside = |i: &usize| rays.range[*i][0] < rays.range[*i][1];
-            if !patch.iter().all(inside) {
-                continue;
+    for first in (0..pixels.len()).step_by(PIXELS) {
+        let patch = first..first + PIXELS;
+        let [near, far] = rays.range[first + PIXELS / 2];
+        if !patch.clone().all(|i| rays.range[i][0] < rays.range[i][1]) {
+            continue;
+        }
+        let at = |n: usize| f64::from(near) + f64::from(far - near) * n as f64 / (DEPTHS - 1) as f64;
+        let mut words = vec![0.0f32; DEPTHS * PIXELS * k];
+        let mut lit = [true; DEPTHS];
+        for n in 0..DEPTHS {
+            for i in patch.clone() {
+                let on = rays.in_frame(i).at(at(n));
+                lit[n] &= field.validity.is_lit(on.q);
+                grid.eval(on.q, &mut words[(n * PIXELS + i - first) * k..][..k]);
             }
-            let at = |n: usize| f64::from(near) + f64::from(far - near) * n as f64 / (DEPTHS - 1) as f64;
-            let mut words = vec![0.0f32; DEPTHS * patch.len() * k];
-            let mut lit = [true; DEPTHS];
-            for n in 0..DEPTHS {
-                for (j, i) in patch.iter().enumerate() {
-                    let on = rays.in_frame(*i).at(at(n));
-                    lit[n] &= field.validity.is_lit(on.q);
-                    grid.eval(on.q, &mut words[(n * patch.len() + j) * k..][..k]);
-                }
-            }
-            tried += 1;
-            let size = patch.len() * k;
-            let difference = |a: usize, b: usize| {
-                let (a, b) = (&words[a * size..][..size], &words[b * size..][..size]);
-                a.iter().zip(b).map(|(a, b)| f64::from((a - b) * (a - b))).sum::<f64>() / size as f64 / variance
-            };
-            if let Some((a, b)) = double(&lit, difference) {
-                found += 1;
-                apart.push(at(b) - at(a));
-            }
+        }
+        tried += 1;
+        let size = PIXELS * k;
+        let difference = |a: usize, b: usize| {
+            let (a, b) = (&words[a * size..][..size], &words[b * size..][..size]);
+            a.iter().zip(b).map(|(a, b)| f64::from((a - b) * (a - b))).sum::<f64>() / size as f64 / variance
+        };
+        if let Some((a, b)) = double(&lit, difference) {
+            found += 1;
+            apart.push(at(b) - at(a));
         }
     }
     apart.sort_by(f64::total_cmp);

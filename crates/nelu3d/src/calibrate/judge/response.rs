@@ -9,14 +9,12 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::calibrate::drawn::Drawn;
 use crate::calibrate::placed_sweep::PlacedSweep;
-use crate::calibrate::sweep::Position;
 use crate::color_field::ColorField;
 use crate::color_field::grid::Grid;
 use crate::verdict::{Code, Finding, Verdict};
 
-/// About how many samples of a position are looked at.
-const SAMPLES: usize = 12_000;
 /// Contrast of ink as a fraction of that of the paper around it, at most.
 const INK: f32 = 0.5;
 /// Fewest samples of ink in a position.
@@ -54,29 +52,22 @@ struct Deviations {
 
 impl InkSums {
     /// Compares a position's ink and paper with the field.
-    pub(super) fn of(field: &ColorField, grid: &Grid, placed: &PlacedSweep<'_>, p: usize, read: &Position) -> Self {
-        let (k, channels) = (read.k, read.channels);
+    pub(super) fn of(field: &ColorField, grid: &Grid, placed: &PlacedSweep<'_>, p: usize, drawn: &Drawn) -> Self {
         let mut s = Self::default();
-        let every = (placed.dirs.len() / SAMPLES).max(1) as u64;
-        let mut c = vec![0.0f32; k];
-        placed.for_each(p, read, |i, t, v, _| {
-            let contrast = &read.contrast[i * channels..][..channels];
+        let mut c = vec![0.0f32; placed.sweep.k];
+        drawn.for_each(placed, p, |sample, t| {
+            let (contrast, channels) = (sample.contrast, sample.contrast.len());
             let mean = contrast.iter().sum::<f32>() / channels as f32;
-            // A share of the pixels, in no pattern that a print could share.
-            let drawn = (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
-            if !drawn.is_multiple_of(every) {
-                return;
-            }
-            let of = if mean > INK * read.around[i] { &mut s.paper } else { &mut s.ink };
-            let at = field.frame.along_ray(&placed.dirs[i]).at(t);
+            let of = if mean > INK * sample.around { &mut s.paper } else { &mut s.ink };
+            let at = field.frame.along_ray(&placed.dirs[sample.pixel]).at(t);
             if !field.validity.is_lit(at.q) {
                 return;
             }
             grid.eval(at.q, &mut c);
-            for (j, (v, c)) in v.iter().zip(&c).enumerate().filter(|(j, _)| contrast[j % channels] > 0.0) {
+            for (j, (v, c)) in sample.values.iter().zip(&c).enumerate().filter(|(j, _)| contrast[j % channels] > 0.0) {
                 // Noise of the codeword that is expected: by the measured one, those that came out dark would weigh more.
                 let variance = placed.noise.normalized_variance(c.clamp(0.0, 1.0), contrast[j % channels], 0.0);
-                of.add(*v, *c, 1.0 / (variance + OTHER_SIGMA * OTHER_SIGMA + read.edge[i]));
+                of.add(*v, *c, 1.0 / (variance + OTHER_SIGMA * OTHER_SIGMA + sample.edge));
             }
         });
         s

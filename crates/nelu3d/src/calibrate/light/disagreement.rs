@@ -7,6 +7,7 @@
 //! only two positions meet, and disagree, nobody knows which of them is right, and both are left out. What disagrees
 //! goes on where no other position can tell: there it is taken to be about as long as where it is seen.
 
+use nelu3d_scan::image::box_mean;
 use rayon::prelude::*;
 
 use super::super::excluded::ExcludedBlocks;
@@ -25,6 +26,8 @@ const DISAGREES_BESIDE: f32 = 0.01;
 const POOLED: usize = 3;
 /// Difference of a channel that is not counted, beside what half a block's shift makes.
 const TOLERANCE: f32 = 0.05;
+/// Most positions that one is compared with: further ones tell nothing new.
+const MAX_COMPARED: usize = 12;
 /// Largest fraction of a position's blocks that may be left out: beyond, it is not a part that disagrees.
 const MAX_SHARE: f64 = 0.4;
 
@@ -74,25 +77,28 @@ struct Votes {
     disagree_beside: u16,
 }
 
-/// Compares the blocks of `view` with every other view.
+/// Compares the blocks of `view` with other views.
 fn votes(t: &Transport<'_>, level: &Level, light: &LightCenter, view: usize, own: &[&Seed], chance: f32) -> Vec<Votes> {
     let (k, w, h) = (t.views.k, level.width, level.height);
     let image = &level.images[view];
-    let tolerances: Vec<Vec<f32>> = own.iter().map(|s| tolerance(image, s.index, k, level)).collect();
+    let tolerances: Vec<f32> = own.iter().flat_map(|s| tolerance(image, s.index, k, level)).collect();
     let mut votes = vec![Votes::default(); w * h];
     let mut r = vec![0.0; k];
-    for to in (0..t.views.len()).filter(|to| *to != view) {
-        let mut error = vec![f32::NAN; w * h];
-        for (seed, tolerance) in own.iter().zip(&tolerances) {
+    for to in compared_with(view, t.views.len()) {
+        // Sums over the blocks that meet the other position, and how many these are, each as a mean of all around.
+        let (mut error, mut hits) = (vec![0.0f32; w * h], vec![0.0f32; w * h]);
+        let mut met = Vec::with_capacity(own.len());
+        for (seed, tolerance) in own.iter().zip(tolerances.chunks_exact(k)) {
             if t.carry(level, seed, light, to, &mut r) {
                 let beyond = r.iter().zip(tolerance).map(|(r, t)| (r.abs() as f32 - t).max(0.0).powi(2));
-                error[seed.index] = beyond.sum();
+                (error[seed.index], hits[seed.index]) = (beyond.sum(), 1.0);
+                met.push(seed.index);
             }
         }
-        for (i, vote) in votes.iter_mut().enumerate().filter(|(i, _)| error[*i].is_finite()) {
-            let near = around(i, POOLED, w, h).filter(|j| error[*j].is_finite());
-            let (sum, count) = near.fold((0.0, 0), |(s, n), j| (s + error[j], n + 1));
-            let share = sum / (chance * count as f32);
+        box_mean(&mut error, w, h, POOLED);
+        box_mean(&mut hits, w, h, POOLED);
+        for i in met {
+            let (vote, share) = (&mut votes[i], error[i] / (chance * hits[i]));
             vote.of += 1;
             vote.disagree += u16::from(share > DISAGREES);
             vote.disagree_beside += u16::from(share > DISAGREES_BESIDE);
@@ -101,13 +107,18 @@ fn votes(t: &Transport<'_>, level: &Level, light: &LightCenter, view: usize, own
     votes
 }
 
+/// An even selection of the other views, of which there are `n` with this one: all of them where there are few.
+fn compared_with(view: usize, n: usize) -> impl Iterator<Item = usize> {
+    let count = (n - 1).min(MAX_COMPARED);
+    (0..count).map(move |i| i * (n - 1) / count).map(move |i| if i < view { i } else { i + 1 })
+}
+
 /// Returns, per channel, the difference that a shift of half a block and noise make.
-fn tolerance(image: &[f32], i: usize, k: usize, level: &Level) -> Vec<f32> {
-    let at = |i: usize| &image[i * (k + 1)..][..k + 1];
-    let near: Vec<usize> =
-        around(i, 1, level.width, level.height).filter(|j| at(*j)[k] >= level.min_validity).collect();
-    let step = |c: usize| near.iter().map(|j| (at(*j)[c] - at(i)[c]).abs()).fold(0.0f32, f32::max);
-    (0..k).map(|c| TOLERANCE + 0.5 * step(c)).collect()
+fn tolerance<'a>(image: &'a [f32], i: usize, k: usize, level: &'a Level) -> impl Iterator<Item = f32> + 'a {
+    let at = move |i: usize| &image[i * (k + 1)..][..k + 1];
+    let near = move || around(i, 1, level.width, level.height).filter(move |j| at(*j)[k] >= level.min_validity);
+    let step = move |c: usize| near().map(|j| (at(j)[c] - at(i)[c]).abs()).fold(0.0f32, f32::max);
+    (0..k).map(move |c| TOLERANCE + 0.5 * step(c))
 }
 
 /// The square of blocks around a block, itself included.
@@ -159,6 +170,19 @@ fn dilated(found: &[bool], w: usize) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_view_is_compared_with_others_that_are_spread_evenly() {
+        let of = |view: usize, n: usize| compared_with(view, n).collect::<Vec<_>>();
+        assert_eq!(of(1, 4), [0, 2, 3]);
+        for n in [13, 18, 40, 48] {
+            for view in [0, n / 2, n - 1] {
+                let others = of(view, n);
+                assert_eq!(others.len(), MAX_COMPARED);
+                assert!(others.iter().all(|o| *o != view && *o < n) && others.is_sorted_by(|a, b| a < b), "{others:?}");
+            }
+        }
+    }
 
     #[test]
     fn what_is_found_goes_on_into_what_it_touches() {

@@ -6,13 +6,18 @@ use rayon::prelude::*;
 use super::smoothness::Smoothness;
 use crate::color_field::grid::Grid;
 
+/// Columns of nodes that are worked on together: their values, and those of their neighbors, stay in the first cache.
+const BLOCK: usize = 16;
+
 /// The operator λ DᵀD of a grid, with D the second differences along each axis.
 pub(super) struct Penalty {
     nodes: [usize; 3],
     k: usize,
     /// Per axis and index, coefficients of the neighbors −2 … 2, multiplied by the weight of the axis.
     stencils: [Vec<[f32; 5]>; 3],
-    /// λ of every value of a column of nodes.
+    /// Coefficients of the neighbors −2 … 2 along w, of every value of a block of columns.
+    along: [Vec<f32>; 5],
+    /// λ of every value of a block of columns.
     lambda: Vec<f32>,
 }
 
@@ -46,8 +51,10 @@ impl Penalty {
         let nodes @ [na, nb, nw] = grid.nodes();
         let mut stencils = [stencil(na, smooth.across), stencil(nb, smooth.across), stencil(nw, smooth.along)];
         add_slopes(&mut stencils[2], smooth.slope_along);
-        let lambda = lambda.iter().copied().cycle().take(nw * grid.k).collect();
-        Self { nodes, k: grid.k, stencils, lambda }
+        let lambda = lambda.iter().copied().cycle().take(BLOCK * nw * grid.k).collect();
+        let of_column = |o: usize| stencils[2].iter().flat_map(move |c| std::iter::repeat_n(c[o], grid.k));
+        let along = std::array::from_fn(|o| of_column(o).cycle().take(BLOCK * nw * grid.k).collect());
+        Self { nodes, k: grid.k, stencils, along, lambda }
     }
 
     /// Computes y = Σ λ DᵀD x.
@@ -55,39 +62,110 @@ impl Penalty {
         let [na, nb, nw] = self.nodes;
         let column = nw * self.k;
         let row = na * column;
+        let stencil_of = |b: usize| self.stencils[1][b];
         y.par_chunks_mut(row).enumerate().for_each(|(b, y)| {
-            for (a, y) in y.chunks_exact_mut(column).enumerate() {
-                let center = b * row + a * column;
-                y.fill(0.0);
-                // Neighbors two steps away at most, none beyond the ends: their coefficients are 0 there, and clamping
-                // keeps the slice in range.
-                let mut add = |index: usize, n: usize, step: usize, coeffs: &[f32; 5]| {
-                    let at = |o: usize| {
-                        let i = (index + o).saturating_sub(2).min(n - 1);
-                        &x[center + i * step - index * step..][..column]
-                    };
-                    let [x0, x1, x2, x3, x4] = [at(0), at(1), at(2), at(3), at(4)];
-                    for i in 0..column {
-                        y[i] += coeffs[0] * x0[i]
-                            + coeffs[1] * x1[i]
-                            + coeffs[2] * x2[i]
-                            + coeffs[3] * x3[i]
-                            + coeffs[4] * x4[i];
-                    }
-                };
-                add(a, na, column, &self.stencils[0][a]);
-                add(b, nb, row, &self.stencils[1][b]);
-                let x = &x[center..center + column];
-                for (w, coeffs) in self.stencils[2].iter().enumerate() {
-                    for (o, coeff) in coeffs.iter().enumerate() {
-                        let Some(from) = (w + o).checked_sub(2).filter(|from| *from < nw) else { continue };
-                        for c in 0..self.k {
-                            y[w * self.k + c] += coeff * x[from * self.k + c];
-                        }
-                    }
-                }
+            // Neighbors two steps away at most, none beyond the ends: their coefficients are 0 there, and clamping
+            // keeps the slice in range.
+            let rows: [&[f32]; 5] = std::array::from_fn(|o| {
+                let at = (b + o).saturating_sub(2).min(nb - 1);
+                &x[at * row..][..row]
+            });
+            let mut first = 0;
+            while first < na {
+                let n = BLOCK.min(na - first);
+                let y = &mut y[first * column..][..n * column];
+                weighed_sum(y, rows.map(|r| &r[first * column..][..n * column]), &stencil_of(b));
+                self.add_across_a(rows[2], y, first);
+                self.add_along(&rows[2][first * column..][..n * column], y);
                 y.iter_mut().zip(&self.lambda).for_each(|(y, l)| *y *= l);
+                first += n;
             }
         });
+    }
+
+    /// Adds what neighbors along a give to the columns of a row from `first` on.
+    fn add_across_a(&self, row: &[f32], y: &mut [f32], first: usize) {
+        let (na, column) = (self.nodes[0], self.nodes[2] * self.k);
+        let n = y.len() / column;
+        // All but the ends have the same coefficients.
+        if first >= 2 && first + n + 2 <= na {
+            let from = std::array::from_fn(|o| &row[(first + o - 2) * column..][..n * column]);
+            return add_weighed_sum(y, from, &self.stencils[0][first]);
+        }
+        for (i, y) in y.chunks_exact_mut(column).enumerate() {
+            let a = first + i;
+            let from = std::array::from_fn(|o| &row[(a + o).saturating_sub(2).min(na - 1) * column..][..column]);
+            add_weighed_sum(y, from, &self.stencils[0][a]);
+        }
+    }
+
+    /// Adds what neighbors along w give to columns.
+    fn add_along(&self, x: &[f32], y: &mut [f32]) {
+        let k = self.k;
+        for (o, coeffs) in self.along.iter().enumerate() {
+            // Neighbors of another column have a coefficient of 0.
+            let (to, from) = ((2 * k).saturating_sub(o * k), (o * k).saturating_sub(2 * k));
+            let n = x.len().saturating_sub(to.max(from));
+            let (y, x) = (&mut y[to.min(x.len())..][..n], &x[from.min(x.len())..][..n]);
+            y.iter_mut().zip(x).zip(&coeffs[to..]).for_each(|((y, x), c)| *y += c * x);
+        }
+    }
+}
+
+/// Writes the sum of five slices, weighed.
+fn weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 5]) {
+    for ((((y, x0), x1), x2), (x3, x4)) in y.iter_mut().zip(x0).zip(x1).zip(x2).zip(x3.iter().zip(x4)) {
+        *y = c[0] * x0 + c[1] * x1 + c[2] * x2 + c[3] * x3 + c[4] * x4;
+    }
+}
+
+/// Adds the sum of five slices, weighed.
+fn add_weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 5]) {
+    for ((((y, x0), x1), x2), (x3, x4)) in y.iter_mut().zip(x0).zip(x1).zip(x2).zip(x3.iter().zip(x4)) {
+        *y += c[0] * x0 + c[1] * x1 + c[2] * x2 + c[3] * x3 + c[4] * x4;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Second differences along each axis, taken and put back one by one, and first differences along w.
+    #[test]
+    fn is_the_sum_of_squared_differences() {
+        let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2 };
+        for (cells, k) in [([1, 2, 1], 1), ([18, 3, 2], 2), ([37, 5, 4], 3)] {
+            let mut grid = Grid::new(cells, k);
+            for (i, c) in grid.coeffs.iter_mut().enumerate() {
+                *c = ((i * 7919) % 1000) as f32 * 1e-3;
+            }
+            let lambda: Vec<f32> = (0..k).map(|c| 1.0 + c as f32).collect();
+            let mut y = vec![f32::NAN; grid.coeffs.len()];
+            Penalty::new(&grid, smooth, &lambda).apply(&grid.coeffs, &mut y);
+
+            let nodes @ [na, _, nw] = grid.nodes();
+            let steps = [nw * k, na * nw * k, k];
+            let mut expected = vec![0.0f64; y.len()];
+            for i in 0..y.len() {
+                let at = [i / k / nw % na, i / k / nw / na, i / k % nw];
+                let mut add = |axis: usize, strength: f32, differences: &[(usize, f64)]| {
+                    if at[axis] + differences.len() <= nodes[axis] {
+                        let of = |n: usize| i + n * steps[axis];
+                        let sum: f64 = differences.iter().map(|(n, d)| d * f64::from(grid.coeffs[of(*n)])).sum();
+                        for (n, d) in differences {
+                            expected[of(*n)] += f64::from(strength * lambda[i % k]) * d * sum;
+                        }
+                    }
+                };
+                let second = [(0, 1.0), (1, -2.0), (2, 1.0)];
+                add(0, smooth.across, &second);
+                add(1, smooth.across, &second);
+                add(2, smooth.along, &second);
+                add(2, smooth.slope_along, &[(0, -1.0), (1, 1.0)]);
+            }
+            for (y, expected) in y.iter().zip(expected) {
+                assert!((f64::from(*y) - expected).abs() < 2e-5, "{cells:?} {k}: {y} {expected}");
+            }
+        }
     }
 }

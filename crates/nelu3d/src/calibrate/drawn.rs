@@ -1,0 +1,132 @@
+//! What a sweep is judged by: samples that are drawn from every position while its images are read for the first time,
+//! and hashes of these, so that they need not be read once more when the field is known.
+
+use super::judge::Fingerprint;
+use super::placed_sweep::PlacedSweep;
+use super::sweep::Position;
+
+/// Most positions that are judged.
+const MAX_POSITIONS: usize = 64;
+/// About how many samples are drawn from all positions, and the fewest and most from one.
+const SAMPLES_IN_ALL: usize = 200_000;
+const SAMPLES: std::ops::RangeInclusive<usize> = 4_000..=12_000;
+
+/// Returns the indices of the positions that are judged, of `n`: all of them, or an even selection with both ends.
+pub(super) fn selection(n: usize) -> Vec<usize> {
+    match n {
+        ..=MAX_POSITIONS => (0..n).collect(),
+        _ => (0..MAX_POSITIONS).map(|i| i * (n - 1) / (MAX_POSITIONS - 1)).collect(),
+    }
+}
+
+/// What is kept of a position.
+#[derive(Clone)]
+pub(super) struct Drawn {
+    /// Hash of its images.
+    pub(super) fingerprint: Fingerprint,
+    /// Contrast from which a sample is well lit.
+    pub(super) lit: f32,
+    k: usize,
+    channels: usize,
+    /// Indices of pixels.
+    pixels: Vec<usize>,
+    /// Normalized intensities, `[sample][k]`.
+    values: Vec<f32>,
+    /// White − black, `[sample][channel]`.
+    contrast: Vec<f32>,
+    /// Of every sample, [`Position::around`] and [`Position::edge`].
+    around_and_edge: Vec<[f32; 2]>,
+}
+
+/// A sample that was drawn.
+pub(super) struct DrawnSample<'a> {
+    /// Which one it is of those of its position.
+    pub(super) number: usize,
+    /// Index of its pixel.
+    pub(super) pixel: usize,
+    /// Normalized intensities.
+    pub(super) values: &'a [f32],
+    /// White − black per channel; 0 where it cannot be used.
+    pub(super) contrast: &'a [f32],
+    /// White − black of what is bright around it.
+    pub(super) around: f32,
+    /// Variance of its values that edges of ink beside it leave open.
+    pub(super) edge: f32,
+}
+
+impl Drawn {
+    /// Draws samples that are usable from a position, one of `n_positions`.
+    pub(super) fn of(position: &Position, fingerprint: Fingerprint, lit: f32, n_positions: usize) -> Self {
+        let (k, channels, n) = (position.k, position.channels, position.around.len());
+        let samples = (SAMPLES_IN_ALL / n_positions.max(1)).clamp(*SAMPLES.start(), *SAMPLES.end());
+        let every = (n / samples).max(1) as u64;
+        // A share of the pixels, in no pattern that a print could share.
+        let is_drawn = |i: &usize| ((*i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40).is_multiple_of(every);
+        let contrast = |i: usize| &position.contrast[i * channels..][..channels];
+        let pixels: Vec<usize> = (0..n).filter(is_drawn).filter(|i| position.is_usable(*i)).collect();
+        Self {
+            fingerprint,
+            lit,
+            k,
+            channels,
+            values: pixels.iter().flat_map(|i| &position.values[i * k..][..k]).copied().collect(),
+            contrast: pixels.iter().flat_map(|i| contrast(*i)).copied().collect(),
+            around_and_edge: pixels.iter().map(|i| [position.around[*i], position.edge[*i]]).collect(),
+            pixels,
+        }
+    }
+
+    /// Calls `f(sample, t)` for every sample on the board of position `p`, whose these are, that is not left out; t is
+    /// its distance along the ray, mm.
+    pub(super) fn for_each(&self, placed: &PlacedSweep<'_>, p: usize, mut f: impl FnMut(&DrawnSample<'_>, f64)) {
+        for (number, pixel) in self.pixels.iter().copied().enumerate() {
+            let Some(t) = placed.boards[p].hit(&placed.dirs[pixel]).filter(|_| !placed.is_excluded(p, pixel)) else {
+                continue;
+            };
+            let [around, edge] = self.around_and_edge[number];
+            let values = &self.values[number * self.k..][..self.k];
+            let contrast = &self.contrast[number * self.channels..][..self.channels];
+            f(&DrawnSample { number, pixel, values, contrast, around, edge }, t);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_selection_is_bounded_and_has_both_ends() {
+        assert_eq!(selection(MAX_POSITIONS), (0..MAX_POSITIONS).collect::<Vec<_>>());
+        let of_many = selection(1000);
+        assert_eq!((of_many.len(), of_many[0], of_many[MAX_POSITIONS - 1]), (MAX_POSITIONS, 0, 999));
+    }
+
+    #[test]
+    fn usable_samples_are_drawn_from_all_over_an_image() {
+        let (width, height) = (400, 300);
+        let n = width * height;
+        let contrast: Vec<f32> = (0..n).map(|i| if i % width < 100 { 0.0 } else { 0.5 }).collect();
+        let position = Position {
+            width,
+            height,
+            k: 2,
+            channels: 1,
+            values: (0..2 * n).map(|i| i as f32).collect(),
+            around: (0..n).map(|i| 3.0 * i as f32).collect(),
+            edge: (0..n).map(|i| 5.0 * i as f32).collect(),
+            contrast,
+        };
+        let drawn = Drawn::of(&position, Fingerprint::default(), 0.1, 5);
+        let count = drawn.pixels.len();
+        assert!((SAMPLES.end() * 6 / 10..SAMPLES.end() * 9 / 10).contains(&count), "{count}");
+        for (number, i) in drawn.pixels.iter().copied().enumerate() {
+            assert!(i % width >= 100 && drawn.contrast[number] == 0.5);
+            assert_eq!(drawn.values[2 * number..][..2], [2.0 * i as f32, 2.0 * i as f32 + 1.0]);
+            assert_eq!(drawn.around_and_edge[number], [3.0 * i as f32, 5.0 * i as f32]);
+        }
+        // Of every quarter of the rows about as many.
+        let per_quarter = |q: usize| drawn.pixels.iter().filter(|i| **i / width / 75 == q).count();
+        assert!((0..4).all(|q| (count / 5..count / 3).contains(&per_quarter(q))));
+    }
+}
