@@ -8,7 +8,7 @@ the kernels for GPUs), so that nothing is built twice. With --manylinux the modu
 (manylinux2014) by zig (`pip install ziglang cargo-zigbuild`): only the last step differs.
 
 Elsewhere than on Linux, and from a source archive, `maturin` builds the wheel (pyproject.toml), as
-.github/workflows/release.yml does.
+.github/workflows/wheels.yml does.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def main() -> None:
     options.add_argument("-o", "--output", type=Path, default=TARGET / "wheels", help="folder of the wheel")
     chosen = options.parse_args()
     if sys.platform != "linux":
-        sys.exit("wheel.py: builds for Linux; `maturin build --release` in crates/nelu3d-py builds for this system")
+        sys.exit("wheel.py: builds for Linux; `maturin build --profile dist` in crates/nelu3d-py builds for this system")
     build(chosen)
     machine = os.uname().machine
     tag = f"manylinux2014_{machine}" if chosen.manylinux else f"linux_{machine}"
