@@ -2,12 +2,12 @@
 
 import sys
 
-from nelu3d import _nelu3d
+from nelu3d._nelu3d import main as run  # type: ignore  # a module without a stub of its own
 
 
 def main() -> int:
     """Runs the program with the arguments of this process, and returns its exit code."""
-    return _nelu3d.main(sys.argv[1:])
+    return run(sys.argv[1:])
 
 
 if __name__ == "__main__":
