@@ -133,7 +133,7 @@ def main() -> None:
     options.add_argument("-o", "--output", type=Path, default=TARGET / "wheels", help="folder of the wheel")
     chosen = options.parse_args()
     if sys.platform != "linux":
-        sys.exit("wheel.py: builds for Linux; `maturin build --profile dist` in crates/nelu3d-py builds for this system")
+        sys.exit("wheel.py: builds for Linux; here `maturin build --profile dist` in crates/nelu3d-py does it")
     build(chosen)
     machine = os.uname().machine
     tag = f"manylinux2014_{machine}" if chosen.manylinux else f"linux_{machine}"

@@ -1,7 +1,7 @@
 //! The program `nelu3d`: scan with a camera and any light source that throws a pattern.
 //!
-//! [`run`] is all of it: the executable `nelu3d` calls it, and so does the Python package. The path through it: `args` is
-//! what was typed, each module of `commands` turns its part into what it means and runs the library, `console` is
+//! [`run`] is all of it: the executable `nelu3d` calls it, and so does the Python package. The path through it: `args`
+//! is what was typed, each module of `commands` turns its part into what it means and runs the library, `console` is
 //! everything a person sees meanwhile, `errors` what they read when it fails. What a machine reads is one JSON value on
 //! standard output (`--json`); everything else goes to standard error, except the answer a person asked for.
 

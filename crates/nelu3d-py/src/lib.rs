@@ -1,5 +1,5 @@
-//! The Python package `nelu3d`: the functions of the data path under their names, numpy arrays in and out; and the program,
-//! which is the same code.
+//! The Python package `nelu3d`: the functions of the data path under their names, numpy arrays in and out; and the
+//! program, which is the same code.
 //!
 //! Promises that hold everywhere here: work runs without the interpreter's lock and stops soon after Ctrl-C ([`work`]);
 //! every error of the libraries becomes `nelu3d.Error` with the same sentence, and so does a panic ([`error`]); maps go

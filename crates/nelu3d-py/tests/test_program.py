@@ -1,4 +1,4 @@
-"""The program, which the package runs, is the one that the executable runs: exit codes, signals, and starting itself."""
+"""The program that the package runs behaves as the executable: exit codes, signals, and starting itself again."""
 
 import json
 import os
@@ -20,7 +20,10 @@ preset = "demo"
 
 [rigs.small.set]
 supersampling = 2
-scenes = [{ name = "ball", objects = [{ position_mm = [0.0, 0.0, 700.0], shape = { kind = "sphere", radius_mm = 50.0 } }] }]
+
+[[rigs.small.set.scenes]]
+name = "ball"
+objects = [{ position_mm = [0.0, 0.0, 700.0], shape = { kind = "sphere", radius_mm = 50.0 } }]
 
 [rigs.small.set.sweep]
 positions = 8
