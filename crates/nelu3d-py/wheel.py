@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Builds the wheel of nelu3d: the extension module, and the program among its scripts.
+"""Builds the wheel of nelu3d: the extension module, which has the program in it, and what Python needs around it.
 
     python3 crates/nelu3d-py/wheel.py [--manylinux | --workspace] [-o DIR]
 
-Needs Rust, and nothing else of Python. One build of cargo makes both parts; with --workspace it is the one that
-`.ci/run` makes (all crates, with the kernels for GPUs), so that nothing is built twice. With --manylinux both are
-linked for glibc 2.17 (manylinux2014) by zig (`pip install ziglang cargo-zigbuild`): only the last step differs.
+Needs Rust, and nothing else of Python. With --workspace the build is the one that `.ci/run` makes (all crates, with
+the kernels for GPUs), so that nothing is built twice. With --manylinux the module is linked for glibc 2.17
+(manylinux2014) by zig (`pip install ziglang cargo-zigbuild`): only the last step differs.
 
 Elsewhere than on Linux, and from a source archive, `maturin` builds the wheel (pyproject.toml), as
-.github/workflows/release.yml does.
+.github/workflows/wheels.yml does.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
 GLIBC = "x86_64-linux-gnu.2.17"
+# Bytes that a wheel may have, so that `uvx nelu3d demo` starts soon.
+LARGEST = 15_000_000
 # So that the same content is the same file.
 DATE = (1980, 1, 1, 0, 0, 0)
 
@@ -47,12 +49,12 @@ def profile(chosen: argparse.Namespace) -> tuple[str, str]:
 
 
 def build(chosen: argparse.Namespace) -> None:
-    """Builds the program and the extension module."""
+    """Builds the extension module."""
     # Tests have dependencies that change what all is built from: with them, this is the build of the tests.
     all_of_it = ["--workspace", "--features", "nelu3d-cli/gpu,nelu3d-cli/gige,nelu3d-cli/usb3,nelu3d-capture/gige-emulator", "--all-targets"]
-    parts = ["-p", "nelu3d-cli", "-p", "nelu3d-py", "--lib", "--bins", "--features", "nelu3d-cli/gige,nelu3d-cli/usb3"]
+    module = ["-p", "nelu3d-py"]
     if not chosen.manylinux:
-        run("cargo", "build", *profile(chosen), "--locked", *(all_of_it if chosen.workspace else parts))
+        run("cargo", "build", *profile(chosen), "--locked", *(all_of_it if chosen.workspace else module))
         return
     zig = shutil.which("cargo-zigbuild")
     if zig is None:
@@ -62,15 +64,14 @@ def build(chosen: argparse.Namespace) -> None:
         linker = Path(folder) / "cc"
         linker.write_text(f'#!/bin/sh\nexec "{zig}" zig cc -- -target {GLIBC} "$@"\n')
         linker.chmod(linker.stat().st_mode | stat.S_IXUSR)
-        for main in (ROOT / "crates/nelu3d-cli/src/main.rs", HERE / "src/lib.rs"):
-            # What was linked without it is linked again.
-            os.utime(main)
+        # What was linked without it is linked again.
+        os.utime(HERE / "src/lib.rs")
         path = f"{folder}{os.pathsep}{os.environ['PATH']}"
-        run("cargo", "build", *profile(chosen), "--locked", *parts, env={**os.environ, "PATH": path})
+        run("cargo", "build", *profile(chosen), "--locked", *module, env={**os.environ, "PATH": path})
 
 
 def stripped(path: Path, folder: Path) -> bytes:
-    """Returns a program or library without the names of its functions, where `strip` is installed."""
+    """Returns a library without the names of its functions, where `strip` is installed."""
     if shutil.which("strip") is None:
         return path.read_bytes()
     copy = folder / path.name
@@ -78,8 +79,8 @@ def stripped(path: Path, folder: Path) -> bytes:
     return copy.read_bytes()
 
 
-def metadata() -> tuple[str, str]:
-    """Returns the version, and the wheel's METADATA, from Cargo.toml and pyproject.toml."""
+def metadata() -> tuple[str, str, str]:
+    """Returns the version, and the wheel's METADATA and entry_points.txt, from Cargo.toml and pyproject.toml."""
     version = re.search(r'^version = "(.+)"', (ROOT / "Cargo.toml").read_text(), re.M)[1]
     project = (HERE / "pyproject.toml").read_text()
     one = lambda key: re.search(rf'^{key} = "(.+)"', project, re.M)[1]
@@ -89,21 +90,22 @@ def metadata() -> tuple[str, str]:
     lines += ["Provides-Extra: test"] + [f"Requires-Dist: {d} ; extra == 'test'" for d in many("test")]
     lines += [f"License-Expression: {one('license')}", f"Requires-Python: {one('requires-python')}"]
     lines += ["License-File: LICENSE-APACHE", "License-File: LICENSE-MIT", "Description-Content-Type: text/markdown"]
-    return version, "\n".join(lines) + "\n\n" + (HERE / "README.md").read_text()
+    commands = re.search(r"^\[project\.scripts\]\n((?:.+\n)+)", project, re.M)[1].replace('"', "")
+    about = "\n".join(lines) + "\n\n" + (HERE / "README.md").read_text()
+    return version, about, f"[console_scripts]\n{commands}"
 
 
 def pack(output: Path, tag: str, built: Path) -> Path:
     """Packs the wheel (PyPA, binary distribution format) from what is in `built`, and returns where it is."""
-    version, about = metadata()
+    version, about, scripts = metadata()
     info, tag = f"nelu3d-{version}.dist-info", f"cp39-abi3-{tag}"
     with tempfile.TemporaryDirectory() as folder:
-        program = stripped(built / "nelu3d", Path(folder))
         module = stripped(built / "lib_nelu3d.so", Path(folder))
     files = {f"nelu3d/{p.name}": p.read_bytes() for p in sorted((HERE / "python" / "nelu3d").glob("*.py*")) if p.is_file()}
     files["nelu3d/py.typed"] = b""
     files["nelu3d/_nelu3d.abi3.so"] = module
-    files[f"nelu3d-{version}.data/scripts/nelu3d"] = program
     files[f"{info}/METADATA"] = about.encode()
+    files[f"{info}/entry_points.txt"] = scripts.encode()
     files[f"{info}/WHEEL"] = f"Wheel-Version: 1.0\nGenerator: wheel.py\nRoot-Is-Purelib: false\nTag: {tag}\n".encode()
     for name in ("LICENSE-APACHE", "LICENSE-MIT"):
         files[f"{info}/licenses/{name}"] = (ROOT / name).read_bytes()
@@ -117,8 +119,7 @@ def pack(output: Path, tag: str, built: Path) -> Path:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as wheel:
         for name, content in files.items():
             entry = zipfile.ZipInfo(name, DATE)
-            runs = name.endswith((".so", "/scripts/nelu3d"))
-            entry.external_attr = (stat.S_IFREG | (0o755 if runs else 0o644)) << 16
+            entry.external_attr = (stat.S_IFREG | (0o755 if name.endswith(".so") else 0o644)) << 16
             entry.compress_type = zipfile.ZIP_DEFLATED
             wheel.writestr(entry, content)
     return path
@@ -132,12 +133,15 @@ def main() -> None:
     options.add_argument("-o", "--output", type=Path, default=TARGET / "wheels", help="folder of the wheel")
     chosen = options.parse_args()
     if sys.platform != "linux":
-        sys.exit("wheel.py: builds for Linux; `maturin build --release` in crates/nelu3d-py builds for this system")
+        sys.exit("wheel.py: builds for Linux; here `maturin build --profile dist` in crates/nelu3d-py does it")
     build(chosen)
     machine = os.uname().machine
     tag = f"manylinux2014_{machine}" if chosen.manylinux else f"linux_{machine}"
     path = pack(chosen.output, tag, TARGET / profile(chosen)[1])
-    print(path, f"({path.stat().st_size / 1e6:.1f} MB)", file=sys.stderr)
+    size = path.stat().st_size
+    print(path, f"({size / 1e6:.1f} MB)", file=sys.stderr)
+    if size > LARGEST:
+        sys.exit(f"wheel.py: {path} has more than {LARGEST / 1e6:.0f} MB")
     print(path)
 
 

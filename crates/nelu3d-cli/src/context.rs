@@ -1,5 +1,6 @@
 //! What every command is given: progress, cancellation, and the way to its answer.
 
+use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -9,11 +10,16 @@ use nelu3d::{Progress, Sink};
 use nelu3d_field::device::{self, Choice, Device};
 
 use crate::console::Console;
+use crate::program::Program;
 
 /// What every command is given.
 pub(crate) struct CommandContext {
     /// Where work reports to, and learns that it should stop.
     pub progress: Progress,
+    /// What starts this program again.
+    pub program: Program,
+    /// What was typed after the program's name.
+    pub typed: Vec<OsString>,
     console: Arc<Console>,
     cancel: Arc<AtomicBool>,
     json: bool,
@@ -32,8 +38,15 @@ impl Sink for HiddenSink {
 
 impl CommandContext {
     /// Creates a context that reports to `console`.
-    pub(crate) fn new(console: Arc<Console>, cancel: Arc<AtomicBool>, json: bool) -> Self {
-        Self { progress: Progress::new(console.clone(), cancel.clone()), console, cancel, json }
+    pub(crate) fn new(
+        console: Arc<Console>,
+        cancel: Arc<AtomicBool>,
+        json: bool,
+        program: Program,
+        typed: Vec<OsString>,
+    ) -> Self {
+        let progress = Progress::new(console.clone(), cancel.clone());
+        Self { progress, program, typed, console, cancel, json }
     }
 
     /// Opens the device that work will be done on, before it begins, and says which it is.

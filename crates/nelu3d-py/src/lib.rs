@@ -1,4 +1,5 @@
-//! The Python package `nelu3d`: the functions of the data path under their names, numpy arrays in and out.
+//! The Python package `nelu3d`: the functions of the data path under their names, numpy arrays in and out; and the
+//! program, which is the same code.
 //!
 //! Promises that hold everywhere here: work runs without the interpreter's lock and stops soon after Ctrl-C ([`work`]);
 //! every error of the libraries becomes `nelu3d.Error` with the same sentence, and so does a panic ([`error`]); maps go
@@ -13,6 +14,7 @@ mod field;
 mod json;
 mod memory_rig;
 mod patterns;
+mod program;
 mod reconstruct;
 mod result;
 mod rig;
@@ -31,6 +33,8 @@ mod _nelu3d {
     use crate::field::{ColorField, calibrate};
     #[pymodule_export]
     use crate::patterns::patterns;
+    #[pymodule_export]
+    use crate::program::main;
     #[pymodule_export]
     use crate::reconstruct::{decode, reconstruct};
     #[pymodule_export]

@@ -52,9 +52,9 @@ def ball(rig, field):
 
 @pytest.fixture(scope="session")
 def program():
-    """Runs the program that the wheel brought, and returns its answer."""
+    """Runs the command that the wheel brought, and returns its answer."""
     path = shutil.which("nelu3d", path=sysconfig.get_path("scripts"))
-    assert path, "the wheel has no program among its scripts"
+    assert path, "the wheel brought no command"
 
     def run(*args):
         done = subprocess.run([path, *map(str, args), "--quiet", "--json"], capture_output=True, text=True)

@@ -5,7 +5,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import nelu3d
 import pytest
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
@@ -52,8 +51,3 @@ def test_stubs_agree_with_the_module(tmp_path):
     command = [sys.executable, "-m", "mypy.stubtest", "nelu3d", "--allowlist", allow, "--ignore-unused-allowlist"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
-
-
-def test_the_program_by_its_module(program):
-    done = subprocess.run([sys.executable, "-m", "nelu3d", "--version"], capture_output=True, text=True)
-    assert done.returncode == 0 and nelu3d.__version__ in done.stdout, done

@@ -1,7 +1,6 @@
 //! `nelu3d board`: a board on paper, and the lines of rig.toml that describe it.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail};
 use nelu3d_scan::board::print::{BoardPrint, PrintOptions};
@@ -17,7 +16,7 @@ use crate::paths::shown;
 const RULER_MM: f64 = 100.0;
 
 /// Runs the command.
-pub(crate) fn run(args: BoardArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: BoardArgs, context: &CommandContext) -> Result<()> {
     let (board, output) = described(args.command)?;
     let scale = output.measured.map_or(board.scale, |measured| measured.map(|mm| mm / RULER_MM));
     if let Some(wrong) = scale.iter().find(|s| !(0.9..=1.1).contains(*s)) {
@@ -49,7 +48,7 @@ pub(crate) fn run(args: BoardArgs, context: &CommandContext) -> Result<ExitCode>
         };
         format!("{written}{hint}{lines}")
     })?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Returns the board that was asked for, and where to.

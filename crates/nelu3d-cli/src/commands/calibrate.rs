@@ -1,7 +1,6 @@
 //! `nelu3d calibrate`: a board sweep becomes a color field.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use nelu3d::from_projector::{FromProjectorOptions, calibrate_from_projector};
@@ -17,7 +16,7 @@ use crate::paths::{default_field, shown};
 use crate::verdict;
 
 /// Runs the command.
-pub(crate) fn run(args: CalibrateArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: CalibrateArgs, context: &CommandContext) -> Result<()> {
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
     context.open_device(args.options.device)?;
@@ -55,7 +54,7 @@ pub(crate) fn run(args: CalibrateArgs, context: &CommandContext) -> Result<ExitC
     if refused {
         bail!("{}", verdict::refusal(&report.judgment, &shown(&output)));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Calibrates from the sweep and writes the field.

@@ -1,7 +1,6 @@
 //! `nelu3d demo`: the whole path on a virtual scanner, with no input and no hardware.
 
 use std::path::Path;
-use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail};
 use nelu3d::result::ExtraFiles;
@@ -18,7 +17,7 @@ use crate::paths::{default_field, default_result, shown};
 const MARKER: &str = "nelu3d-demo.txt";
 
 /// Runs the command.
-pub(crate) fn run(args: DemoArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: DemoArgs, context: &CommandContext) -> Result<()> {
     let spec = nelu3d_sim::Spec::preset("demo").context("the preset `demo` is part of the simulator")?;
     context.open_device(args.device)?;
     claim(&args.output)?;
@@ -74,7 +73,7 @@ pub(crate) fn run(args: DemoArgs, context: &CommandContext) -> Result<ExitCode> 
         }
         text
     })?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Makes sure that `dir` is new, empty, or an earlier demo's, so that everything in it may be replaced, and marks it.

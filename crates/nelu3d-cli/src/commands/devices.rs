@@ -1,14 +1,12 @@
 //! `nelu3d devices`: what there is to compute on.
 
-use std::process::ExitCode;
-
 use anyhow::Result;
 use nelu3d_field::device::{self, Choice, Device, Found};
 
 use crate::context::CommandContext;
 
 /// Runs the command.
-pub(crate) fn run(context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(context: &CommandContext) -> Result<()> {
     let found = device::list();
     let automatic = found.iter().find(|f| f.automatic).map_or(Choice::Cpu, |f| f.device);
     // Listed is not opened.
@@ -31,7 +29,7 @@ pub(crate) fn run(context: &CommandContext) -> Result<ExitCode> {
         }
         text + &format!("\n--device auto takes {}\n", if opens { automatic } else { Choice::Cpu })
     })?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Describes a GPU.

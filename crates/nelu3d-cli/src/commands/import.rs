@@ -1,7 +1,5 @@
 //! `nelu3d import`: recorded folders of frames become part of a rig.
 
-use std::process::ExitCode;
-
 use anyhow::Result;
 use nelu3d_scan::import::{self, ImportError, ImportReport, ImportRequest, ImportTarget};
 
@@ -10,7 +8,7 @@ use crate::context::CommandContext;
 use crate::paths::shown;
 
 /// Runs the command.
-pub(crate) fn run(args: ImportArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: ImportArgs, context: &CommandContext) -> Result<()> {
     // Exactly one of the three was typed.
     let target = match (args.sequence, args.scene) {
         (Some(name), _) => ImportTarget::Sequence(name),
@@ -48,7 +46,7 @@ pub(crate) fn run(args: ImportArgs, context: &CommandContext) -> Result<ExitCode
         progress.warn(note);
     }
     context.answer(&report, || text(&report))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Returns the report for people.

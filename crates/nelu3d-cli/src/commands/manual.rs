@@ -1,7 +1,5 @@
 //! `nelu3d manual`: what packages of the program carry along, manual pages and completions for shells.
 
-use std::process::ExitCode;
-
 use anyhow::{Context as _, Result};
 use clap::CommandFactory as _;
 use clap_complete::{Shell, generate};
@@ -12,7 +10,7 @@ use crate::context::CommandContext;
 use crate::paths::shown;
 
 /// Runs the command.
-pub(crate) fn run(args: ManualArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: ManualArgs, context: &CommandContext) -> Result<()> {
     let mut program = Args::command();
     let pages = args.output.join("man1");
     create_dir(&pages)?;
@@ -35,5 +33,5 @@ pub(crate) fn run(args: ManualArgs, context: &CommandContext) -> Result<ExitCode
     }
     let answer = serde_json::json!({ "manual": shown(&pages), "completions": shown(&completions) });
     context.answer(&answer, || format!("manual       {}\ncompletions  {}", shown(&pages), shown(&completions)))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

@@ -1,7 +1,6 @@
 //! `nelu3d projector`: the projector is calibrated from the rig's own sweep.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use anyhow::Result;
 use nelu3d_baselines::projector::{self, ProjectorReport, calibrate_projector};
@@ -14,7 +13,7 @@ use crate::context::CommandContext;
 use crate::paths::shown;
 
 /// Runs the command.
-pub(crate) fn run(args: ProjectorArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: ProjectorArgs, context: &CommandContext) -> Result<()> {
     let rig = Rig::open(&args.rig)?;
     let output: PathBuf = args.output.unwrap_or_else(|| rig.root.join(PROJECTOR_FILE));
     if output.exists() && !args.force {
@@ -28,7 +27,7 @@ pub(crate) fn run(args: ProjectorArgs, context: &CommandContext) -> Result<ExitC
     context.answer(&serde_json::json!({ "projector": shown(&output), "report": report }), || {
         format!("{}projector {}", text(&report), shown(&output))
     })?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Returns the report for people.

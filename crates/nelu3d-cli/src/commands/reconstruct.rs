@@ -1,7 +1,5 @@
 //! `nelu3d reconstruct`: a scene becomes a result folder.
 
-use std::process::ExitCode;
-
 use anyhow::Result;
 use nelu3d_scan::Rig;
 
@@ -11,7 +9,7 @@ use crate::context::CommandContext;
 use crate::paths::{default_field, default_result};
 
 /// Runs the command.
-pub(crate) fn run(args: ReconstructArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: ReconstructArgs, context: &CommandContext) -> Result<()> {
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
     let shot = rig.scene(&args.scene)?;
@@ -32,5 +30,5 @@ pub(crate) fn run(args: ReconstructArgs, context: &CommandContext) -> Result<Exi
         set,
     };
     answer(&job, context)?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

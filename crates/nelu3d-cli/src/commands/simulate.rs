@@ -1,7 +1,6 @@
 //! `nelu3d simulate`: the rig folder of a virtual scanner.
 
 use std::path::Path;
-use std::process::ExitCode;
 use std::sync::Mutex;
 
 use anyhow::{Result, anyhow};
@@ -13,11 +12,11 @@ use crate::context::CommandContext;
 use crate::paths::shown;
 
 /// Runs the command.
-pub(crate) fn run(args: SimulateArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: SimulateArgs, context: &CommandContext) -> Result<()> {
     let spec = spec(&args.spec)?;
     write(&spec, &args.output, context)?;
     context.answer(&serde_json::json!({ "rig": shown(&args.output) }), || format!("rig  {}", shown(&args.output)))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Returns a preset by its name, or the spec in a file.

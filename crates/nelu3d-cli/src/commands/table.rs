@@ -1,7 +1,5 @@
 //! `nelu3d table`: lookup tables to and from the files of the LookUp3D tools.
 
-use std::process::ExitCode;
-
 use anyhow::Result;
 use nelu3d::CalibrationOptions;
 use nelu3d::progress::StageClock;
@@ -16,12 +14,12 @@ use crate::context::CommandContext;
 use crate::paths::shown;
 
 /// Runs the command.
-pub(crate) fn run(args: TableArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: TableArgs, context: &CommandContext) -> Result<()> {
     match args.command {
         TableCommand::Export(args) => export(args, context)?,
         TableCommand::Info(args) => info(args, context)?,
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Builds the table of a sweep and writes it, compressed if asked for.

@@ -17,8 +17,6 @@ mod rig;
 mod step;
 mod table;
 
-use std::process::ExitCode;
-
 use anyhow::Result;
 use nelu3d_scan::output::{create_dir, write_atomic};
 
@@ -30,7 +28,7 @@ use step::StepRunner;
 use table::{ExperimentNumbers, TableCell};
 
 /// Runs the command.
-pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<()> {
     let Some(name) = &args.name else { return list(context) };
     let (name, mut experiment) = Experiment::read(name, args.quick)?;
     if let Some(seeds) = &args.seeds {
@@ -84,11 +82,11 @@ pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<Exi
         let page = dir.join("index.html");
         text + &format!("{ran} commands run, {reused} taken from earlier runs\nopen  {}\n", page.display())
     })?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Lists the experiments that come with the program.
-fn list(context: &CommandContext) -> Result<ExitCode> {
+fn list(context: &CommandContext) -> Result<()> {
     let mut all = Vec::new();
     for (name, _) in BUILT_IN {
         let (_, experiment) = Experiment::read(name, false)?;
@@ -96,7 +94,7 @@ fn list(context: &CommandContext) -> Result<ExitCode> {
     }
     let json: Vec<_> = all.iter().map(|(name, title)| serde_json::json!({ "name": name, "title": title })).collect();
     context.answer(&json, || all.iter().map(|(name, title)| format!("{name:<10}  {title}\n")).collect())?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Returns when and where the tables were made, for their readers.

@@ -2,6 +2,7 @@
 //! when it is done, so that it need not run again.
 
 use std::collections::HashMap;
+use std::ffi::OsString;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -47,7 +48,7 @@ pub(super) struct StepOutcome {
 pub(super) struct StepRunner<'a> {
     context: &'a CommandContext,
     notes: PathBuf,
-    program: PathBuf,
+    program: Vec<OsString>,
     program_hash: String,
     device: Choice,
     /// Whether outcomes of another build of the program are good enough.
@@ -64,9 +65,9 @@ impl<'a> StepRunner<'a> {
     pub(super) fn new(root: &Path, device: Choice, reuse: bool, context: &'a CommandContext) -> Result<Self> {
         let notes = root.join("steps");
         create_dir(&notes)?;
-        let program = std::env::current_exe().context("this program cannot find itself")?;
-        let content =
-            read_file(&program, MAX_DATA).with_context(|| format!("{}: cannot be read", program.display()))?;
+        let program = context.program.command()?;
+        let code = context.program.code()?;
+        let content = read_file(&code, MAX_DATA).with_context(|| format!("{}: cannot be read", code.display()))?;
         let program_hash = hex(&content);
         Ok(Self { context, notes, program, program_hash, device, reuse, failed: HashMap::new(), ran: 0, reused: 0 })
     }
@@ -93,8 +94,8 @@ impl<'a> StepRunner<'a> {
         }
         self.context.progress.stage(&step.what);
         let start = Instant::now();
-        let mut command = Command::new(&self.program);
-        command.args(&step.arguments).args(["--json", "--quiet"]).stdin(Stdio::null());
+        let mut command = Command::new(&self.program[0]);
+        command.args(&self.program[1..]).args(&step.arguments).args(["--json", "--quiet"]).stdin(Stdio::null());
         command.args(["--threads", &rayon::current_num_threads().to_string()]);
         let done = self.output(&mut command)?;
         self.context.stop_if_asked()?;
@@ -125,7 +126,7 @@ impl<'a> StepRunner<'a> {
     fn output(&self, command: &mut Command) -> Result<Output> {
         const POLL: Duration = Duration::from_millis(10);
         let started = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
-        let mut child = started.with_context(|| format!("{}: cannot be started", self.program.display()))?;
+        let mut child = started.with_context(|| format!("{}: cannot be started", self.program[0].display()))?;
         let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
         std::thread::scope(|scope| {
             let stdout = scope.spawn(|| read_to_end(stdout));

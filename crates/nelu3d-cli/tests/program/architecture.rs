@@ -21,12 +21,12 @@ const CRATES: &[(&str, &[&str])] = &[
     ("nelu3d-sim", ABOVE_THE_METHOD_MAY_USE),
     ("nelu3d-capture", ABOVE_THE_METHOD_MAY_USE),
     ("nelu3d-report", &["nelu3d-scan", "nelu3d", "nelu3d-evaluate"]),
-    ("nelu3d-cli", FACES_MAY_USE),
-    ("nelu3d-py", FACES_MAY_USE),
+    ("nelu3d-cli", PROGRAM_MAY_USE),
+    ("nelu3d-py", PACKAGE_MAY_USE),
 ];
 const METHOD_MAY_USE: &[&str] = &["nelu3d-scan", "nelu3d-field"];
 const ABOVE_THE_METHOD_MAY_USE: &[&str] = &["nelu3d-scan", "nelu3d-field", "nelu3d"];
-const FACES_MAY_USE: &[&str] = &[
+const PROGRAM_MAY_USE: &[&str] = &[
     "nelu3d-scan",
     "nelu3d-field",
     "nelu3d",
@@ -35,6 +35,17 @@ const FACES_MAY_USE: &[&str] = &[
     "nelu3d-sim",
     "nelu3d-capture",
     "nelu3d-report",
+];
+/// The Python package runs the program.
+const PACKAGE_MAY_USE: &[&str] = &[
+    "nelu3d-scan",
+    "nelu3d-field",
+    "nelu3d",
+    "nelu3d-baselines",
+    "nelu3d-evaluate",
+    "nelu3d-sim",
+    "nelu3d-report",
+    "nelu3d-cli",
 ];
 
 /// The layers of `crates/nelu3d/src`, lowest first: a folder uses itself and lower layers, never its neighbor.

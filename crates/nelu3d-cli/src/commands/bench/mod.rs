@@ -2,8 +2,6 @@
 
 mod fast;
 
-use std::process::ExitCode;
-
 use anyhow::Result;
 use fast::FastReport;
 use nelu3d_field::bench::{BenchReport, Machine};
@@ -24,7 +22,7 @@ struct CpuReport {
 }
 
 /// Runs the command.
-pub(crate) fn run(args: BenchArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: BenchArgs, context: &CommandContext) -> Result<()> {
     match Device::open(args.device)? {
         #[cfg(feature = "gpu")]
         Device::Gpu(gpu) => {
@@ -39,7 +37,7 @@ pub(crate) fn run(args: BenchArgs, context: &CommandContext) -> Result<ExitCode>
             })?;
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Measures kernels, training steps, and recipe `fast`, as far as they are asked for.

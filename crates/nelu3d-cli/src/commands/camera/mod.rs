@@ -5,7 +5,6 @@ pub(crate) mod response;
 mod text;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use anyhow::{Result, anyhow, bail};
 use nelu3d_scan::Rig;
@@ -36,7 +35,7 @@ struct Source {
 }
 
 /// Runs the command.
-pub(crate) fn run(args: CameraArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: CameraArgs, context: &CommandContext) -> Result<()> {
     if args.response.measure {
         return response::run(&args, context);
     }
@@ -83,7 +82,7 @@ pub(crate) fn run(args: CameraArgs, context: &CommandContext) -> Result<ExitCode
     context.answer(&serde_json::json!({ "camera": shown(&output), "report": result.report }), || {
         format!("{}camera    {}", text(&result.report), shown(&output))
     })?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// The corners of each image, or why there are none.

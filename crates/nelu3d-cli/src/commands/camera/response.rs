@@ -3,7 +3,6 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, anyhow, bail};
 use nelu3d_scan::image::{Raw, Response, decode};
@@ -34,7 +33,7 @@ pub(crate) struct MeasuredResponse {
 }
 
 /// Runs the command.
-pub(super) fn run(args: &CameraArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(super) fn run(args: &CameraArgs, context: &CommandContext) -> Result<()> {
     let path = &args.source;
     let is_rig = path.join(RIG_FILE).is_file() || path.file_name().is_some_and(|n| n == RIG_FILE);
     context.progress.stage("measure the camera's response");
@@ -67,7 +66,7 @@ pub(super) fn run(args: &CameraArgs, context: &CommandContext) -> Result<ExitCod
     let json = serde_json::json!({ "response": name, "source": measured.source, "written": written,
         "report": measured.report });
     context.answer(&json, || format!("{}written   {written}\n", text(&measured)))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Writes a response into a rig that states none, or the same, or may be changed.

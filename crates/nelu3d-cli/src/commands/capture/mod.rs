@@ -8,7 +8,6 @@ mod response;
 mod trial;
 
 use std::path::Path;
-use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail};
 use nelu3d_capture::page::{PageServer, SlideFiles};
@@ -25,13 +24,13 @@ use crate::context::CommandContext;
 use crate::paths::shown;
 
 /// Runs the command.
-pub(crate) fn run(args: CaptureArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: CaptureArgs, context: &CommandContext) -> Result<()> {
     let report = match &args.rehearse {
         Some(source) => rehearse::run(&args, source, context)?,
         None => with_page(&args, context)?,
     };
     context.answer(&report, || report.text())?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Captures with the page as display, and whatever was typed as camera.

@@ -5,8 +5,6 @@ mod folder;
 mod ground_truth;
 mod result;
 
-use std::process::ExitCode;
-
 use anyhow::Result;
 use nelu3d::result::SavedResult;
 
@@ -14,7 +12,7 @@ use crate::args::EvaluateArgs;
 use crate::context::CommandContext;
 
 /// Runs the command.
-pub(crate) fn run(args: EvaluateArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: EvaluateArgs, context: &CommandContext) -> Result<()> {
     let result = SavedResult::read(&args.result)?;
     match (&args.truth, &args.against, &args.cad) {
         (Some(dir), ..) => ground_truth::run(&args, dir, &result, context)?,
@@ -22,5 +20,5 @@ pub(crate) fn run(args: EvaluateArgs, context: &CommandContext) -> Result<ExitCo
         (None, None, Some(mesh)) => cad::run(&args, mesh, &result, context)?,
         (None, None, None) => unreachable!("clap requires one of the three"),
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

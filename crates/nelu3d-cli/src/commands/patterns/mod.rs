@@ -3,7 +3,6 @@
 mod score;
 
 use std::path::Path;
-use std::process::ExitCode;
 
 use anyhow::Result;
 use nelu3d_scan::Image;
@@ -23,7 +22,7 @@ use crate::paths::shown;
 const METADATA_FILE: &str = "patterns.json";
 
 /// Runs the command.
-pub(crate) fn run(args: PatternsCommand, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: PatternsCommand, context: &CommandContext) -> Result<()> {
     let (family, pattern, sheet) = match args {
         PatternsCommand::Sinusoid { settings, sheet } => ("sinusoid", Pattern::Sinusoid(settings), sheet),
         PatternsCommand::Triangle { settings, sheet } => ("triangle", Pattern::Triangle(settings), sheet),
@@ -99,7 +98,7 @@ impl PatternSetEntry {
 type SetAlong<'a> = dyn Fn(Axis) -> Result<Vec<Pattern>, PatternError> + 'a;
 
 /// Makes the images, writes their folder and prints the entry of rig.toml.
-fn write(name: &str, set: &SetAlong<'_>, sheet: &PatternImageArgs, context: &CommandContext) -> Result<ExitCode> {
+fn write(name: &str, set: &SetAlong<'_>, sheet: &PatternImageArgs, context: &CommandContext) -> Result<()> {
     let (metadata, n) = make(name, set, sheet, context)?;
     let toml = metadata.pattern_set.toml();
     let [width, height] = sheet.size;
@@ -107,7 +106,7 @@ fn write(name: &str, set: &SetAlong<'_>, sheet: &PatternImageArgs, context: &Com
     json["output"] = serde_json::json!(shown(&sheet.output));
     json["toml"] = serde_json::json!(toml);
     context.answer(&json, || format!("# {n} images of {width} x {height} px in {}\n{toml}", shown(&sheet.output)))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Writes the folder of a recommended set along x.

@@ -2,7 +2,6 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail};
 use nelu3d::result::picture::Picture;
@@ -33,7 +32,7 @@ struct AxisScore {
 }
 
 /// Runs the command.
-pub(crate) fn run(args: &PatternScoreArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: &PatternScoreArgs, context: &CommandContext) -> Result<()> {
     context.progress.stage("read patterns");
     let read = read(&args.dir, context)?;
     let options = ScoreOptions {
@@ -70,7 +69,7 @@ pub(crate) fn run(args: &PatternScoreArgs, context: &CommandContext) -> Result<E
         "codes": scores,
     });
     context.answer(&json, || scores.iter().map(text).collect::<Vec<_>>().join("\n"))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// The patterns of a folder.

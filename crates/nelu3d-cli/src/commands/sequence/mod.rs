@@ -13,7 +13,6 @@ mod read_ahead;
 mod slurm;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::{Context as _, Result};
 use nelu3d::result::Input;
@@ -28,7 +27,7 @@ use crate::context::CommandContext;
 use crate::paths::{default_field, default_result, load_field, shown};
 
 /// Runs the command.
-pub(crate) fn run(args: &SequenceArgs, context: &CommandContext) -> Result<ExitCode> {
+pub(crate) fn run(args: &SequenceArgs, context: &CommandContext) -> Result<()> {
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
     let frames = rig.sequence(&args.sequence)?;
@@ -62,7 +61,7 @@ pub(crate) fn run(args: &SequenceArgs, context: &CommandContext) -> Result<ExitC
         let listed: Vec<String> = failed.iter().map(|(frame, why)| format!("{frame}: {why}")).collect();
         anyhow::bail!("{} of {} frames failed: {}", failed.len(), run.frames.len(), listed.join("; "));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Returns where the results of a sequence are written by default.

@@ -3,7 +3,6 @@
 
 use std::ffi::OsString;
 use std::path::Path;
-use std::process::ExitCode;
 
 use anyhow::{Context as _, Result};
 use nelu3d::sequence::Plan;
@@ -20,10 +19,10 @@ pub(super) fn write(
     output: &Path,
     frames: usize,
     context: &CommandContext,
-) -> Result<ExitCode> {
+) -> Result<()> {
     let plan = Plan { frames, keyframe: args.keyframe.get() };
     let tasks = args.tasks.map_or(plan.stretches(), |n| n.get().min(plan.stretches())).max(1);
-    let command = command(args, output)?;
+    let command = command(args, output, context)?;
     let text = text(&command, tasks, frames, plan);
     write_atomic(script, |w| w.write_all(text.as_bytes()))?;
     context.answer(&serde_json::json!({ "script": shown(script), "tasks": tasks, "frames": frames }), || {
@@ -33,18 +32,17 @@ pub(super) fn write(
             shown(script)
         )
     })?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Returns the command of one task, without its part: what was typed, with paths that hold on every machine that sees
 /// the same disk.
-fn command(args: &SequenceArgs, output: &Path) -> Result<String> {
-    let program = std::env::current_exe().context("cannot tell where this program is")?;
+fn command(args: &SequenceArgs, output: &Path, context: &CommandContext) -> Result<String> {
     let here = std::env::current_dir().context("cannot tell the current folder")?;
     let full = |path: &Path| Ok::<_, anyhow::Error>(quoted(&in_script(here.join(path).into_os_string())?));
-    let mut words = vec![quoted(&in_script(program.into_os_string())?)];
-    let typed = std::env::args_os().skip(1).map(in_script).collect::<Result<Vec<String>>>()?;
-    let mut typed = typed.into_iter();
+    let text = |words: Vec<OsString>| words.into_iter().map(in_script).collect::<Result<Vec<String>>>();
+    let mut words: Vec<String> = text(context.program.command()?)?.iter().map(|word| quoted(word)).collect();
+    let mut typed = text(context.typed.clone())?.into_iter();
     // Only what says where something is or what this script is changes; all settings go on as they were typed.
     while let Some(word) = typed.next() {
         let (name, value) = match word.split_once('=') {
