@@ -31,10 +31,10 @@ pub(super) const MAX_SHORTFALL_DB: f64 = 3.0;
 /// Fits before that of all cells, the coarsest last: by what the cells across are divided, and the steps. The coarsest
 /// leaves next to nothing undetermined, and what it does is smooth: with a quarter of the cells alone, the field of a
 /// rig of another renderer was off by 0.01 at its nearest board; with these, by the noise.
-const COARSE: [(usize, usize); 4] = [(2, 8), (4, 10), (8, 20), (16, 60)];
+const COARSE: [(usize, usize); 3] = [(4, 10), (8, 20), (16, 60)];
 /// Steps of the fit of all cells that measures, without the held-out positions. More of them follow the noise: 20
-/// instead of 6 predict held-out positions of two rigs of other renderers worse, by 0.2 and 0.3 dB.
-const STEPS: usize = 6;
+/// instead of 8 predict held-out positions of two rigs of other renderers worse, by 0.15 dB.
+const STEPS: usize = 8;
 /// Steps of the final fit from the one without the held-out positions.
 const FINAL_STEPS: usize = 8;
 /// Steps of the final fit where much is new to it: the last position that was held out in turn, or samples that were

@@ -69,6 +69,7 @@ pub fn calibrate(
     clock.begin("find the light");
     let views = views::estimate_noise(&mut placed, rig, opts.frame != FrameKind::Camera, progress)?;
     let found = views.and_then(|views| light::find_center(views, &placed.camera, progress));
+    placed.move_drawn();
     let outliers = found.as_ref().map_or(&[][..], |f| &f.without_consensus);
     let without_consensus: Vec<String> = outliers.iter().map(|p| placed.sweep.shots[*p].name.clone()).collect();
     let blocks = found.as_ref().map_or(&[][..], |f| &f.excluded);

@@ -203,6 +203,12 @@ impl<'a> PlacedSweep<'a> {
         self.drawn[p] = Some(drawn);
     }
 
+    /// Moves what positions are judged by to other memory: what was allocated between images that are gone by now keeps
+    /// the memory of these from going back to the system (100 MB of the given rig `film`).
+    pub(super) fn move_drawn(&mut self) {
+        self.drawn = self.drawn.clone();
+    }
+
     /// Returns what positions are judged by, and their indices.
     pub(super) fn drawn(&self) -> impl Iterator<Item = (usize, &Drawn)> {
         self.drawn.iter().enumerate().filter_map(|(p, drawn)| drawn.as_ref().map(|drawn| (p, drawn)))
