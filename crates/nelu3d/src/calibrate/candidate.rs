@@ -28,13 +28,24 @@ const MIN_GAPS: usize = 4;
 const CELLS_ALONG_VALIDITY: usize = 32;
 /// Shortfall of the held-out PSNR against what the noise allows, beyond which a field is not good, dB.
 pub(super) const MAX_SHORTFALL_DB: f64 = 3.0;
-/// Fits before that of all cells, the coarsest last: by what the cells across are divided, and the steps. The coarsest
-/// leaves next to nothing undetermined, and what it does is smooth: with a quarter of the cells alone, the field of a
-/// rig of another renderer was off by 0.01 at its nearest board; with these, by the noise.
-const COARSE: [(usize, usize); 3] = [(4, 10), (8, 20), (16, 60)];
-/// Steps of the fit of all cells that measures, without the held-out positions. More of them follow the noise: 20
-/// instead of 8 predict held-out positions of two rigs of other renderers worse, by 0.15 dB.
-const STEPS: usize = 8;
+/// How a spline is fitted from nothing.
+#[derive(Clone, Copy)]
+struct Schedule {
+    /// Fits before that of all cells, the coarsest last: by what the cells across are divided, and the steps.
+    coarse: &'static [(usize, usize)],
+    /// Steps of the fit of all cells.
+    steps: usize,
+}
+
+/// A fit that measures, without the held-out positions. The coarsest level leaves next to nothing undetermined, and what
+/// it does is smooth: from a quarter of the cells alone, the field of a rig of another renderer was off by 0.01 at its
+/// nearest board; from here, by the noise. More fine steps follow the noise: 20 instead of 8 predict held-out positions
+/// of two rigs of other renderers worse, by 0.15 dB.
+const OF_MANY: Schedule = Schedule { coarse: &[(4, 10), (8, 20), (16, 60)], steps: 8 };
+/// The same where few positions are held out in turn: a ray that one board has met says nothing of how its codeword
+/// changes along it, and steps that are not taken keep it constant. Solved from the coarsest on, end positions were
+/// predicted 3 dB worse from the others.
+const OF_FEW: Schedule = Schedule { coarse: &[(4, 30)], steps: 10 };
 /// Steps of the final fit from the one without the held-out positions.
 const FINAL_STEPS: usize = 8;
 /// Steps of the final fit where much is new to it: the last position that was held out in turn, or samples that were
@@ -77,6 +88,8 @@ pub(super) struct Candidate {
     pub(super) gross: Option<GrossSquares>,
     /// Whether it has fewer cells across than the camera has pixels there.
     pub(super) is_limited: bool,
+    /// How it was fitted.
+    schedule: Schedule,
     /// Steps that the final fit takes.
     final_steps: usize,
     /// The part along the light's rays that holds, in unit coordinates.
@@ -104,6 +117,7 @@ impl Candidate {
         let mut bins = empty_bins(placed, cells, center, opts.form);
         let mut support = Support::new(center, &validity);
         let in_turn = folds.len() > 1;
+        let schedule = if in_turn { OF_FEW } else { OF_MANY };
         let first: Vec<usize> = (0..placed.n_positions()).filter(|p| in_turn || !folds[0].contains(p)).collect();
         let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
         let mut usable = pass.gather(&first, Some(&mut support))?;
@@ -124,7 +138,7 @@ impl Candidate {
                 bins.remove_all(&gathered(placed, &frame, fold, &bins, progress)?);
                 others = (center == Center::Light).then(|| Others::add_carried(&mut bins, &validity));
             }
-            let (fitted, at_pixels) = fit_form(cx, &bins, &frame, cells, center, STEPS);
+            let (fitted, at_pixels) = fit_form(cx, &bins, &frame, cells, center, schedule);
             pixels = at_pixels;
             let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
             // A position supports its own samples, too, where it was counted. From one other board alone nothing tells
@@ -181,6 +195,7 @@ impl Candidate {
             displacements,
             gross,
             is_limited: is_limited(placed, &frame, cells),
+            schedule,
             final_steps: if in_turn { STEPS_ANEW } else { FINAL_STEPS },
             reached,
             carried: None,
@@ -217,7 +232,8 @@ impl Candidate {
             self.validity.extend(self.reached);
             find_ranges(placed, &self.frame, &mut self.validity);
             // From nothing: where carried samples lie there was nothing to go on from.
-            return Ok(fit_form(cx, &bins, &self.frame, self.cells, self.center, STEPS_ANEW).0);
+            let schedule = Schedule { steps: STEPS_ANEW, ..self.schedule };
+            return Ok(fit_form(cx, &bins, &self.frame, self.cells, self.center, schedule).0);
         }
         match &mut form {
             Form::Grid(grid) => fit(grid, &bins, smoothness(self.center), self.final_steps, progress),
@@ -326,7 +342,7 @@ fn fit_form(
     frame: &FieldFrame,
     cells: [usize; 3],
     center: Center,
-    steps: usize,
+    schedule: Schedule,
 ) -> (Form, Option<PixelQuality>) {
     let FitContext { placed, opts, progress, .. } = *cx;
     let k = placed.sweep.k;
@@ -334,11 +350,11 @@ fn fit_form(
         FormKind::Grid => {
             // Coarse to fine: the coarse fits fill what the fine one cannot see, and need no more bins than they have
             // cells for.
-            let mut levels: Vec<(Bins, usize)> = Vec::with_capacity(COARSE.len());
-            for (part, steps) in COARSE {
+            let mut levels: Vec<(Bins, usize)> = Vec::with_capacity(schedule.coarse.len());
+            for (part, steps) in schedule.coarse {
                 let counts = [cells[0] / part + 1, cells[1] / part + 1, bins.counts()[2]];
                 let merged = levels.last().map_or(bins, |(finer, _)| finer).merged(counts);
-                levels.push((merged, steps));
+                levels.push((merged, *steps));
             }
             let mut grid: Option<Grid> = None;
             while let Some((coarse, steps)) = levels.pop() {
@@ -348,7 +364,7 @@ fn fit_form(
                 grid = Some(next);
             }
             let mut grid = grid.expect("there are coarse levels").resampled(cells);
-            fit(&mut grid, bins, smoothness(center), steps, progress);
+            fit(&mut grid, bins, smoothness(center), schedule.steps, progress);
             Form::Grid(grid)
         }
         FormKind::Hash => {

@@ -2,7 +2,6 @@
 //! and hashes of these, so that they need not be read once more when the field is known.
 
 use super::judge::Fingerprint;
-use super::placed_sweep::PlacedSweep;
 use super::sweep::Position;
 
 /// Most positions that are judged.
@@ -76,18 +75,13 @@ impl Drawn {
         }
     }
 
-    /// Calls `f(sample, t)` for every sample on the board of position `p`, whose these are, that is not left out; t is
-    /// its distance along the ray, mm.
-    pub(super) fn for_each(&self, placed: &PlacedSweep<'_>, p: usize, mut f: impl FnMut(&DrawnSample<'_>, f64)) {
-        for (number, pixel) in self.pixels.iter().copied().enumerate() {
-            let Some(t) = placed.boards[p].hit(&placed.dirs[pixel]).filter(|_| !placed.is_excluded(p, pixel)) else {
-                continue;
-            };
-            let [around, edge] = self.around_and_edge[number];
+    /// Returns the samples.
+    pub(super) fn samples(&self) -> impl Iterator<Item = DrawnSample<'_>> {
+        self.pixels.iter().copied().zip(&self.around_and_edge).enumerate().map(|(number, (pixel, [around, edge]))| {
             let values = &self.values[number * self.k..][..self.k];
             let contrast = &self.contrast[number * self.channels..][..self.channels];
-            f(&DrawnSample { number, pixel, values, contrast, around, edge }, t);
-        }
+            DrawnSample { number, pixel, values, contrast, around: *around, edge: *edge }
+        })
     }
 }
 

@@ -5,7 +5,7 @@ use nelu3d_scan::Camera;
 use nelu3d_scan::pose::Bend;
 use rayon::prelude::*;
 
-use super::drawn::Drawn;
+use super::drawn::{Drawn, DrawnSample};
 use super::excluded::ExcludedBlocks;
 use super::position::Position;
 use super::sweep::Sweep;
@@ -214,9 +214,21 @@ impl<'a> PlacedSweep<'a> {
         self.drawn.iter().enumerate().filter_map(|(p, drawn)| drawn.as_ref().map(|drawn| (p, drawn)))
     }
 
+    /// Calls `f(sample, t)` for every sample of `drawn`, which was drawn from position `p`, that lies on the board and is
+    /// not left out; t is its distance along the ray, mm.
+    pub(super) fn for_each_drawn(&self, p: usize, drawn: &Drawn, mut f: impl FnMut(&DrawnSample<'_>, f64)) {
+        for sample in drawn.samples() {
+            if let Some(t) = self.boards[p].hit(&self.dirs[sample.pixel])
+                && !self.is_excluded(p, sample.pixel)
+            {
+                f(&sample, t);
+            }
+        }
+    }
+
     /// Returns whether pixel `i` of position `p` is left out.
     #[inline]
-    pub(super) fn is_excluded(&self, p: usize, i: usize) -> bool {
+    fn is_excluded(&self, p: usize, i: usize) -> bool {
         let width = self.camera.width;
         self.excluded[p].as_ref().is_some_and(|blocks| blocks.contains(i % width, i / width))
     }

@@ -55,7 +55,7 @@ impl InkSums {
     pub(super) fn of(field: &ColorField, grid: &Grid, placed: &PlacedSweep<'_>, p: usize, drawn: &Drawn) -> Self {
         let mut s = Self::default();
         let mut c = vec![0.0f32; placed.sweep.k];
-        drawn.for_each(placed, p, |sample, t| {
+        placed.for_each_drawn(p, drawn, |sample, t| {
             let (contrast, channels) = (sample.contrast, sample.contrast.len());
             let mean = contrast.iter().sum::<f32>() / channels as f32;
             let of = if mean > INK * sample.around { &mut s.paper } else { &mut s.ink };

@@ -24,7 +24,7 @@ use center::{Chart, HOME};
 use disagreement::disagreeing_blocks;
 use refine::{Held, Refined, Steps, refine};
 use search::{search_levels, starts};
-use transport::{PULL, Seed, Transport, disagreement, seeds};
+use transport::{PULL, Transport, disagreement, seeds};
 
 /// Numbers of a sweep that the last refinement looks at: samples times channels.
 const MEASUREMENTS: usize = 720_000;
@@ -85,8 +85,7 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
     let (score, state) = scored.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
     tracing::debug!(score, ?state, "best start of the light");
     let all = seeds(t.camera, t.views, finest.level, MEASUREMENTS / t.views.k.max(6));
-    let some: Vec<Seed> = all.iter().step_by(4).copied().collect();
-    let how = Steps { arm: last, count: 12, enough: 1e-5, min_scale: 0.1 * finest.spread(k), pull: PULL, held: None };
+    let how = Steps { arm: last, count: 12, min_scale: 0.1 * finest.spread(k), pull: PULL, held: None };
     let (mut best, mut arm) = (Refined::at(state), 2);
     loop {
         if progress.cancelled() {
@@ -94,9 +93,7 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
         }
         // The longest arms decide; along what the patterns hardly tell, that takes more steps.
         let count = if arm >= last { 20 } else { 6 };
-        // On the way there, a part of the samples.
-        let seeds = if arm >= last { &all } else { &some };
-        best = refine(t, finest.level, seeds, best.state, Steps { arm: arm.min(last), count, ..how });
+        best = refine(t, finest.level, &all, best.state, Steps { arm: arm.min(last), count, ..how });
         if arm >= last {
             break;
         }

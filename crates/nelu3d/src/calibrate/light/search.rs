@@ -21,13 +21,13 @@ const MAX_TANGENT: f64 = 1.1;
 const MAX_KAPPA: f64 = 3.0;
 /// Part of the codewords' variance that a level must keep.
 const MIN_SIGNAL: f64 = 0.15;
-/// Seeds of a level, at most: some of every view.
-const SEEDS: usize = 3000;
+/// Seeds of a level.
+const SEEDS: usize = 1500;
 /// Levels that are searched, the coarsest useful ones.
 const SEARCHED_LEVELS: usize = 3;
 /// Centers that are refined at the level they were found at.
 const REFINED: usize = 64;
-/// Starts of a level that are followed down to the finest, and of all levels from there.
+/// Starts of a level that are followed down to the finest.
 const STARTS: usize = 6;
 
 /// A level, ready to be searched.
@@ -45,7 +45,7 @@ impl SearchLevel<'_> {
 
     /// Steps of a refinement from afar.
     pub(super) fn steps(&self, k: usize, arm: usize) -> Steps {
-        Steps { arm, count: 6, enough: 1e-4, min_scale: 0.3 * self.spread(k), pull: PULL, held: None }
+        Steps { arm, count: 6, min_scale: 0.3 * self.spread(k), pull: PULL, held: None }
     }
 }
 
@@ -54,15 +54,13 @@ pub(super) fn search_levels<'a>(t: &Transport<'a>) -> Vec<SearchLevel<'a>> {
     let with_seeds = |level: &'a Level| {
         let mut seeds = seeds(t.camera, t.views, level, SEEDS);
         seeds.sort_by_key(hash);
-        seeds.truncate(SEEDS);
         let by_chance = by_chance(t.views, level, &seeds);
         SearchLevel { level, seeds, by_chance }
     };
     t.views.levels.iter().map(with_seeds).take_while(|l| l.seeds.len() >= 100).collect()
 }
 
-/// The best starts of several levels, refined at every level from the one they were found at down to the finest; the
-/// best first.
+/// The best starts of several levels, refined at every level from the one they were found at down to the finest.
 pub(super) fn starts(t: &Transport<'_>, levels: &[SearchLevel<'_>]) -> Vec<State> {
     let arm = (t.views.len() / 4).max(1);
     let signal = |l: usize| levels[l].by_chance / levels[0].by_chance;
@@ -76,17 +74,14 @@ pub(super) fn starts(t: &Transport<'_>, levels: &[SearchLevel<'_>]) -> Vec<State
         tracing::debug!(level = l, signal = signal(l), basin, tried = n, best = best[0].0, "search for the light");
         found.extend(best.into_iter().map(|(_, s)| (l, s)));
     }
-    let finest = &levels[0];
-    let down = |(first, s): (usize, State)| {
-        let s = (0..=first)
-            .rev()
-            .fold(s, |s, l| refine(t, levels[l].level, &levels[l].seeds, s, levels[l].steps(t.views.k, arm)).state);
-        (t.score(finest.level, &finest.seeds, s, arm, finest.by_chance, 1.0), s)
-    };
-    let mut refined: Vec<(f64, State)> = found.into_par_iter().map(down).collect();
-    refined.sort_by(|a, b| a.0.total_cmp(&b.0));
-    refined.truncate(STARTS);
-    refined.into_iter().map(|(_, s)| s).collect()
+    found
+        .into_par_iter()
+        .map(|(first, s)| {
+            (0..=first)
+                .rev()
+                .fold(s, |s, l| refine(t, levels[l].level, &levels[l].seeds, s, levels[l].steps(t.views.k, arm)).state)
+        })
+        .collect()
 }
 
 /// The best of many centers: all are scored with a few seeds, a promising part is refined at this level and scored
