@@ -10,6 +10,7 @@ use nelu3d_sim::spec::PRESETS;
 use serde::Deserialize;
 use toml::{Table, Value};
 
+use super::claim::Claim;
 use super::columns;
 
 /// The experiments that come with the program: name and file.
@@ -62,6 +63,12 @@ pub(super) struct Experiment {
     pub against: Option<String>,
     /// What is tabulated.
     pub columns: Vec<Column>,
+    /// What the numbers are claimed to show.
+    #[serde(default)]
+    pub claims: Vec<Claim>,
+    /// Words that stand for `{name}` in rigs and commands, such as the length of trainings, which quick runs change.
+    #[serde(default)]
+    pub settings: Table,
     /// What `--quick` changes: merged over everything above.
     #[serde(default, rename = "quick")]
     _quick: Table,
@@ -110,6 +117,9 @@ pub(super) struct Case {
     /// Its pattern set; the rig's first if there is none.
     #[serde(default)]
     pub set: Option<String>,
+    /// Settings that replace the experiment's.
+    #[serde(default)]
+    pub settings: Table,
 }
 
 /// A quantity with several values. `{name}` in rigs and commands stands for it.
@@ -272,6 +282,9 @@ impl Experiment {
                 bail!("method `{}`: there is no case `{case}`", method.label);
             }
         }
+        for claim in &self.claims {
+            claim.check(self)?;
+        }
         if let Some(label) = self.against.as_ref().filter(|l| self.methods.iter().all(|m| m.label != **l)) {
             bail!("`against`: there is no method `{label}`");
         }
@@ -362,6 +375,9 @@ mod tests {
             ("step.wall_secs", "step.wall_sec", "column `l`: `step.wall_sec` is no value: `step` has no `wall_sec`"),
             ("step.wall_secs", "against.depth_mm.mae", "needs `against`"),
             ("title = 't'", "title = 't'\nvary = { name = 'x', label = 'x', values = [] }", "`vary.values` is empty"),
+            ("[[columns]]", "[[claims]]\ncolumn = 'k'\nmethod = 'm'\nat_most = 1\n[[columns]]", "column `k`"),
+            ("[[columns]]", "[[claims]]\ncolumn = 'l'\nmethod = 'n'\nat_most = 1\n[[columns]]", "no method `n`"),
+            ("[[columns]]", "[[claims]]\ncolumn = 'l'\nmethod = 'm'\n[[columns]]", "one of `at_most`"),
         ] {
             let error = Experiment::parse(&good.replace(from, to), false).unwrap_err();
             assert!(format!("{error:#}").contains(say), "{error:#}");

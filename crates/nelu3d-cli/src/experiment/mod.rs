@@ -2,10 +2,11 @@
 //!
 //! [`file`] is what such a file says; [`plan`] makes commands of it (simulate, calibrate, reconstruct or decode,
 //! evaluate) and reads their answers; [`step`] runs each command once, however often the experiment is started;
-//! [`table`], [`plot`] and [`page`] show the numbers. To add an experiment, write its file and add it to
+//! [`table`], [`plot`] and [`page`] show the numbers, and [`claim`] holds them against what the file claims. To add an experiment, write its file and add it to
 //! [`file::BUILT_IN`].
 
 mod cell;
+mod claim;
 mod columns;
 mod file;
 mod names;
@@ -23,6 +24,7 @@ use nelu3d_scan::output::{create_dir, write_atomic};
 use crate::args::ExperimentArgs;
 use crate::context::CommandContext;
 use crate::paths::shown;
+use claim::JudgedClaim;
 use file::{BUILT_IN, Experiment};
 use step::StepRunner;
 use table::{ExperimentNumbers, TableCell};
@@ -47,6 +49,7 @@ pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<()>
 
     context.progress.stage("write the tables");
     let numbers = ExperimentNumbers::of(&experiment, &cells);
+    let claims: Vec<JudgedClaim> = experiment.claims.iter().map(|c| c.judge(&numbers)).collect::<Result<_>>()?;
     let made = made();
     let mut plots = Vec::new();
     for (i, column) in experiment.columns.iter().enumerate().filter(|(_, c)| c.main) {
@@ -57,10 +60,10 @@ pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<()>
         }
     }
     let quick = if args.quick { format!("{name} --quick") } else { name.clone() };
-    let page = page::html(&quick, &numbers, &plots, &cells, &made)?;
-    let json = numbers.json();
+    let page = page::html(&quick, &numbers, &plots, &cells, &claims, &made)?;
+    let json = numbers.json(&claims);
     for (file, content) in [
-        ("table.md", numbers.markdown(&quick, &made)),
+        ("table.md", numbers.markdown(&claims, &quick, &made)),
         ("table.csv", numbers.csv()),
         ("table.json", serde_json::to_string_pretty(&json)?),
         ("index.html", page),
@@ -76,12 +79,23 @@ pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<()>
             let (headings, rows) = numbers.pivot(i);
             text += &format!("{}\n{}\n", column.label, aligned(&headings, &rows));
         }
+        for claim in &claims {
+            text += &format!("{}\n", claim.line());
+        }
         for problem in numbers.problems() {
             text += &format!("without a result: {problem}\n");
         }
         let page = dir.join("index.html");
         text + &format!("{ran} commands run, {reused} taken from earlier runs\nopen  {}\n", page.display())
     })?;
+    let broken = claims.iter().filter(|c| !c.against.is_empty()).count();
+    if broken > 0 {
+        anyhow::bail!(
+            "{name}: {broken} of {} claims do not hold; see the lines that say so, and table.md in {}",
+            claims.len(),
+            shown(&dir)
+        );
+    }
     Ok(())
 }
 

@@ -9,6 +9,7 @@ use nelu3d_evaluate::GroundTruth;
 use nelu3d_scan::statistics::percentile;
 
 use super::cell::ExperimentCell;
+use super::claim::JudgedClaim;
 use super::table::{ExperimentNumbers, TableCell};
 use nelu3d_report::html::{color_bar, escape, img, table};
 use nelu3d_report::page::{details, page, section};
@@ -22,6 +23,7 @@ pub(super) fn html(
     numbers: &ExperimentNumbers<'_>,
     plots: &[(String, String)],
     cells: &[ExperimentCell],
+    claims: &[JudgedClaim],
     made: &str,
 ) -> Result<String> {
     let experiment = numbers.experiment;
@@ -38,6 +40,10 @@ pub(super) fn html(
             let _ = write!(content, "<figure class=plot>{svg}</figure>");
         }
         body += &section(&column.label, &content);
+    }
+    if !claims.is_empty() {
+        let items = claims.iter().fold(String::new(), |s, c| s + "<li>" + &escape(&c.line()) + "</li>");
+        body += &section("Claims", &format!("<ul>{items}</ul>"));
     }
     body += &section("Side by side", &pictures(numbers, cells)?);
     let (headings, rows) = numbers.long();

@@ -2,12 +2,14 @@
 
 use toml::Table;
 
-use super::file::{Experiment, substitute, substitute_text};
+use super::file::{Case, Experiment, substitute, substitute_text};
 
 /// The values that stand for placeholders in one cell.
 pub(super) struct Placeholders<'a> {
     /// The experiment.
     pub(super) experiment: &'a Experiment,
+    /// The case, whose settings replace the experiment's.
+    pub(super) case: &'a Case,
     /// Index of the varied value.
     pub(super) value: usize,
     /// The seed.
@@ -18,6 +20,9 @@ impl Placeholders<'_> {
     /// Returns names and values.
     fn values(&self) -> Vec<(&str, toml::Value)> {
         let mut values = vec![("seed", toml::Value::Integer(self.seed as i64))];
+        for settings in [&self.case.settings, &self.experiment.settings] {
+            values.extend(settings.iter().map(|(name, value)| (name.as_str(), value.clone())));
+        }
         values.extend(self.experiment.vary.iter().map(|v| (v.name.as_str(), v.values[self.value].clone())));
         values
     }

@@ -29,7 +29,7 @@ pub(super) fn run(
     for (case_index, case) in experiment.cases.iter().enumerate() {
         for value in 0..n_values {
             for (seed_index, &seed) in experiment.seeds.iter().enumerate() {
-                let placeholders = Placeholders { experiment, value, seed };
+                let placeholders = Placeholders { experiment, case, value, seed };
                 let first = cells.len();
                 for (method_index, method) in experiment.methods.iter().enumerate() {
                     let here = method.cases.is_empty() || method.cases.contains(&case.label);
@@ -183,7 +183,12 @@ impl CellPlan<'_> {
             arguments.extend(words(&["--field", &shown(field)]));
             arguments.extend(runner.device());
         }
+        // Trainings take hours: what is interrupted goes on.
+        let trained = ["paper", "turbosl"].iter().any(|word| run.iter().any(|w| w == word));
         arguments.extend(run);
+        if trained {
+            arguments.extend(words(&["--checkpoint", &format!("{}.checkpoint", shown(&cell.folder))]));
+        }
         let truth = cell.scene.join("truth");
         match truth.exists() {
             true if self.middle.is_some() => arguments.push("--truth".into()),

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use serde_json::{Value, json};
 
 use super::cell::ExperimentCell;
+use super::claim::JudgedClaim;
 use super::file::{Column, Experiment, plain};
 
 /// The numbers of one method on one row, over the seeds.
@@ -73,10 +74,15 @@ impl<'a> ExperimentNumbers<'a> {
         Self { experiment, entries }
     }
 
+    /// Returns the name of the case of a row.
+    pub(super) fn case_label(&self, row: usize) -> &'a String {
+        &self.experiment.cases[row / n_values(self.experiment)].label
+    }
+
     /// Returns the name of a row.
     pub(super) fn row_label(&self, row: usize) -> String {
         let n_values = n_values(self.experiment);
-        let case = &self.experiment.cases[row / n_values].label;
+        let case = self.case_label(row);
         match &self.experiment.vary {
             None => case.clone(),
             Some(v) => format!("{case}, {}", plain(&v.values[row % n_values])),
@@ -143,8 +149,8 @@ impl<'a> ExperimentNumbers<'a> {
         reasons.iter().map(|(reason, places)| format!("{}: {reason}", places.join("; "))).collect()
     }
 
-    /// Returns Markdown: a table per main column, then all numbers, then what is missing.
-    pub(super) fn markdown(&self, name: &str, made: &str) -> String {
+    /// Returns Markdown: a table per main column, what is claimed, then all numbers, then what is missing.
+    pub(super) fn markdown(&self, claims: &[JudgedClaim], name: &str, made: &str) -> String {
         let experiment = self.experiment;
         let mut text = format!("## {}\n\n", experiment.title);
         if !experiment.source.is_empty() {
@@ -162,6 +168,13 @@ impl<'a> ExperimentNumbers<'a> {
                 .map(|r| r.into_iter().map(|c| if c.best { format!("**{}**", c.text) } else { c.text }).collect())
                 .collect();
             text += &markdown_table(&headings, &rows);
+        }
+        if !claims.is_empty() {
+            text += "Claims:\n\n";
+            for claim in claims {
+                let _ = writeln!(text, "- {}", claim.line());
+            }
+            text.push('\n');
         }
         let (headings, rows) = self.long();
         text += "<details><summary>All numbers</summary>\n\n";
@@ -200,7 +213,7 @@ impl<'a> ExperimentNumbers<'a> {
     }
 
     /// Returns all numbers for programs.
-    pub(super) fn json(&self) -> Value {
+    pub(super) fn json(&self, claims: &[JudgedClaim]) -> Value {
         let entries = self.entries.iter().map(|e| {
             let numbers = e.numbers.iter().zip(&self.experiment.columns).map(|(n, c)| {
                 json!({
@@ -217,7 +230,8 @@ impl<'a> ExperimentNumbers<'a> {
                 "problem": e.problem,
             })
         });
-        json!({ "title": self.experiment.title, "entries": entries.collect::<Vec<_>>() })
+        let claims: Vec<Value> = claims.iter().map(JudgedClaim::json).collect();
+        json!({ "title": self.experiment.title, "entries": entries.collect::<Vec<_>>(), "claims": claims })
     }
 }
 
@@ -314,7 +328,7 @@ mod tests {
         assert_eq!(texts[1], [("b", false), ("4.0", false), ("–", false)]);
         assert_eq!(numbers.problems(), ["b, m: 1 of 2 seeds failed: no board", "b, n: no board"]);
         assert!(numbers.csv().contains("\"a\",\"m\",2,2,1.414"));
-        assert!(numbers.markdown("t", "today").contains("| a | 2.0 ± 1.4 | **1.5 ± 0.0** |"));
-        assert_eq!(numbers.json()["entries"][1]["numbers"][0]["mean"], 1.5);
+        assert!(numbers.markdown(&[], "t", "today").contains("| a | 2.0 ± 1.4 | **1.5 ± 0.0** |"));
+        assert_eq!(numbers.json(&[])["entries"][1]["numbers"][0]["mean"], 1.5);
     }
 }

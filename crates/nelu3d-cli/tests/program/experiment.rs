@@ -64,6 +64,11 @@ label = "MAE, mm"
 value = "result.metrics.whole.depth_mm.mae"
 main = true
 
+[[claims]]
+column = "MAE, mm"
+method = "fast"
+at_most = "LookUp3D"
+
 [[columns]]
 label = "to LookUp3D, mm"
 value = "against.depth_mm.mae"
@@ -107,6 +112,7 @@ fn a_file_becomes_tables_and_a_page_and_nothing_is_computed_twice() {
     let table = read("table.md");
     assert!(table.contains("## A small experiment") && table.contains("| ball, 16 | **"), "{table}");
     assert!(table.contains("Without a result"), "{table}");
+    assert!(table.contains("- holds: MAE, mm: fast has at most that of LookUp3D"), "{table}");
     assert_eq!(read("table.csv").lines().count(), 7);
     assert!(read("plot-1.svg").starts_with("<svg"));
     let page = read("index.html");
@@ -120,6 +126,15 @@ fn a_file_becomes_tables_and_a_page_and_nothing_is_computed_twice() {
     // A result that was lost is made again, and nothing else.
     std::fs::remove_dir_all(folder.join("results/ball-8-fast-3")).unwrap();
     assert_eq!(run(dir.path(), &[])["ran"].as_u64(), Some(3));
+
+    // What is claimed wrongly is an error, and the tables are there.
+    let file = dir.path().join("small.toml");
+    std::fs::write(&file, EXPERIMENT.replace("at_most", "at_least")).unwrap();
+    let out = dir.path().join("out");
+    let wrong = nelu3d(&["experiment", file.to_str().unwrap(), "-o", out.to_str().unwrap(), "--quiet"]);
+    assert_eq!(code(&wrong), 1);
+    assert!(stderr(&wrong).contains("small: 1 of 1 claims do not hold"), "{}", stderr(&wrong));
+    assert!(read("table.md").contains("- DOES NOT HOLD: MAE, mm: fast has at least that of LookUp3D (ball, 8: "));
 }
 
 /// Gray code on boards placed by hand, decoded with the projector that the boards calibrate.
