@@ -42,7 +42,7 @@ struct Schedule {
 /// nearest board; from here, by the noise. More fine steps follow the noise: 20 instead of 8 predict held-out positions
 /// of two rigs of other renderers worse, by 0.15 dB.
 const OF_MANY: Schedule = Schedule { coarse: &[(4, 10), (8, 20), (16, 60)], steps: 8 };
-/// The same where few positions are held out in turn: a ray that one board has met says nothing of how its codeword
+/// The schedule where few positions are held out in turn: a ray that one board has met says nothing of how its codeword
 /// changes along it, and steps that are not taken keep it constant. Solved from the coarsest on, end positions were
 /// predicted 3 dB worse from the others.
 const OF_FEW: Schedule = Schedule { coarse: &[(4, 30)], steps: 10 };

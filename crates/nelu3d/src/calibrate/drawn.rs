@@ -33,7 +33,7 @@ pub(super) struct Drawn {
     values: Vec<f32>,
     /// White − black, `[sample][channel]`.
     contrast: Vec<f32>,
-    /// Of every sample, [`Position::around`] and [`Position::edge`].
+    /// Of every sample, the white − black of what is bright around it, and the variance that edges of ink leave open.
     around_and_edge: Vec<[f32; 2]>,
 }
 

@@ -26,27 +26,31 @@ const MANY_GROSS: f64 = 0.05;
 /// Fraction of all positions' squares from which there is no field.
 const MOSTLY_GROSS: f64 = 0.2;
 
-/// Judges the quality at held-out positions; `span_mm` is the depth that the boards span along the camera's rays.
-pub(super) fn judge(held_out: &HeldOut<'_>, span_mm: f64) -> Vec<Finding> {
+/// Judges the quality at held-out positions; `span_mm` is the depth that the boards span along the camera's rays,
+/// `wanted` names positions that the sweep lacks.
+pub(super) fn judge(held_out: &HeldOut<'_>, span_mm: f64, wanted: impl Fn() -> String) -> Vec<Finding> {
     let gross = held_out.gross.as_ref().filter(|(_, gross)| gross.of_position > MANY_GROSS).map(|(name, gross)| {
         let sentence = format!(
             "{:.0} % of board position {name} lies where the field of the other positions has something else, far \
              beyond what the rest of the boards is off by",
             100.0 * gross.of_position
         );
-        let remedy = "check that position, or leave it out; where it is right, add positions around it";
+        let remedy = format!(
+            "check that position, or leave it out; where it is right, add positions around it{}",
+            and_at(&wanted())
+        );
         let verdict = if gross.share > MOSTLY_GROSS { Verdict::Bad } else { Verdict::Doubtful };
         Finding::new(Code::PositionDisagrees, verdict, sentence, remedy)
             .with("position", *name)
             .with("share", gross.of_position)
     });
-    below_noise(held_out, span_mm, gross.is_some()).into_iter().chain(gross).collect()
+    below_noise(held_out, span_mm, gross.is_some(), wanted).into_iter().chain(gross).collect()
 }
 
 /// Judges how far a field stays below its noise. Where it was measured by how much boards that the field was not made
 /// from are off in depth, 1σ contains that, and codewords that are predicted worse than noise allows are no fault: the
 /// depths are what they are said to be.
-fn below_noise(held_out: &HeldOut<'_>, span_mm: f64, has_gross: bool) -> Option<Finding> {
+fn below_noise(held_out: &HeldOut<'_>, span_mm: f64, has_gross: bool, wanted: impl Fn() -> String) -> Option<Finding> {
     let q = held_out.quality;
     let evidence = |f: Finding| {
         let predicted = 1.0 - 10f64.powf(-q.psnr_db / 10.0) / held_out.variance;
@@ -68,17 +72,31 @@ fn below_noise(held_out: &HeldOut<'_>, span_mm: f64, has_gross: bool) -> Option<
                 "{sentence}; where another board was, boards that were held out are off by {:.2} mm, which 1σ contains",
                 mm[1]
             );
-            Finding::new(Code::FieldBelowNoise, Verdict::Good, sentence, "more positions make depth more certain")
-                .with("depth_mm", mm[1])
+            let remedy = format!("more positions make depth more certain{}", first_at(&wanted()));
+            Finding::new(Code::FieldBelowNoise, Verdict::Good, sentence, remedy).with("depth_mm", mm[1])
         }
         (false, None) => Finding::new(
             Code::FieldBelowNoise,
             Verdict::Doubtful,
             sentence,
-            "compare a scan of something that is known before others are trusted",
+            match q.depth_by_support {
+                // Positions were held out in turn: there are few.
+                Some(_) => format!("add positions{}", first_at(&wanted())),
+                None => "compare a scan of something that is known before others are trusted".into(),
+            },
         ),
     };
     Some(evidence(finding))
+}
+
+/// Continues "add positions around it" by names of positions, if there are any.
+fn and_at(wanted: &str) -> String {
+    if wanted.is_empty() { String::new() } else { format!(", and {wanted}") }
+}
+
+/// Continues "more positions" by names of positions, if there are any.
+fn first_at(wanted: &str) -> String {
+    if wanted.is_empty() { String::new() } else { format!(", first {wanted}") }
 }
 
 #[cfg(test)]
@@ -107,7 +125,7 @@ mod tests {
         };
         let gross = gross.map(|[share, of_position]| ("003", GrossSquares { share, position: 3, of_position }));
         let held_out = HeldOut { quality: &quality, shortfall, variance: 0.1, gross };
-        judge(&held_out, 100.0).iter().map(|f| (f.code, f.verdict)).collect()
+        judge(&held_out, 100.0, || "at about 740 mm".into()).iter().map(|f| (f.code, f.verdict)).collect()
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod repeats;
 mod response;
 mod scale;
 mod spread;
+mod wanted;
 
 use nelu3d_scan::pose::Steps;
 use rayon::prelude::*;
@@ -55,7 +56,7 @@ pub(super) fn judge(field: &ColorField, placed: &PlacedSweep<'_>, evidence: &Evi
         placed.n_positions(),
         evidence.step_mm,
     ));
-    judgment.extend(field::judge(&evidence.held_out, span.along_rays_mm));
+    judgment.extend(field::judge(&evidence.held_out, span.along_rays_mm, || wanted::named(&wanted::wanted(placed))));
     judgment.extend(evidence.without_consensus.iter().map(|name| {
         let sentence =
             format!("board position {name} is not used, because its codewords do not fit those of the others");
