@@ -138,8 +138,9 @@ fn text(report: &CalibrationReport) -> String {
     }
     if let Some(refined) = &report.refined_poses {
         text += &format!(
-            "poses     refined on codewords: boards moved by up to {:.2} mm (rms {:.2} mm), held out {:.1} dB before\n",
-            refined.largest_mm, refined.rms_mm, refined.psnr_before_db
+            "poses     refined on codewords: boards moved by up to {:.2} mm (rms {:.2} mm); held-out boards are off by {:.2} \
+             mm, {:.2} before\n",
+            refined.largest_mm, refined.rms_mm, refined.off_mm, refined.off_before_mm
         );
     }
     if let Some(at) = report.light_mm {

@@ -84,6 +84,22 @@ impl Camera {
         Ray { origin: Point3::origin(), dir: Vector3::new(x, y, 1.0).normalize() }
     }
 
+    /// Returns the camera whose pixels are `block × block` of this one's, as [`crate::Image::binned`] makes its images.
+    pub fn binned(&self, block: usize) -> Self {
+        let by = block as f64;
+        // The middle of the first pixel is at 0.
+        let center = |c: f64| (c + 0.5) / by - 0.5;
+        Self {
+            width: self.width / block,
+            height: self.height / block,
+            fx: self.fx / by,
+            fy: self.fy / by,
+            cx: center(self.cx),
+            cy: center(self.cy),
+            distortion: self.distortion.clone(),
+        }
+    }
+
     /// Returns the camera matrix K.
     pub fn matrix(&self) -> Matrix3<f64> {
         Matrix3::new(self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)
@@ -119,6 +135,18 @@ impl Projector {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_binned_camera_sees_a_point_in_the_same_place() {
+        let coeffs = [-0.2, 0.1, 1e-3, -2e-3];
+        let camera = Camera {
+            distortion: Distortion::new(&coeffs).unwrap(),
+            ..Camera::pinhole(640, 480, 700.0, 690.0, 321.0, 238.0)
+        };
+        let point = Point3::new(60.0, -35.0, 400.0);
+        let (fine, coarse) = (camera.project(&point).unwrap(), camera.binned(3).project(&point).unwrap());
+        assert!((0..2).all(|i| (3.0 * (coarse[i] + 0.5) - 0.5 - fine[i]).abs() < 1e-9), "{fine:?} {coarse:?}");
+    }
 
     #[test]
     fn projections_have_the_derivatives_of_differences() {

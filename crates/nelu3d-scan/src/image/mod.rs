@@ -103,6 +103,29 @@ impl Image {
         &self.data[i..i + self.channels]
     }
 
+    /// Returns the image of a camera whose pixels are `block × block` of this one's: means, and where one of them is
+    /// clipped (1 or more), the largest. What is left over at the right and the lower edge is dropped.
+    pub fn binned(&self, block: usize) -> Self {
+        let (width, height, n) = (self.width / block, self.height / block, self.channels);
+        let mut out = Self::new(width, height, n);
+        let norm = 1.0 / (block * block) as f32;
+        for y in 0..height {
+            let rows = &self.data[y * block * self.width * n..][..block * self.width * n];
+            let to = &mut out.data[y * width * n..][..width * n];
+            let mut largest = vec![0.0f32; width * n];
+            for row in rows.chunks_exact(self.width * n) {
+                for (x, pixels) in row.chunks_exact(block * n).enumerate() {
+                    for (i, v) in pixels.iter().enumerate() {
+                        to[x * n + i % n] += norm * v;
+                        largest[x * n + i % n] = largest[x * n + i % n].max(*v);
+                    }
+                }
+            }
+            to.iter_mut().zip(&largest).filter(|(_, largest)| **largest >= 1.0).for_each(|(to, v)| *to = *v);
+        }
+        out
+    }
+
     /// Returns the mean over channels of each pixel, `height × width`: what a detector looks at.
     pub fn to_gray(&self) -> Vec<f32> {
         if self.channels == 1 {

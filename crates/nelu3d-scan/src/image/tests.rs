@@ -233,3 +233,14 @@ fn damaged_files_are_errors_and_never_panic() {
         }
     }
 }
+
+#[test]
+fn a_binned_image_is_that_of_larger_pixels_and_keeps_what_is_clipped() {
+    let data = vec![0.1, 0.3, 0.5, 9.0, 0.2, 0.4, 1.0, 9.0, 9.0, 9.0, 9.0, 9.0];
+    let image = Image { width: 4, height: 3, channels: 1, data };
+    let binned = image.binned(2);
+    assert_eq!((binned.width, binned.height), (2, 1));
+    assert!((binned.data[0] - 0.25).abs() < 1e-6 && binned.data[1] == 9.0, "{:?}", binned.data);
+    let colors = Image { width: 2, height: 2, channels: 3, data: (0..12).map(|i| i as f32 / 100.0).collect() };
+    assert!(colors.binned(2).data.iter().zip([0.045, 0.055, 0.065]).all(|(a, b)| (a - b).abs() < 1e-6));
+}

@@ -96,7 +96,7 @@ pub fn solve_board_poses<'a>(
     if progress.cancelled() {
         return Err(CalibrationError::Cancelled);
     }
-    let placed = PlacedSweep::new(sweep, &poses, rig.camera.clone(), board.extent_mm, trajectory.bend().copied());
+    let placed = PlacedSweep::new(sweep, &poses, board.extent_mm, trajectory.bend().copied());
     let misfit = shared_misfit(&found, &trajectory, &rig.camera);
     let facts = SweepFacts { misfit, clipped: whites.clipped_share(), blocks: whites.blocks };
     Ok(SweepGeometry { placed, trajectory, dark, facts })

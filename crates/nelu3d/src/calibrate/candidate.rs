@@ -84,6 +84,9 @@ pub(super) struct Candidate {
     pub(super) by_position: Vec<(String, f64)>,
     /// By how much the held-out positions seem to be displaced.
     pub(super) displacements: Vec<Displacement>,
+    /// Mean square of what held-out positions are off by in depth where others have been, mm², where positions are held
+    /// out in turn and enough of them tell.
+    pub(super) off_mm2: Option<f64>,
     /// Parts of the held-out positions that are far off, where positions are held out in turn.
     pub(super) gross: Option<GrossSquares>,
     /// Whether it has fewer cells across than the camera has pixels there.
@@ -173,6 +176,7 @@ impl Candidate {
         let allowed_db = errors.allowed_db();
         let displacements = errors.displacements().to_vec();
         let gross = errors.gross();
+        let off_mm2 = errors.by_support.mean_square_mm2();
         let quality = Quality { pixels, ..errors.quality(held_out, placed.n_positions()) };
         let is_good = quality.psnr_db > quality.ceiling_db - MAX_SHORTFALL_DB;
         let reached = if is_good || ends_hold(placed, &by_position) { [0.0, 1.0] } else { swept };
@@ -193,6 +197,7 @@ impl Candidate {
             allowed_db,
             by_position,
             displacements,
+            off_mm2,
             gross,
             is_limited: is_limited(placed, &frame, cells),
             schedule,
@@ -327,8 +332,9 @@ fn find_ranges(placed: &PlacedSweep<'_>, frame: &FieldFrame, validity: &mut Vali
         (near, far) = (near.min(t), far.max(t));
     }
     let middle = frame.from_unit([0.5, 0.5, 0.0]).coords.norm();
+    let sensor = placed.sweep.sensor();
     let ray = |px: [f64; 2]| {
-        let ray = frame.along_ray(&placed.camera.ray(px).dir);
+        let ray = frame.along_ray(&sensor.ray(px).dir);
         move |t: f64| ray.at(t).q
     };
     validity.find_ranges([0.9 * near.min(middle), 1.1 * far], ray);
@@ -427,5 +433,6 @@ fn empty_bins(placed: &PlacedSweep<'_>, cells: [usize; 3], center: Center, form:
 fn empty_validity(placed: &PlacedSweep<'_>, cells: [usize; 3]) -> Validity {
     const TILE: usize = 8;
     let lit = [(cells[0] / 2).max(1), (cells[1] / 2).max(1), CELLS_ALONG_VALIDITY];
-    Validity::new(placed.camera.width, placed.camera.height, TILE, lit)
+    let sensor = placed.sweep.sensor();
+    Validity::new(sensor.width, sensor.height, TILE, lit)
 }

@@ -100,7 +100,7 @@ impl HeldOutErrors {
             predicted.eval(n - 1, m, with_depth, &mut c, &mut d);
             let bends = with_depth
                 && field.spline().is_some_and(|grid| evaluate_beside(placed, frame, grid, (p, i), &mut beside));
-            let (mut h, mut g, mut squared) = (0.0, 0.0, 0.0);
+            let (mut h, mut g) = (0.0, 0.0);
             for j in 0..k {
                 if w[j] == 0.0 {
                     continue;
@@ -126,13 +126,12 @@ impl HeldOutErrors {
                 }
                 h += w[j] * d[j] * d[j];
                 g += w[j] * d[j] * e;
-                squared += w[j] * e * e;
             }
             if with_depth && h > 0.0 {
                 s.depth.push((g / h).abs());
                 let dir = &placed.dirs[i];
                 let plane = [dir.x / dir.z, dir.y / dir.z];
-                signed.push(Sample { g, h, squared, plane, block: Sample::block_of(i, width) });
+                signed.push(Sample { g, h, plane, block: Sample::block_of(i, width) });
             }
         });
         s.displacements.extend(Displacement::of(p, &signed));
@@ -243,8 +242,6 @@ pub(super) struct Displacement {
     /// Mean square of what squares of pixels are displaced by beside that plane, as far as neighboring squares share
     /// it, mm²: a board that is not flat, distortion of the lens that is left.
     uneven_mm2: f64,
-    /// Weighted squared error of the samples that were used, and how much of it the displacement explains.
-    pub(super) squared: [f64; 2],
 }
 
 impl Displacement {
@@ -253,13 +250,12 @@ impl Displacement {
     fn of(position: usize, samples: &[Sample]) -> Option<Self> {
         const MIN_SAMPLES: usize = 50;
         let limit = FAR * median(&mut samples.iter().map(Sample::size).collect::<Vec<_>>())?;
-        let (mut normal, mut right, mut squared) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
+        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
         let near = || samples.iter().filter(|s| s.size() <= limit);
         for s in near() {
             let at = s.at();
             normal += f64::from(s.h) * at * at.transpose();
             right += f64::from(s.g) * at;
-            squared += f64::from(s.squared);
         }
         if samples.len() < MIN_SAMPLES || normal[(0, 0)] <= 0.0 {
             return None;
@@ -267,7 +263,7 @@ impl Displacement {
         let mm = right[0] / normal[(0, 0)];
         let plane = normal.cholesky().map_or(Vector3::new(mm, 0.0, 0.0), |n| n.solve(&right));
         let uneven_mm2 = SharedSquare::of(near(), &plane).mm2();
-        Some(Self { position, mm, plane, uneven_mm2, squared: [squared, right.dot(&plane)] })
+        Some(Self { position, mm, plane, uneven_mm2 })
     }
 }
 
@@ -284,7 +280,7 @@ mod tests {
                 let plane = [f64::from(i % 71) / 350.0 - 0.1, f64::from(i % 53) / 260.0 - 0.1];
                 let mm = if i % 50 == 0 { 900.0 } else { 0.3 + 5.0 * plane[0] as f32 + noise(i as usize) };
                 let block = [i % 71 / 8, i % 53 / 8].map(|b| b as usize);
-                Sample { g: 4.0 * mm, h: 4.0, squared: 4.0 * mm * mm, plane, block }
+                Sample { g: 4.0 * mm, h: 4.0, plane, block }
             })
             .collect();
         let found = Displacement::of(0, &samples).unwrap();

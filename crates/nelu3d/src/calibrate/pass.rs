@@ -50,7 +50,7 @@ impl Passed {
             if let Some(q) = frame.to_unit(&Point3::from(placed.dirs[i] * t)) {
                 read.weights_in_means(i, &placed.noise, &mut w);
                 if w.iter().any(|w| *w > MIN_WEIGHT) {
-                    out.validity.add([(i % width) as f64, (i / width) as f64], t as f32, q);
+                    out.validity.add(placed.sweep.on_sensor([i % width, i / width]), t as f32, q);
                 }
                 out.gathered.push(q, &read.values[i * read.k..][..read.k], &w);
             }
@@ -63,7 +63,8 @@ impl Pass<'_, '_> {
     /// An empty volume of the same shape.
     fn blank(&self) -> Validity {
         let shape = self.validity.shape;
-        Validity::new(self.placed.camera.width, self.placed.camera.height, shape.tile_px, shape.cells)
+        let sensor = self.placed.sweep.sensor();
+        Validity::new(sensor.width, sensor.height, shape.tile_px, shape.cells)
     }
 
     /// Adds positions to bins and validity, and to `support` where it is asked for. Returns the number of usable
@@ -144,7 +145,8 @@ pub(super) fn gathered(
     progress: &Progress,
 ) -> Result<Vec<Gathered>, CalibrationError> {
     let (empty, mut all) = (bins.gathered(), Vec::new());
-    let blank = Validity::new(placed.camera.width, placed.camera.height, placed.camera.width.max(1), [1, 1, 1]);
+    let sensor = placed.sweep.sensor();
+    let blank = Validity::new(sensor.width, sensor.height, sensor.width.max(1), [1, 1, 1]);
     let map = |p: usize, (): (), read: &Position| Passed::of(placed, frame, (&empty, &blank), p, read).gathered;
     placed.sweep.stream(which, progress, |(), _| {}, map, |wave| all.extend(wave))?;
     Ok(all)

@@ -17,9 +17,9 @@ pub struct PlacedSweep<'a> {
     pub sweep: Sweep<'a>,
     /// Plane of the board at each position.
     pub boards: Vec<BoardPlane>,
-    /// The camera.
+    /// The camera of the pixels that are read: the sensor's, or blocks of them.
     pub camera: Camera,
-    /// Noise of the sensor.
+    /// Noise of these pixels.
     pub noise: NoiseModel,
     /// How many times its variance in the dark the noise has in bright places; see [`NoiseEstimator::growth`].
     ///
@@ -127,14 +127,9 @@ impl BoardPlane {
 
 impl<'a> PlacedSweep<'a> {
     /// Joins a sweep with the poses of its boards.
-    pub fn new(
-        sweep: Sweep<'a>,
-        poses: &[Isometry3<f64>],
-        camera: Camera,
-        extent_mm: [f64; 4],
-        bend: Option<Bend>,
-    ) -> Self {
+    pub fn new(sweep: Sweep<'a>, poses: &[Isometry3<f64>], extent_mm: [f64; 4], bend: Option<Bend>) -> Self {
         assert_eq!(sweep.shots.len(), poses.len());
+        let camera = sweep.camera();
         let w = camera.width;
         let dirs =
             (0..camera.n_pixels()).into_par_iter().map(|i| camera.ray([(i % w) as f64, (i / w) as f64]).dir).collect();
@@ -142,6 +137,12 @@ impl<'a> PlacedSweep<'a> {
         let (excluded, drawn) = (vec![None; boards.len()], vec![None; boards.len()]);
         let noise = NoiseModel { read: 0.0, gain: 0.0 };
         Self { sweep, boards, camera, noise, noise_growth: None, dirs, excluded, drawn }
+    }
+
+    /// Returns the noise of the sensor's pixels.
+    pub(super) fn sensor_noise(&self) -> NoiseModel {
+        let pixels = self.sweep.binning.pow(2) as f32;
+        NoiseModel { read: self.noise.read * pixels, gain: self.noise.gain * pixels }
     }
 
     /// Returns whether the outline of any board is in the image, lit or not.

@@ -3,8 +3,9 @@
 //! A board's corners tell its distance and tilt far less exactly than codewords do: at 3.4 m, with corners to 0.1 px,
 //! its edge is off by a millimeter or two, while its samples agree with the field of the other boards to a tenth of
 //! that once it is moved. So each board, held out in turn, is moved along the camera's rays, by a plane, to where the
-//! others' field says it is; what all boards share stays as the corners have it. Nothing is taken that does not lower
-//! the held-out error.
+//! others' field says it is; what all boards share stays as the corners have it. Nothing is taken that does not bring
+//! held-out boards nearer to the field in depth. Decibels do not tell: where a code's edges are finer than the field's
+//! cells, they are most of the error.
 
 use nalgebra::Isometry3;
 use serde::Serialize;
@@ -13,11 +14,11 @@ use super::candidate::Candidate;
 use super::error::CalibrationError;
 use super::placed_sweep::{BoardPlane, PlacedSweep};
 
-/// Part of the held-out squared error that displacements must explain for poses to be refined: 0.36 dB.
-const MIN_EXPLAINED: f64 = 0.08;
-/// Gain in held-out PSNR below which refined poses are not taken, dB: errors of other causes look like displacements,
-/// too.
-const MIN_GAIN_DB: f64 = 0.5;
+/// Part of the mean square of what held-out boards are off by that motions must amount to for them to be tried, and that
+/// they must take from it to be kept.
+const MIN_GAIN: f64 = 0.15;
+/// Held-out PSNR that may be lost, dB.
+const MAX_LOSS_DB: f64 = 0.05;
 /// Largest number of times that poses are refined.
 const MAX_ROUNDS: usize = 3;
 
@@ -28,6 +29,10 @@ pub struct PoseRefinement {
     pub largest_mm: f64,
     /// Root mean square motion of the boards' middles and corners off their planes, mm.
     pub rms_mm: f64,
+    /// Root mean square of what held-out boards were off by in depth with the poses that the corners tell, mm.
+    pub off_before_mm: f64,
+    /// The same with the refined poses, mm.
+    pub off_mm: f64,
     /// Held-out PSNR with the poses that the corners tell, dB.
     pub psnr_before_db: f64,
 }
@@ -53,51 +58,51 @@ pub(super) fn refine_poses<'r>(
     fit: impl Fn(&PlacedSweep<'r>) -> Result<Candidate, CalibrationError>,
 ) -> Result<Option<RefinedPoses>, CalibrationError> {
     let n = placed.n_positions();
-    if best.displacements.len() < n {
-        return Ok(None);
-    }
+    let Some(off_before_mm2) = best.off_mm2.filter(|_| best.displacements.len() >= n) else { return Ok(None) };
     let (before, at_corners) = (best.quality.clone(), placed.boards.clone());
     let mut total = vec![Isometry3::identity(); n];
-    let mut taken = false;
+    let mut off_mm2 = off_before_mm2;
     for round in 0..MAX_ROUNDS {
-        let [squared, explained] =
-            best.displacements.iter().fold([0.0, 0.0], |[a, b], d| [a + d.squared[0], b + d.squared[1]]);
-        tracing::debug!(round, psnr = best.quality.psnr_db, explained = explained / squared, "poses on codewords");
-        if explained < MIN_EXPLAINED * squared {
+        let motions = motions(placed, best);
+        let [_, rms_mm] = PoseRefinement::largest_and_rms_mm(&placed.boards, &motions);
+        tracing::debug!(round, off_mm = off_mm2.sqrt(), motions_mm = rms_mm, "poses on codewords");
+        if rms_mm * rms_mm < MIN_GAIN * off_mm2 {
             break;
         }
-        let motions = motions(placed, best);
         let stood = placed.boards.clone();
         placed.boards.iter_mut().zip(&motions).for_each(|(board, motion)| board.move_by(motion));
         best.drop_bins();
         let candidate = fit(placed)?;
-        let gain = candidate.quality.psnr_db - best.quality.psnr_db;
-        if gain.is_nan() || gain < MIN_GAIN_DB {
+        let gain_db = candidate.quality.psnr_db - best.quality.psnr_db;
+        let now = candidate.off_mm2.unwrap_or(f64::INFINITY);
+        tracing::debug!(off_mm = now.sqrt(), gain_db, "poses on codewords were tried");
+        if now > (1.0 - MIN_GAIN) * off_mm2 || gain_db.is_nan() || gain_db < -MAX_LOSS_DB {
             placed.boards = stood;
             break;
         }
         total.iter_mut().zip(&motions).for_each(|(total, motion)| *total = motion * *total);
+        off_mm2 = now;
         *best = candidate;
         // What the corners' errors have in common stays, and is as large as they showed before.
         best.quality.pose_mm = before.pose_mm;
         best.quality.pose_covariance = before.pose_covariance;
         best.quality.depth_by_support = before.depth_by_support;
-        taken = true;
     }
-    let report = PoseRefinement::of(&at_corners, &total, before.psnr_db);
-    Ok(taken.then_some(RefinedPoses { report, motions: total }))
+    let [largest_mm, rms_mm] = PoseRefinement::largest_and_rms_mm(&at_corners, &total);
+    let (off_before_mm, off_mm) = (off_before_mm2.sqrt(), off_mm2.sqrt());
+    let report = PoseRefinement { largest_mm, rms_mm, off_before_mm, off_mm, psnr_before_db: before.psnr_db };
+    Ok((off_mm < off_before_mm).then_some(RefinedPoses { report, motions: total }))
 }
 
 impl PoseRefinement {
-    /// Sums up the motions of boards.
-    fn of(boards: &[BoardPlane], motions: &[Isometry3<f64>], psnr_before_db: f64) -> Self {
+    /// Returns the largest and the root mean square motion of the boards' middles and corners off their planes, mm.
+    fn largest_and_rms_mm(boards: &[BoardPlane], motions: &[Isometry3<f64>]) -> [f64; 2] {
         let off = |(board, motion): (&BoardPlane, &Isometry3<f64>)| {
             board.middle_and_corners().map(|x| board.normal.dot(&(motion * x - x)))
         };
         let mm: Vec<f64> = boards.iter().zip(motions).flat_map(off).collect();
         let mean_square = mm.iter().map(|v| v * v).sum::<f64>() / mm.len().max(1) as f64;
-        let largest_mm = mm.iter().fold(0.0, |max: f64, v| max.max(v.abs()));
-        Self { largest_mm, rms_mm: mean_square.sqrt(), psnr_before_db }
+        [mm.iter().fold(0.0, |max: f64, v| max.max(v.abs())), mean_square.sqrt()]
     }
 }
 

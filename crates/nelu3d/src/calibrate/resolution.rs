@@ -10,6 +10,11 @@ const MAX_COEFFS: usize = 48_000_000;
 /// Most cells along w in the light's frame, where only defocus changes.
 const MAX_CELLS_ALONG_LIGHT: usize = 4;
 
+/// The most cells across (a times b) that a field of `k` channels can have: one along, which has four coefficients.
+pub(super) fn most_cells_across(k: usize) -> usize {
+    MAX_COEFFS / (4 * k.max(1))
+}
+
 /// Cells along a, b and w: across, `cells_per_pixel` per pixel where the volume is; along, what the sweep can
 /// supervise.
 ///

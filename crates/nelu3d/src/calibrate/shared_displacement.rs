@@ -27,13 +27,12 @@ const OWN_NOISE: f64 = 3.0;
 /// Numbers of boards that are told apart: none but carried codewords, one, two, and more.
 pub(super) const CLASSES: usize = 4;
 
-/// A sample's normal equation `h · displacement = g`, its weighted squared error, where the camera sees it, (x/z, y/z),
+/// A sample's normal equation `h · displacement = g`, where the camera sees it, (x/z, y/z),
 /// and the square of pixels that it lies in, across and down.
 #[derive(Clone, Copy)]
 pub(super) struct Sample {
     pub(super) g: f32,
     pub(super) h: f32,
-    pub(super) squared: f32,
     pub(super) plane: [f64; 2],
     pub(super) block: [usize; 2],
 }
@@ -170,7 +169,7 @@ impl DisplacementsBySupport {
             }
             if h > 0.0 {
                 let plane = [dir.x / dir.z, dir.y / dir.z];
-                samples[class].push(Sample { g, h, squared: 0.0, plane, block: Sample::block_of(i, width) });
+                samples[class].push(Sample { g, h, plane, block: Sample::block_of(i, width) });
             }
         });
         let mut out = Self::default();
@@ -186,6 +185,13 @@ impl DisplacementsBySupport {
     pub(super) fn add(&mut self, other: &Self) {
         self.shared.iter_mut().zip(other.shared).for_each(|(sum, s)| sum.add(s));
         self.squares.extend_from_slice(&other.squares);
+    }
+
+    /// Returns the mean square of what boards are off by where another one has been, mm²; `None` if too few squares tell.
+    pub(super) fn mean_square_mm2(&self) -> Option<f64> {
+        let known = self.shared[1..].iter().filter(|s| s.pairs >= MIN_PAIRS);
+        let (pairs, sum) = known.fold((0.0, 0.0), |(n, sum), s| (n + s.pairs, sum + s.pairs * s.mm2()));
+        (pairs > 0.0).then(|| sum / pairs)
     }
 
     /// Returns how many squares of the boards are gross errors: beyond five times the root mean square of
@@ -271,7 +277,7 @@ mod tests {
                 let block = [i / 16 % 30, i / 480];
                 let plane = [block[0] as f64 / 300.0, block[1] as f64 / 300.0];
                 let d = mm(plane[0], plane[1]) + noise(i * 7919);
-                Sample { g: (4.0 * d) as f32, h: 4.0, squared: 0.0, plane, block }
+                Sample { g: (4.0 * d) as f32, h: 4.0, plane, block }
             })
             .collect()
     }

@@ -8,16 +8,20 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use nelu3d_scan::rig::{Channels, Need, PatternSet, RigError, Shot};
-use nelu3d_scan::{Image, Rig};
+use nelu3d_scan::{Camera, Image, Rig};
 use rayon::prelude::*;
 
 use super::error::CalibrationError;
 pub(super) use super::position::Position;
 use super::position::PositionBuilder;
+use super::resolution::most_cells_across;
 use crate::progress::Progress;
 
 /// Largest number of bytes of images in memory while a sweep is read.
 const READ_BUDGET: usize = 1 << 30;
+
+/// Pixels that a sweep is read with, at least, where the sensor has more than a field can hold.
+const ENOUGH_PIXELS: usize = 4_000_000;
 
 /// The positions of a rig's sweep, for one pattern set.
 pub struct Sweep<'a> {
@@ -29,6 +33,8 @@ pub struct Sweep<'a> {
     pub k: usize,
     /// Number of channels of the white image: 1 or 3. Pattern channel j is normalized by white channel `j % channels`.
     pub channels: usize,
+    /// Side of the blocks of the sensor's pixels that are read as one.
+    pub binning: usize,
     min_contrast: f32,
     pool: rayon::ThreadPool,
     /// Which patterns are mono images of a color camera, as the position that was read first has them, and its folder.
@@ -40,17 +46,40 @@ impl<'a> Sweep<'a> {
     pub fn new(rig: &'a Rig, set: &'a PatternSet, shots: Vec<Shot>, min_contrast: f32) -> Self {
         let channels = rig.channels.count();
         let k = set.images.len() * channels;
+        let binning = binning(rig.camera.n_pixels(), k);
         // Four images, the normalized values and the samples that a stage makes of them.
-        let bytes = rig.camera.n_pixels() * 4 * (4 * channels + k + (3 + 2 * k));
+        let binned = rig.camera.n_pixels() / (binning * binning);
+        let full = if binning > 1 { rig.camera.n_pixels() * channels } else { 0 };
+        let bytes = 4 * (full + binned * (4 * channels + k + (3 + 2 * k)));
         let at_once = (READ_BUDGET / bytes.max(1)).clamp(1, rayon::current_num_threads());
         let pool = rayon::ThreadPoolBuilder::new().num_threads(at_once).build().expect("a thread pool starts");
-        Self { rig, set, shots, k, channels, min_contrast, pool, mono: OnceLock::new() }
+        Self { rig, set, shots, k, channels, binning, min_contrast, pool, mono: OnceLock::new() }
     }
 
     /// Returns the number of images of a position that pass `gather` in [`Self::stream`]: the patterns and the white
     /// image.
     pub(super) fn n_images(&self) -> usize {
         self.set.images.len() + 1
+    }
+
+    /// Returns the camera of the pixels that are read.
+    pub fn camera(&self) -> Camera {
+        if self.binning > 1 { self.rig.camera.binned(self.binning) } else { self.rig.camera.clone() }
+    }
+
+    /// Returns where a pixel that is read has its middle on the sensor, px.
+    pub fn on_sensor(&self, px: [usize; 2]) -> [f64; 2] {
+        px.map(|v| (v as f64 + 0.5) * self.binning as f64 - 0.5)
+    }
+
+    /// Returns the camera with all of its pixels.
+    pub fn sensor(&self) -> &Camera {
+        &self.rig.camera
+    }
+
+    /// Returns an image as it is read.
+    fn binned(&self, image: Image) -> Image {
+        if self.binning > 1 { image.binned(self.binning) } else { image }
     }
 
     /// Returns the sweep's folder.
@@ -135,16 +164,20 @@ impl<'a> Sweep<'a> {
         let mut reader = self.rig.reader(&self.shots[p]);
         let (white, black) = (reader.read(&self.rig.white)?, reader.read(&self.rig.black)?);
         gather(&white);
+        // Patterns that are mono images among colored ones are colored by the flash, pixel by pixel.
+        let flash = (self.channels > 1 && self.binning > 1).then(|| (white.clone(), black.clone()));
+        let (white, black) = (self.binned(white), self.binned(black));
         let mut builder = PositionBuilder::new(&white, black, self.k, self.min_contrast);
         let mut all = Vec::with_capacity(self.set.images.len());
         for name in &self.set.images {
-            let (pattern, mono) = reader.read_pattern(name, &white, Some(builder.black()))?;
+            let (white, black) = flash.as_ref().map_or((&white, builder.black()), |(white, black)| (white, black));
+            let (pattern, mono) = reader.read_pattern(name, white, Some(black))?;
             all.push(mono);
             // Channels that were made of a mono image do not have the sensor's noise.
             if !mono {
                 gather(&pattern);
             }
-            builder.add(&pattern);
+            builder.add(&self.binned(pattern));
         }
         self.agree_on_mono(all, &self.shots[p])?;
         Ok(builder.finish())
@@ -160,9 +193,9 @@ impl<'a> Sweep<'a> {
     ) -> Result<Position, CalibrationError> {
         let capture = self.rig.read_shot(&self.shots[p], self.set, Need::Calibration)?;
         [&capture.white].into_iter().chain(&capture.patterns).for_each(|image| gather(&measured(image, cell)));
-        let black = capture.black.expect("a position has a black image");
-        let mut builder = PositionBuilder::new(&capture.white, black, self.k, self.min_contrast);
-        capture.patterns.iter().for_each(|pattern| builder.add(pattern));
+        let black = self.binned(capture.black.expect("a position has a black image"));
+        let mut builder = PositionBuilder::new(&self.binned(capture.white), black, self.k, self.min_contrast);
+        capture.patterns.into_iter().for_each(|pattern| builder.add(&self.binned(pattern)));
         self.agree_on_mono(capture.mono, &self.shots[p])?;
         Ok(builder.finish())
     }
@@ -185,6 +218,13 @@ impl<'a> Sweep<'a> {
         let flags = self.mono.get().map_or(&[][..], |(flags, _)| flags);
         self.set.images.iter().zip(flags).filter(|(_, mono)| **mono).map(|(name, _)| name.clone()).collect()
     }
+}
+
+/// Side of the blocks of pixels that are read as one: larger than 1 where the sensor has more pixels than a field of `k`
+/// channels has cells at most.
+fn binning(n_pixels: usize, k: usize) -> usize {
+    let side = |pixels: usize| (n_pixels as f64 / pixels as f64).sqrt() as usize;
+    side(ENOUGH_PIXELS).min(side(most_cells_across(k))).max(1)
 }
 
 /// Returns a demosaiced image without what was interpolated: half as large, of each color one measured value of every
@@ -211,6 +251,16 @@ mod tests {
         assert_eq!((half.width, half.height), (2, 1));
         // Red at (0, 0), green at (1, 0), blue at (1, 1) of each cell.
         assert_eq!(half.data, [0.0, 4.0, 17.0, 6.0, 10.0, 23.0]);
+    }
+
+    #[test]
+    fn only_sensors_of_more_pixels_than_a_field_holds_are_binned() {
+        assert_eq!(binning(640 * 480, 3), 1);
+        assert_eq!(binning(640 * 480, 44), 1);
+        assert_eq!(binning(12_000_000, 3), 1);
+        assert_eq!(binning(6400 * 4800, 3), 2);
+        // A single channel leaves room for twelve million cells.
+        assert_eq!(binning(6400 * 4800, 1), 1);
     }
 
     struct Silent;

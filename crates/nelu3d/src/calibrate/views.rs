@@ -173,7 +173,8 @@ pub(super) fn estimate_noise(
     placed.sweep.stream(&which, progress, gather, map, take)?;
     kept.into_iter().for_each(|(p, drawn)| placed.keep_drawn(p, drawn));
     let step = quantization_step(rig.black_level, rig.saturation);
-    (placed.noise, placed.noise_growth) = (noise.finish(step), noise.growth(step));
+    let pixels = placed.sweep.binning.pow(2);
+    (placed.noise, placed.noise_growth) = (noise.finish(step).of_mean(pixels), noise.growth(step));
     let middle = placed.mean_point().normalize();
     Ok(finest.map(|finest| Views::new(k, placed_at, finest, &middle)))
 }

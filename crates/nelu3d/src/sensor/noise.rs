@@ -14,6 +14,11 @@ pub struct NoiseModel {
 }
 
 impl NoiseModel {
+    /// Returns the noise of the mean of `n` pixels.
+    pub fn of_mean(self, n: usize) -> Self {
+        Self { read: self.read / n as f32, gain: self.gain / n as f32 }
+    }
+
     /// Returns the variance of an intensity.
     pub fn variance(&self, intensity: f32) -> f32 {
         self.read + self.gain * intensity.max(0.0)

@@ -70,7 +70,7 @@ pub(super) fn judge(field: &ColorField, placed: &PlacedSweep<'_>, evidence: &Evi
     let (of_positions, of_ink): (Vec<_>, Vec<_>) = compare(field, placed).into_iter().unzip();
     judgment.extend(positions::judge(of_positions, &names, &field.metadata.images));
     judgment.extend(response::judge(&of_ink, placed.noise_growth));
-    judgment.extend(repeats::judge(field, &placed.camera));
+    judgment.extend(repeats::judge(field, placed.sweep.sensor()));
     judgment.extend(captures(evidence.facts));
     judgment
 }
