@@ -231,6 +231,7 @@ impl Candidate {
         if self.center == Center::Light
             && let Some(carried) = carry(&bins, &self.validity, None)
         {
+            drop(form);
             carried.light(&mut self.validity);
             bins.add_all(&[carried.samples]);
             self.carried = Some(carried.report);

@@ -7,6 +7,8 @@ use crate::color_field::frame::{Center, FieldFrame};
 
 /// Most coefficients of a field: 48 million in f16 are 96 MB.
 const MAX_COEFFS: usize = 48_000_000;
+/// The same where the sensor's pixels are read in blocks: what solves for them takes ten times their memory.
+const MAX_COEFFS_OF_BLOCKS: usize = MAX_COEFFS / 2;
 /// Most cells along w in the light's frame, where only defocus changes.
 const MAX_CELLS_ALONG_LIGHT: usize = 4;
 
@@ -31,15 +33,16 @@ pub(super) fn resolution(
     let span = |i: usize| frame.hi[i] - frame.lo[i];
     let across =
         [(span(0) / pitch_a).ceil() as usize, (span(1) / pitch_b).ceil() as usize].map(|n| n * cells_per_pixel);
+    let most_coeffs = if placed.sweep.binning > 1 { MAX_COEFFS_OF_BLOCKS } else { MAX_COEFFS };
     let nodes = |along: usize| (across[0] + 3) * (across[1] + 3) * (along + 3) * placed.sweep.k;
     let along = match center {
         Center::Light => {
             let most = (n_positions / 4).clamp(1, MAX_CELLS_ALONG_LIGHT);
-            (1..=most).rev().find(|along| nodes(*along) <= MAX_COEFFS).unwrap_or(1)
+            (1..=most).rev().find(|along| nodes(*along) <= most_coeffs).unwrap_or(1)
         }
         Center::Camera => n_positions - 1,
     };
-    let shrink = (MAX_COEFFS as f64 / nodes(along) as f64).sqrt().min(1.0);
+    let shrink = (most_coeffs as f64 / nodes(along) as f64).sqrt().min(1.0);
     let [a, b] = across.map(|n| ((n as f64 * shrink) as usize).max(4));
     [a, b, along]
 }
