@@ -31,7 +31,7 @@ pub struct PoseRefinement {
     pub rms_mm: f64,
     /// Root mean square of what held-out boards were off by in depth with the poses that the corners tell, mm.
     pub off_before_mm: f64,
-    /// The same with the refined poses, mm.
+    /// Root mean square of what held-out boards are off by in depth with the refined poses, mm.
     pub off_mm: f64,
     /// Held-out PSNR with the poses that the corners tell, dB.
     pub psnr_before_db: f64,

@@ -7,7 +7,8 @@ use crate::color_field::frame::{Center, FieldFrame};
 
 /// Most coefficients of a field: 48 million in f16 are 96 MB.
 const MAX_COEFFS: usize = 48_000_000;
-/// The same where the sensor's pixels are read in blocks: what solves for them takes ten times their memory.
+/// Most coefficients of a field where the sensor's pixels are read in blocks: solving for them takes ten times their
+/// memory.
 const MAX_COEFFS_OF_BLOCKS: usize = MAX_COEFFS / 2;
 /// Most cells along w in the light's frame, where only defocus changes.
 const MAX_CELLS_ALONG_LIGHT: usize = 4;
