@@ -45,7 +45,7 @@ pub(super) fn fit_best_frame(
         };
         let mut first = fit(placed, 1)?;
         tracing::debug!(psnr = first.quality.psnr_db, ceiling = first.quality.ceiling_db, "field in the light's frame");
-        refined = refine_poses(placed, &mut first, |placed| fit(placed, 1))?;
+        refined = refine_poses(placed, &mut first, light.line.is_some(), |placed| fit(placed, 1))?;
         tried.push(first);
         // Finer is no finer where the number of coefficients is the limit.
         if !tried.iter().any(is_good) && !tried[0].is_limited {
