@@ -49,7 +49,7 @@ pub(super) fn wanted(placed: &PlacedSweep<'_>) -> Vec<Wanted> {
 fn choose(mut rays: Vec<Ray>, n_boards: usize) -> Vec<Wanted> {
     let depths = || rays.iter().flat_map(|r| &r.depths).copied();
     let (near, far) = depths().fold((f64::INFINITY, 0.0f64), |(lo, hi), z| (lo.min(z), hi.max(z)));
-    if !(near < far) {
+    if near >= far {
         return Vec::new();
     }
     // Half the side of a square that has the area of a board's picture.
