@@ -282,8 +282,11 @@ impl Experiment {
                 bail!("method `{}`: there is no case `{case}`", method.label);
             }
         }
+        let columns: Vec<&str> = self.columns.iter().map(|c| c.label.as_str()).collect();
+        let methods: Vec<&str> = self.methods.iter().map(|m| m.label.as_str()).collect();
+        let cases: Vec<&str> = self.cases.iter().map(|c| c.label.as_str()).collect();
         for claim in &self.claims {
-            claim.check(self)?;
+            claim.check(&columns, &methods, &cases)?;
         }
         if let Some(label) = self.against.as_ref().filter(|l| self.methods.iter().all(|m| m.label != **l)) {
             bail!("`against`: there is no method `{label}`");

@@ -2,13 +2,14 @@
 //!
 //! [`file`] is what such a file says; [`plan`] makes commands of it (simulate, calibrate, reconstruct or decode,
 //! evaluate) and reads their answers; [`step`] runs each command once, however often the experiment is started;
-//! [`table`], [`plot`] and [`page`] show the numbers, and [`claim`] holds them against what the file claims. To add an experiment, write its file and add it to
+//! [`table`], [`plot`] and [`page`] show the numbers, and [`judged_claim`] holds them against what the file claims. To add an experiment, write its file and add it to
 //! [`file::BUILT_IN`].
 
 mod cell;
 mod claim;
 mod columns;
 mod file;
+mod judged_claim;
 mod names;
 mod page;
 mod placeholders;
@@ -24,8 +25,8 @@ use nelu3d_scan::output::{create_dir, write_atomic};
 use crate::args::ExperimentArgs;
 use crate::context::CommandContext;
 use crate::paths::shown;
-use claim::JudgedClaim;
 use file::{BUILT_IN, Experiment};
+use judged_claim::JudgedClaim;
 use step::StepRunner;
 use table::{ExperimentNumbers, TableCell};
 
@@ -49,7 +50,9 @@ pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<()>
 
     context.progress.stage("write the tables");
     let numbers = ExperimentNumbers::of(&experiment, &cells);
-    let claims: Vec<JudgedClaim> = experiment.claims.iter().map(|c| c.judge(&numbers)).collect::<Result<_>>()?;
+    let claims: Vec<JudgedClaim> =
+        experiment.claims.iter().map(|c| JudgedClaim::of(c, &numbers)).collect::<Result<_>>()?;
+    let lines: Vec<String> = claims.iter().map(JudgedClaim::line).collect();
     let made = made();
     let mut plots = Vec::new();
     for (i, column) in experiment.columns.iter().enumerate().filter(|(_, c)| c.main) {
@@ -60,10 +63,10 @@ pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<()>
         }
     }
     let quick = if args.quick { format!("{name} --quick") } else { name.clone() };
-    let page = page::html(&quick, &numbers, &plots, &cells, &claims, &made)?;
-    let json = numbers.json(&claims);
+    let page = page::html(&quick, &numbers, &plots, &cells, &lines, &made)?;
+    let json = numbers.json(&claims.iter().map(JudgedClaim::json).collect::<Vec<_>>());
     for (file, content) in [
-        ("table.md", numbers.markdown(&claims, &quick, &made)),
+        ("table.md", numbers.markdown(&lines, &quick, &made)),
         ("table.csv", numbers.csv()),
         ("table.json", serde_json::to_string_pretty(&json)?),
         ("index.html", page),
@@ -79,8 +82,8 @@ pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<()>
             let (headings, rows) = numbers.pivot(i);
             text += &format!("{}\n{}\n", column.label, aligned(&headings, &rows));
         }
-        for claim in &claims {
-            text += &format!("{}\n", claim.line());
+        for line in &lines {
+            text += &format!("{line}\n");
         }
         for problem in numbers.problems() {
             text += &format!("without a result: {problem}\n");

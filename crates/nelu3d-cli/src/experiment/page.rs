@@ -9,7 +9,6 @@ use nelu3d_evaluate::GroundTruth;
 use nelu3d_scan::statistics::percentile;
 
 use super::cell::ExperimentCell;
-use super::claim::JudgedClaim;
 use super::table::{ExperimentNumbers, TableCell};
 use nelu3d_report::html::{color_bar, escape, img, table};
 use nelu3d_report::page::{details, page, section};
@@ -23,7 +22,7 @@ pub(super) fn html(
     numbers: &ExperimentNumbers<'_>,
     plots: &[(String, String)],
     cells: &[ExperimentCell],
-    claims: &[JudgedClaim],
+    claims: &[String],
     made: &str,
 ) -> Result<String> {
     let experiment = numbers.experiment;
@@ -42,7 +41,7 @@ pub(super) fn html(
         body += &section(&column.label, &content);
     }
     if !claims.is_empty() {
-        let items = claims.iter().fold(String::new(), |s, c| s + "<li>" + &escape(&c.line()) + "</li>");
+        let items = claims.iter().fold(String::new(), |s, c| s + "<li>" + &escape(c) + "</li>");
         body += &section("Claims", &format!("<ul>{items}</ul>"));
     }
     body += &section("Side by side", &pictures(numbers, cells)?);

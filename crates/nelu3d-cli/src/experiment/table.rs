@@ -5,7 +5,6 @@ use std::fmt::Write;
 use serde_json::{Value, json};
 
 use super::cell::ExperimentCell;
-use super::claim::JudgedClaim;
 use super::file::{Column, Experiment, plain};
 
 /// The numbers of one method on one row, over the seeds.
@@ -150,7 +149,7 @@ impl<'a> ExperimentNumbers<'a> {
     }
 
     /// Returns Markdown: a table per main column, what is claimed, then all numbers, then what is missing.
-    pub(super) fn markdown(&self, claims: &[JudgedClaim], name: &str, made: &str) -> String {
+    pub(super) fn markdown(&self, claims: &[String], name: &str, made: &str) -> String {
         let experiment = self.experiment;
         let mut text = format!("## {}\n\n", experiment.title);
         if !experiment.source.is_empty() {
@@ -172,7 +171,7 @@ impl<'a> ExperimentNumbers<'a> {
         if !claims.is_empty() {
             text += "Claims:\n\n";
             for claim in claims {
-                let _ = writeln!(text, "- {}", claim.line());
+                let _ = writeln!(text, "- {claim}");
             }
             text.push('\n');
         }
@@ -213,7 +212,7 @@ impl<'a> ExperimentNumbers<'a> {
     }
 
     /// Returns all numbers for programs.
-    pub(super) fn json(&self, claims: &[JudgedClaim]) -> Value {
+    pub(super) fn json(&self, claims: &[Value]) -> Value {
         let entries = self.entries.iter().map(|e| {
             let numbers = e.numbers.iter().zip(&self.experiment.columns).map(|(n, c)| {
                 json!({
@@ -230,7 +229,6 @@ impl<'a> ExperimentNumbers<'a> {
                 "problem": e.problem,
             })
         });
-        let claims: Vec<Value> = claims.iter().map(JudgedClaim::json).collect();
         json!({ "title": self.experiment.title, "entries": entries.collect::<Vec<_>>(), "claims": claims })
     }
 }

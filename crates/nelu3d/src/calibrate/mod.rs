@@ -1,6 +1,7 @@
 //! Calibration: from a board sweep to a color field (paper, Sec. 3.1): find the boards and their poses, find the center
 //! of the light, fit c, and measure its quality at held-out positions.
 
+mod binning;
 mod board_poses;
 mod candidate;
 mod drawn;

@@ -2,21 +2,12 @@
 
 use nalgebra::Point3;
 
+use super::binning::{MAX_COEFFS, MAX_COEFFS_OF_BLOCKS};
 use super::placed_sweep::PlacedSweep;
 use crate::color_field::frame::{Center, FieldFrame};
 
-/// Most coefficients of a field: 48 million in f16 are 96 MB.
-const MAX_COEFFS: usize = 48_000_000;
-/// Most coefficients of a field where the sensor's pixels are read in blocks: solving for them takes ten times their
-/// memory.
-const MAX_COEFFS_OF_BLOCKS: usize = MAX_COEFFS / 2;
 /// Most cells along w in the light's frame, where only defocus changes.
 const MAX_CELLS_ALONG_LIGHT: usize = 4;
-
-/// The most cells across (a times b) that a field of `k` channels can have: one along, which has four coefficients.
-pub(super) fn most_cells_across(k: usize) -> usize {
-    MAX_COEFFS / (4 * k.max(1))
-}
 
 /// Cells along a, b and w: across, `cells_per_pixel` per pixel where the volume is; along, what the sweep can
 /// supervise.

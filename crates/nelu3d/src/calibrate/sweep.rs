@@ -11,17 +11,14 @@ use nelu3d_scan::rig::{Channels, Need, PatternSet, RigError, Shot};
 use nelu3d_scan::{Camera, Image, Rig};
 use rayon::prelude::*;
 
+use super::binning::binning;
 use super::error::CalibrationError;
 pub(super) use super::position::Position;
 use super::position::PositionBuilder;
-use super::resolution::most_cells_across;
 use crate::progress::Progress;
 
 /// Largest number of bytes of images in memory while a sweep is read.
 const READ_BUDGET: usize = 1 << 30;
-
-/// Pixels that a sweep is read with, at least, where the sensor has more than a field can hold.
-const ENOUGH_PIXELS: usize = 4_000_000;
 
 /// The positions of a rig's sweep, for one pattern set.
 pub struct Sweep<'a> {
@@ -220,13 +217,6 @@ impl<'a> Sweep<'a> {
     }
 }
 
-/// Side of the blocks of pixels that are read as one: larger than 1 where the sensor has more pixels than a field of `k`
-/// channels has cells at most.
-fn binning(n_pixels: usize, k: usize) -> usize {
-    let side = |pixels: usize| (n_pixels as f64 / pixels as f64).sqrt() as usize;
-    side(ENOUGH_PIXELS).min(side(most_cells_across(k))).max(1)
-}
-
 /// Returns a demosaiced image without what was interpolated: half as large, of each color one measured value of every
 /// cell. Interpolation takes noise away.
 fn measured(image: &Image, cell: [u8; 4]) -> Image {
@@ -251,16 +241,6 @@ mod tests {
         assert_eq!((half.width, half.height), (2, 1));
         // Red at (0, 0), green at (1, 0), blue at (1, 1) of each cell.
         assert_eq!(half.data, [0.0, 4.0, 17.0, 6.0, 10.0, 23.0]);
-    }
-
-    #[test]
-    fn only_sensors_of_more_pixels_than_a_field_holds_are_binned() {
-        assert_eq!(binning(640 * 480, 3), 1);
-        assert_eq!(binning(640 * 480, 44), 1);
-        assert_eq!(binning(12_000_000, 3), 1);
-        assert_eq!(binning(6400 * 4800, 3), 2);
-        // A single channel leaves room for twelve million cells.
-        assert_eq!(binning(6400 * 4800, 1), 1);
     }
 
     struct Silent;
