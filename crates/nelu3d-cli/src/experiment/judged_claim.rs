@@ -15,8 +15,8 @@ pub(super) struct JudgedClaim {
 }
 
 impl JudgedClaim {
-    /// Compares a claim with the numbers. A row on which one of the two methods does not run is no part of it; one on which
-    /// it ran and has no number contradicts it, and so does a claim that no row is part of.
+    /// Compares a claim with the numbers. A row on which one of the two methods does not run is no part of it; one on
+    /// which it ran and has no number contradicts it, and a claim that no row is part of does not hold.
     pub(super) fn of(claim: &Claim, numbers: &ExperimentNumbers<'_>) -> Result<Self> {
         let experiment = numbers.experiment;
         let (upper, bound) = claim.bound()?;

@@ -33,14 +33,13 @@ pub(super) struct Drawn {
     values: Vec<f32>,
     /// White − black, `[sample][channel]`.
     contrast: Vec<f32>,
-    /// Of every sample, the white − black of what is bright around it, and the variance that edges of ink leave open.
+    /// Contrast (white − black) of what is bright around a sample, and the variance of its codeword that edges of ink
+    /// leave open, `[sample]`.
     around_and_edge: Vec<[f32; 2]>,
 }
 
 /// A sample that was drawn.
 pub(super) struct DrawnSample<'a> {
-    /// Which one it is of those of its position.
-    pub(super) number: usize,
     /// Index of its pixel.
     pub(super) pixel: usize,
     /// Normalized intensities.
@@ -80,7 +79,7 @@ impl Drawn {
         self.pixels.iter().copied().zip(&self.around_and_edge).enumerate().map(|(number, (pixel, [around, edge]))| {
             let values = &self.values[number * self.k..][..self.k];
             let contrast = &self.contrast[number * self.channels..][..self.channels];
-            DrawnSample { number, pixel, values, contrast, around: *around, edge: *edge }
+            DrawnSample { pixel, values, contrast, around: *around, edge: *edge }
         })
     }
 }

@@ -12,8 +12,6 @@ use crate::color_field::ColorField;
 use crate::color_field::grid::Grid;
 use crate::verdict::{Code, Finding, Verdict};
 
-/// One of so many samples that were drawn from a position is compared.
-const STRIDE: usize = 1;
 /// Fewest positions among which one can stand out.
 const MIN_POSITIONS: usize = 5;
 /// Ratio of a position's mean squared error to the others' median beyond which it stands out, with so many median
@@ -130,7 +128,7 @@ impl PositionSums {
         let mut c = [vec![0.0f32; k], vec![0.0; k], vec![0.0; k], vec![0.0; k]];
         placed.for_each_drawn(p, drawn, |sample, t| {
             let i = sample.pixel;
-            if !sample.number.is_multiple_of(STRIDE) || sample.contrast.iter().any(|c| *c < drawn.lit) {
+            if sample.contrast.iter().any(|c| *c < drawn.lit) {
                 return;
             }
             let at = |i: usize, t: f64| field.frame.along_ray(&placed.dirs[i]).at(t).q;
