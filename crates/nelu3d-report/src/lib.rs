@@ -6,6 +6,7 @@
 pub mod chart;
 mod comparison;
 pub mod html;
+mod live;
 mod mesh;
 pub mod number;
 pub mod page;
@@ -14,5 +15,6 @@ mod surface;
 pub mod viewer;
 
 pub use comparison::{ComparisonReport, DIFFERENCE_COLORS, NamedTable};
+pub use live::{LIVE_SCRIPTS, LIVE_STYLE, LiveSurface, live_page, live_surface};
 pub use result::ResultReport;
 pub use surface::{surface_page, surface_picture};

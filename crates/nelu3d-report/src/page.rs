@@ -3,8 +3,8 @@
 use super::html::{escape, fill};
 
 const TEMPLATE: &str = include_str!("template.html");
-const STYLE: &str = include_str!("style.css");
-const VIEWER: &str = include_str!("viewer.js");
+pub(super) const STYLE: &str = include_str!("style.css");
+pub(super) const VIEWER: &str = include_str!("viewer.js");
 
 /// Returns a whole page: `title` and `subtitle` are text, `body` is HTML. It needs no other file and no network.
 pub fn page(title: &str, subtitle: &str, body: &str) -> String {

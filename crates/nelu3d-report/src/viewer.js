@@ -1,29 +1,17 @@
 // Shows the page's surfaces; plain WebGL 1, no libraries. Coordinates are the camera's: x right, y down, z forward.
-// Each viewer says in its attribute data-drawn how that went: "yes", "no surface", "no webgl" or "failed".
+// Each viewer says in its attribute data-drawn how that went: "yes", "no surface", "no webgl" or "failed". One with the
+// attribute data-live is given its surfaces one after the other: root.show(mesh).
 document.querySelectorAll(".viewer").forEach(root => {
   "use strict";
   const canvas = root.querySelector("canvas");
   const hint = root.querySelector(".hint");
-  const mesh = JSON.parse(root.querySelector("script").textContent);
+  let mesh = JSON.parse(root.querySelector("script").textContent);
   const say = (drawn, text) => { root.dataset.drawn = drawn; hint.textContent = text; };
-  if (!mesh) { say("no surface", "There is no surface to show."); return; }
+  if (!mesh && !("live" in root.dataset)) { say("no surface", "There is no surface to show."); return; }
   const gl = canvas.getContext("webgl", { antialias: true });
   if (!gl) { say("no webgl", "This browser offers no WebGL: open the mesh file in a viewer instead."); return; }
 
   const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0));
-  const vertexData = bytes(mesh.vertex_data);
-  const faceData = bytes(mesh.face_data);
-
-  // Center on the middle of the data, not of its bounding box: a few stray points must not push it aside.
-  const coordinates = new DataView(vertexData.buffer);
-  const axes = [[], [], []];
-  for (let i = 0; i < mesh.vertices; i += 7)
-    for (let a = 0; a < 3; a++) axes[a].push(mesh.low[a] + mesh.step * coordinates.getUint16(12 * i + 2 * a, true));
-  axes.forEach(list => list.sort((p, q) => p - q));
-  const at = (list, share) => list[Math.min(list.length - 1, Math.floor(share * list.length))];
-  const center = axes.map(list => (at(list, 0.02) + at(list, 0.98)) / 2);
-  const radius = 0.5 * Math.hypot(...axes.map(list => at(list, 0.98) - at(list, 0.02))) || 1;
-  const range = [at(axes[2], 0.02), at(axes[2], 0.98)];
 
   const vertexShader = `
     attribute vec3 p; attribute vec3 n; attribute vec3 c;
@@ -73,12 +61,11 @@ document.querySelectorAll(".viewer").forEach(root => {
   gl.linkProgram(program);
   gl.useProgram(program);
   const uniform = name => gl.getUniformLocation(program, name);
-  const upload = (target, data) => {
+  // Two buffers, whatever is put into them.
+  const upload = [gl.ARRAY_BUFFER, gl.ELEMENT_ARRAY_BUFFER].map(target => {
     gl.bindBuffer(target, gl.createBuffer());
-    gl.bufferData(target, data, gl.STATIC_DRAW);
-  };
-  upload(gl.ARRAY_BUFFER, vertexData);
-  upload(gl.ELEMENT_ARRAY_BUFFER, faceData);
+    return data => gl.bufferData(target, data, "live" in root.dataset ? gl.DYNAMIC_DRAW : gl.STATIC_DRAW);
+  });
   const attribute = (name, type, normalized, offset) => {
     const location = gl.getAttribLocation(program, name);
     gl.enableVertexAttribArray(location);
@@ -87,11 +74,31 @@ document.querySelectorAll(".viewer").forEach(root => {
   attribute("p", gl.UNSIGNED_SHORT, false, 0);
   attribute("n", gl.BYTE, true, 6);
   attribute("c", gl.UNSIGNED_BYTE, true, 9);
-  gl.uniform3fv(uniform("low"), mesh.low);
-  gl.uniform3fv(uniform("center"), center);
-  gl.uniform1f(uniform("step"), mesh.step);
-  gl.uniform1f(uniform("radius"), radius);
-  gl.uniform2fv(uniform("range"), range);
+
+  // Center on the middle of the data, not of its bounding box: a few stray points must not push it aside. What moves
+  // moves before a view that stands still.
+  let vertexData, framed = false;
+  const frame = () => {
+    const coordinates = new DataView(vertexData.buffer);
+    const axes = [[], [], []];
+    for (let i = 0; i < mesh.vertices; i += 7)
+      for (let a = 0; a < 3; a++) axes[a].push(mesh.low[a] + mesh.step * coordinates.getUint16(12 * i + 2 * a, true));
+    axes.forEach(list => list.sort((p, q) => p - q));
+    const at = (list, share) => list[Math.min(list.length - 1, Math.floor(share * list.length))];
+    gl.uniform3fv(uniform("center"), axes.map(list => (at(list, 0.02) + at(list, 0.98)) / 2));
+    gl.uniform1f(uniform("radius"), 0.5 * Math.hypot(...axes.map(list => at(list, 0.98) - at(list, 0.02))) || 1);
+    gl.uniform2fv(uniform("range"), [at(axes[2], 0.02), at(axes[2], 0.98)]);
+    framed = true;
+  };
+  const load = next => {
+    mesh = next;
+    vertexData = bytes(mesh.vertex_data);
+    upload[0](vertexData);
+    upload[1](bytes(mesh.face_data));
+    gl.uniform3fv(uniform("low"), mesh.low);
+    gl.uniform1f(uniform("step"), mesh.step);
+    if (!framed) frame();
+  };
   gl.enable(gl.DEPTH_TEST);
   gl.clearColor(0.098, 0.110, 0.133, 1);
 
@@ -100,6 +107,7 @@ document.querySelectorAll(".viewer").forEach(root => {
   const reset = () => { yaw = -0.38; pitch = 0.2; zoom = 1; shift = [0, 0]; };
   const draw = () => {
     asked = false;
+    if (!mesh) return;
     const dense = Math.min(window.devicePixelRatio || 1, 2);
     const [w, h] = [Math.round(canvas.clientWidth * dense), Math.round(canvas.clientHeight * dense)];
     if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
@@ -158,8 +166,10 @@ document.querySelectorAll(".viewer").forEach(root => {
     buttons.forEach(b => b.setAttribute("aria-pressed", b === button));
     ask();
   }));
-  root.querySelector("[data-reset]").addEventListener("click", () => { reset(); ask(); });
+  root.querySelector("[data-reset]").addEventListener("click", () => { if (mesh) frame(); reset(); ask(); });
   window.addEventListener("resize", ask);
+  root.show = next => { load(next); ask(); };
   reset();
+  if (mesh) load(mesh);
   draw();
 });

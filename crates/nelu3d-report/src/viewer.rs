@@ -47,13 +47,22 @@ impl Coloring {
 
 /// Returns a surface in the camera's frame with a button for each coloring, the first one chosen.
 pub fn viewer(mesh: &Mesh, colorings: &[Coloring]) -> String {
+    let data = serde_json::to_string(&PageMesh::of(mesh)).expect("plain data");
+    section("class=viewer", &data, colorings)
+}
+
+/// Returns a viewer without a surface yet, which a script of the page shows one after the other.
+pub(super) fn live_viewer(colorings: &[Coloring]) -> String {
+    section("class=viewer data-live", "null", colorings)
+}
+
+fn section(attributes: &str, data: &str, colorings: &[Coloring]) -> String {
     let buttons = colorings.iter().enumerate().fold(String::new(), |mut s, (i, c)| {
         let _ = write!(s, "<button data-mode={} aria-pressed={}>{}</button>", c.mode(), i == 0, c.label());
         s
     });
-    let data = serde_json::to_string(&PageMesh::of(mesh)).expect("plain data");
     format!(
-        "<section class=viewer><canvas tabindex=0 aria-label='The surface; drag to turn it, wheel or pinch to \
+        "<section {attributes}><canvas tabindex=0 aria-label='The surface; drag to turn it, wheel or pinch to \
          zoom'></canvas><div class=modes role=group aria-label=Coloring>{buttons}<button \
          data-reset>Reset</button></div><p class=hint>Drag to turn · wheel or pinch to zoom · shift-drag or two fingers \
          to move</p><script type='application/json'>{data}</script></section>"

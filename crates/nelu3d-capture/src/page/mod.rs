@@ -1,10 +1,13 @@
-//! A page in a browser as display, camera and face of the program.
+//! Pages in a browser: that of a capture, as its display, camera and face ([`PageServer`]), and that of a surface that
+//! moves ([`LivePage`]).
 //!
-//! The program serves it on the loopback interface only, at an address with a secret token in it, and answers requests
+//! The program serves them on the loopback interface only, at an address with a secret token in it, and answers requests
 //! only that were meant for it (`Host`) and come from it (`Origin`). Nothing that is asked for names a file: slides have
-//! numbers. The page asks for the next slide and the answer waits until there is one; it says when a slide has been on
-//! the screen for two refreshes. With a webcam it sends frames as they come, one after the other.
+//! numbers. The page of a capture asks for the next slide and the answer waits until there is one; it says when a slide
+//! has been on the screen for two refreshes. With a webcam it sends frames as they come, one after the other.
 
+mod live;
+mod loopback;
 mod request;
 mod server;
 mod state;
@@ -13,6 +16,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+pub use live::{LiveFiles, LivePage};
 pub use server::{PageServer, SlideFiles};
 pub use state::{PageCommand, PageStatus};
 

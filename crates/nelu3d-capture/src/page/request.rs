@@ -40,15 +40,17 @@ pub(super) enum Refusal {
     Method = 405,
 }
 
-/// Decides on a request. `own` are the names by which this server may be called, as `127.0.0.1:8080`.
-pub(super) fn judge(
+/// Decides whether a request is answered at all: it must be meant for this server and come from one of its own pages, at
+/// the address with the token. Returns its path below that address, and its query. `own` are the names by which this
+/// server may be called, as `127.0.0.1:8080`.
+pub(super) fn admit<'a>(
     is_post: bool,
-    url: &str,
+    url: &'a str,
     host: Option<&str>,
     origin: Option<&str>,
     own: &[String],
     token: &str,
-) -> Result<Asked, Refusal> {
+) -> Result<(&'a str, &'a str), Refusal> {
     // A name that resolves to 127.0.0.1 would let any web page in (DNS rebinding).
     if !host.is_some_and(|host| own.iter().any(|o| o == host)) {
         return Err(Refusal::Forbidden);
@@ -59,33 +61,41 @@ pub(super) fn judge(
     }
     let (path, query) = url.split_once('?').unwrap_or((url, ""));
     let rest = path.strip_prefix('/').and_then(|p| p.split_once('/')).filter(|(t, _)| same(t, token));
-    let (_, what) = rest.ok_or(Refusal::NotFound)?;
-    let number = |key: &str| -> Option<u64> {
-        query.split('&').filter_map(|pair| pair.split_once('=')).find(|(k, _)| *k == key)?.1.parse().ok()
-    };
-    let side = |key| number(key).and_then(|n| usize::try_from(n).ok()).filter(|n| (1..=16_384).contains(n));
-    let (asked, posts) = match what {
-        "" => (Asked::Index, false),
-        "screen" => (Asked::Screen, false),
-        "index.js" => (Asked::Script("index"), false),
-        "screen.js" => (Asked::Script("screen"), false),
-        "style.css" => (Asked::Style, false),
-        "next" => (Asked::Next(number("after").ok_or(Refusal::NotFound)?), false),
-        "status" => (Asked::Status, false),
-        "live.png" => (Asked::Live, false),
-        "shown" => (Asked::Shown, true),
-        "frame" => match (side("width"), side("height")) {
-            (Some(w), Some(h)) => (Asked::Frame(w, h), true),
-            _ => return Err(Refusal::NotFound),
-        },
-        "webcam" => (Asked::Webcam, true),
-        "command" => (Asked::Command, true),
-        _ => match what.strip_prefix("slide/") {
-            Some(name) => (Asked::Slide(name.into()), false),
-            None => return Err(Refusal::NotFound),
-        },
-    };
-    if posts == is_post { Ok(asked) } else { Err(Refusal::Method) }
+    Ok((rest.ok_or(Refusal::NotFound)?.1, query))
+}
+
+/// Returns a number in a query.
+pub(super) fn number(query: &str, key: &str) -> Option<u64> {
+    query.split('&').filter_map(|pair| pair.split_once('=')).find(|(k, _)| *k == key)?.1.parse().ok()
+}
+
+impl Asked {
+    /// Returns what is asked for at a path below the address of the pages.
+    pub(super) fn at(path: &str, query: &str, is_post: bool) -> Result<Self, Refusal> {
+        let side = |key| number(query, key).and_then(|n| usize::try_from(n).ok()).filter(|n| (1..=16_384).contains(n));
+        let (asked, posts) = match path {
+            "" => (Asked::Index, false),
+            "screen" => (Asked::Screen, false),
+            "index.js" => (Asked::Script("index"), false),
+            "screen.js" => (Asked::Script("screen"), false),
+            "style.css" => (Asked::Style, false),
+            "next" => (Asked::Next(number(query, "after").ok_or(Refusal::NotFound)?), false),
+            "status" => (Asked::Status, false),
+            "live.png" => (Asked::Live, false),
+            "shown" => (Asked::Shown, true),
+            "frame" => match (side("width"), side("height")) {
+                (Some(w), Some(h)) => (Asked::Frame(w, h), true),
+                _ => return Err(Refusal::NotFound),
+            },
+            "webcam" => (Asked::Webcam, true),
+            "command" => (Asked::Command, true),
+            _ => match path.strip_prefix("slide/") {
+                Some(name) => (Asked::Slide(name.into()), false),
+                None => return Err(Refusal::NotFound),
+            },
+        };
+        if posts == is_post { Ok(asked) } else { Err(Refusal::Method) }
+    }
 }
 
 /// Compares two secrets in a time that does not tell how much of them is equal.
@@ -96,6 +106,18 @@ fn same(a: &str, b: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn judge(
+        is_post: bool,
+        url: &str,
+        host: Option<&str>,
+        origin: Option<&str>,
+        own: &[String],
+        token: &str,
+    ) -> Result<Asked, Refusal> {
+        let (path, query) = admit(is_post, url, host, origin, own, token)?;
+        Asked::at(path, query, is_post)
+    }
 
     #[test]
     fn strangers_are_refused() {

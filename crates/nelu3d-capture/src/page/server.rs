@@ -1,19 +1,18 @@
-//! The server on the loopback interface.
+//! What the pages of a capture are answered.
 
-use std::hash::{BuildHasher, RandomState};
 use std::io::Read;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use nelu3d_scan::image::{Image, Raw, RawData, encode_rgb8};
 use nelu3d_scan::input::{MAX_DATA, read_file};
 use serde::Deserialize;
-use tiny_http::{Header, Method, Request, Response, Server};
+use tiny_http::Request;
 
-use super::request::{Asked, Refusal, judge};
+use super::loopback::{LoopbackServer, Reply, Site, body, content, json};
+use super::request::{Asked, Refusal};
 use super::state::{PageCommand, PageStatus, Shared, WindowReport};
 use super::{PageCamera, PageDisplay};
 use crate::display::Slide;
@@ -36,15 +35,11 @@ pub struct SlideFiles {
 /// The pages, while they are served.
 pub struct PageServer {
     shared: Arc<Shared>,
-    server: Arc<Server>,
     stop: Arc<AtomicBool>,
-    threads: Vec<JoinHandle<()>>,
-    address: String,
     clock: Instant,
+    server: LoopbackServer,
 }
 
-/// Requests answered at the same time. One or two of them wait for the next slide.
-const THREADS: usize = 6;
 /// Longest wait of a request for the next slide.
 const LONGEST_WAIT: Duration = Duration::from_secs(20);
 /// Longest wait before looking whether to end.
@@ -58,12 +53,10 @@ const SCREEN_HTML: &str = include_str!("screen.html");
 const SCREEN_JS: &str = include_str!("screen.js");
 const STYLE: &str = include_str!("style.css");
 
-/// What a thread needs to answer.
+/// What is needed to answer.
 struct Answers {
     shared: Arc<Shared>,
     slides: SlideFiles,
-    own: Vec<String>,
-    token: String,
     clock: Instant,
 }
 
@@ -94,37 +87,14 @@ impl PageServer {
     ///
     /// The port is taken.
     pub fn start(slides: SlideFiles, port: u16, stop: Arc<AtomicBool>) -> Result<Self, CaptureError> {
-        let fails = |e: &dyn std::fmt::Display| CaptureError::Device {
-            device: format!("port {port} of 127.0.0.1"),
-            problem: format!("cannot be used: {e}"),
-            remedy: "choose another one".into(),
-        };
-        let server = Arc::new(Server::http(("127.0.0.1", port)).map_err(|e| fails(&e))?);
-        let port = server.server_addr().to_ip().ok_or_else(|| fails(&"it has no address"))?.port();
-        let token = token();
-        let address = format!("http://127.0.0.1:{port}/{token}/");
-        let own = vec![format!("127.0.0.1:{port}"), format!("localhost:{port}")];
         let (shared, clock) = (Arc::new(Shared::default()), Instant::now());
-        let mut threads = Vec::new();
-        for _ in 0..THREADS {
-            let (server, shared) = (server.clone(), shared.clone());
-            let answers = Answers { shared, slides: slides.clone(), own: own.clone(), token: token.clone(), clock };
-            threads.push(std::thread::spawn(move || {
-                // Ends with an error when the server is told to unblock.
-                while let Ok(request) = server.recv() {
-                    answers.answer(request);
-                    if answers.shared.lock().ended {
-                        break;
-                    }
-                }
-            }));
-        }
-        Ok(Self { shared, server, stop, threads, address, clock })
+        let server = LoopbackServer::start(Arc::new(Answers { shared: shared.clone(), slides, clock }), port)?;
+        Ok(Self { shared, stop, clock, server })
     }
 
     /// Returns the address of the page for people. That of the patterns is `screen` below it.
     pub fn address(&self) -> &str {
-        &self.address
+        self.server.address()
     }
 
     /// Returns the clock of the display and of frames.
@@ -178,44 +148,23 @@ impl PageServer {
 
 impl std::fmt::Debug for PageServer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("PageServer").field("address", &self.address).finish_non_exhaustive()
+        f.debug_struct("PageServer").field("address", &self.address()).finish_non_exhaustive()
     }
 }
 
-impl Drop for PageServer {
-    fn drop(&mut self) {
+impl Site for Answers {
+    fn reply(&self, path: &str, query: &str, is_post: bool, request: &mut Request) -> Result<Reply, Refusal> {
+        self.to(&Asked::at(path, query, is_post)?, request)
+    }
+
+    fn end(&self) {
         self.shared.lock().ended = true;
         self.shared.changed.notify_all();
-        for _ in 0..self.threads.len() {
-            self.server.unblock();
-        }
-        for thread in self.threads.drain(..) {
-            // A thread that panicked has nothing left to end.
-            let _ = thread.join();
-        }
     }
 }
 
 impl Answers {
-    fn answer(&self, mut request: Request) {
-        let header = |request: &Request, name: &'static str| {
-            let found = request.headers().iter().find(|h| h.field.equiv(name));
-            found.map(|h| h.value.as_str().to_owned())
-        };
-        let (host, origin) = (header(&request, "Host"), header(&request, "Origin"));
-        let is_post = *request.method() == Method::Post;
-        let known = is_post || *request.method() == Method::Get;
-        let url = request.url().to_owned();
-        let judged = judge(is_post, &url, host.as_deref(), origin.as_deref(), &self.own, &self.token);
-        let done = match judged.and_then(|asked| if known { Ok(asked) } else { Err(Refusal::Method) }) {
-            Ok(asked) => self.reply(&asked, &mut request).unwrap_or_else(refuse),
-            Err(refusal) => refuse(refusal),
-        };
-        // A page that was closed meanwhile wants no answer.
-        let _ = request.respond(done);
-    }
-
-    fn reply(&self, asked: &Asked, request: &mut Request) -> Result<Reply, Refusal> {
+    fn to(&self, asked: &Asked, request: &mut Request) -> Result<Reply, Refusal> {
         Ok(match asked {
             Asked::Index => content("text/html; charset=utf-8", INDEX_HTML.into()),
             Asked::Screen => content("text/html; charset=utf-8", SCREEN_HTML.into()),
@@ -317,42 +266,4 @@ impl Answers {
         self.shared.changed.notify_all();
         Ok(json(&serde_json::json!({})))
     }
-}
-
-type Reply = Response<std::io::Cursor<Vec<u8>>>;
-
-fn content(kind: &str, bytes: Vec<u8>) -> Reply {
-    let mut response = Response::from_data(bytes);
-    // Nothing but what is served here may be loaded or shown in a frame of another page.
-    for (name, value) in [
-        ("Content-Type", kind),
-        ("Cache-Control", "no-store"),
-        ("Content-Security-Policy", "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'"),
-        ("X-Content-Type-Options", "nosniff"),
-        ("Referrer-Policy", "no-referrer"),
-    ] {
-        response.add_header(Header::from_bytes(name, value).expect("a header of plain letters"));
-    }
-    response
-}
-
-fn json(value: &serde_json::Value) -> Reply {
-    content("application/json", value.to_string().into_bytes())
-}
-
-fn refuse(refusal: Refusal) -> Reply {
-    content("text/plain", Vec::new()).with_status_code(refusal as u16)
-}
-
-/// Reads a small JSON body.
-fn body<T: serde::de::DeserializeOwned>(request: &mut Request) -> Result<T, Refusal> {
-    let mut text = String::new();
-    request.as_reader().take(65_536).read_to_string(&mut text).map_err(|_| Refusal::NotFound)?;
-    serde_json::from_str(&text).map_err(|_| Refusal::NotFound)
-}
-
-/// Returns 128 bits that nobody can guess: the standard library seeds its hashers from the system's randomness.
-fn token() -> String {
-    let word = || RandomState::new().hash_one(Instant::now());
-    format!("{:016x}{:016x}", word(), word())
 }

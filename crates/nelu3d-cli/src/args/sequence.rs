@@ -36,6 +36,21 @@ pub(crate) struct SequenceArgs {
     /// Number of tasks of the Slurm script (default: one per stretch between keyframes).
     #[arg(long, value_name = "N", requires = "slurm")]
     pub tasks: Option<NonZeroUsize>,
+    /// Show frames on a page in the browser as they arrive in the folder, at the rate that this machine gives, until
+    /// Ctrl-C: the surface carried along, then the frame's own, refined while no newer one is there. Frames that are
+    /// late are left out of the view, not of the folder; nothing is written.
+    #[cfg(feature = "capture")]
+    #[arg(long, conflicts_with_all = ["shard", "slurm"])]
+    pub follow: bool,
+    /// With --follow: when no frame has arrived for so many seconds, stop, and compute and write all frames of the
+    /// folder, as without --follow.
+    #[cfg(feature = "capture")]
+    #[arg(long, value_name = "SECS", requires = "follow", value_parser = seconds)]
+    pub idle: Option<f64>,
+    /// With --follow: port of the page on 127.0.0.1 (default: any that is free).
+    #[cfg(feature = "capture")]
+    #[arg(long, value_name = "N", requires = "follow", default_value_t = 0)]
+    pub port: u16,
     /// Frame rate at which the moving surface is played, frames per second.
     #[arg(long, value_name = "FPS", default_value_t = 10.0, value_parser = fps)]
     pub fps: f64,
@@ -55,5 +70,14 @@ fn fps(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(fps) if (0.01..=1000.0).contains(&fps) => Ok(fps),
         _ => Err("a number from 0.01 to 1000".into()),
+    }
+}
+
+/// Parses a time to wait.
+#[cfg(feature = "capture")]
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(secs) if (0.1..=86_400.0).contains(&secs) => Ok(secs),
+        _ => Err("a number of seconds from 0.1 to 86400".into()),
     }
 }

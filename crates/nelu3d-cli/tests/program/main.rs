@@ -18,6 +18,8 @@ mod defects;
 mod drift;
 mod errors;
 mod experiment;
+#[cfg(feature = "capture")]
+mod follow;
 mod import;
 mod mistakes;
 mod neural;

@@ -13,7 +13,7 @@ use serde_json::Value;
 use super::common::{calibrated, nelu3d, small, stderr};
 
 /// The rig with its color field, made once.
-fn rig() -> &'static Path {
+pub(super) fn rig() -> &'static Path {
     static RIG: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     &RIG.get_or_init(|| calibrated(&spec())).1
 }
@@ -40,7 +40,7 @@ fn answer(out: &Output) -> Value {
 }
 
 /// Every frame's depth and surface, byte by byte.
-fn content(dir: &Path) -> BTreeMap<String, Vec<u8>> {
+pub(super) fn content(dir: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     for i in 0..5 {
         for file in ["depth.npy", "sigma.npy", "mesh.ply"] {
@@ -52,7 +52,7 @@ fn content(dir: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 /// The uninterrupted run, made once: its folder, and what it answered.
-fn whole() -> &'static (tempfile::TempDir, Value) {
+pub(super) fn whole() -> &'static (tempfile::TempDir, Value) {
     static WHOLE: OnceLock<(tempfile::TempDir, Value)> = OnceLock::new();
     WHOLE.get_or_init(|| {
         let dir = tempfile::tempdir().unwrap();

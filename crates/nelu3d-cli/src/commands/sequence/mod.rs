@@ -5,6 +5,8 @@
 //! parts of one sequence in one shared folder without talking to each other.
 
 mod folder;
+#[cfg(feature = "capture")]
+mod follow;
 mod frame_table;
 mod merge;
 mod outputs;
@@ -30,6 +32,10 @@ use crate::paths::{default_field, default_result, load_field, shown};
 pub(crate) fn run(args: &SequenceArgs, context: &CommandContext) -> Result<()> {
     let rig = Rig::open(&args.rig)?;
     let set = rig.pattern_set(args.set.as_deref())?;
+    #[cfg(feature = "capture")]
+    if args.follow && !follow::run(args, &rig, set, context)? {
+        return Ok(());
+    }
     let frames = rig.sequence(&args.sequence)?;
     let output = match &args.output {
         Some(output) => output.clone(),
