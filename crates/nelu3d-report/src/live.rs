@@ -19,8 +19,7 @@ pub const LIVE_SCRIPTS: [(&str, &str); 2] = [("viewer.js", VIEWER), ("live.js", 
 /// is answered by `{"published": N, "ended": false, "surface": …}` with what [`live_surface`] returns, or `null`.
 pub fn live_page(title: &str, subtitle: &str) -> String {
     let colorings = [Coloring::Clay, Coloring::Photo, Coloring::Depth, Coloring::Normals];
-    let parts =
-        [("title", escape(title)), ("subtitle", escape(subtitle)), ("body", live_viewer(&colorings))];
+    let parts = [("title", escape(title)), ("subtitle", escape(subtitle)), ("body", live_viewer(&colorings))];
     fill(TEMPLATE, &parts)
 }
 

@@ -69,7 +69,8 @@ pub(crate) fn decode_scene(
             dark_of(&capture, rig, set, opts.min_contrast, progress)?,
         ),
     };
-    let mut m = Measurements::new(&capture, &noise, &dark, 0.0);
+    let size = [capture.white.width, capture.white.height];
+    let mut m = Measurements::new(&capture, size, &noise, &dark, 0.0);
 
     clock.begin("decode");
     let buffers = MapBuffers::of(&mut m);

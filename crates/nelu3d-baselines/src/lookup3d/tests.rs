@@ -53,6 +53,7 @@ fn seen(p: Vec<f32>) -> Measurements {
     Measurements {
         width: WIDTH,
         height: HEIGHT,
+        image: [WIDTH, HEIGHT],
         k: K,
         independent: K as f32,
         p,

@@ -63,7 +63,7 @@ impl Aggregation<'_> {
         let mut first = vec![0u16; self.costs.len()];
         self.along_rows(&mut first);
         let mut second = vec![0u16; self.costs.len()];
-        rayon::join(|| self.across_rows(&mut first, true), || self.across_rows(&mut second, false));
+        rayon::join(|| self.across_rows(&mut first, true, false), || self.across_rows(&mut second, false, true));
         [first, second]
     }
 
@@ -77,7 +77,7 @@ impl Aggregation<'_> {
         Some([first, last + 1])
     }
 
-    /// Adds the paths within rows, both ways.
+    /// Writes the sums of the paths within rows, both ways.
     fn along_rows(&self, sums: &mut [u16]) {
         let mut rows = Vec::new();
         let (mut rest, mut at) = (sums, 0);
@@ -95,8 +95,9 @@ impl Aggregation<'_> {
         });
     }
 
-    /// Adds the paths that go from row to row, straight and both diagonals, row after row.
-    fn across_rows(&self, sums: &mut [u16], down: bool) {
+    /// Adds the paths that go from row to row, straight and both diagonals, row after row; or writes their sums, if there
+    /// are none yet.
+    fn across_rows(&self, sums: &mut [u16], down: bool, is_first: bool) {
         let (mut before, mut now) = (PathRow::default(), PathRow::default());
         let path = self.stride + 2;
         for i in 0..self.height {
@@ -117,7 +118,8 @@ impl Aggregation<'_> {
                 .enumerate()
                 .for_each(|(part, ((costs, least), sums))| {
                     let first = first + part * MIN_PIXELS;
-                    Arch::new().dispatch(AcrossRows { of: self, y, down, first, before: &before, costs, least, sums });
+                    let (of, before) = (self, &before);
+                    Arch::new().dispatch(AcrossRows { of, y, down, is_first, first, before, costs, least, sums });
                 });
             std::mem::swap(&mut before, &mut now);
         }
@@ -138,9 +140,17 @@ impl Aggregation<'_> {
 
     /// Writes the path costs of a pixel with costs `own` behind a pixel with path costs `before`, of which `least` is
     /// the least, and adds an eighth of them to `sum`, so that all eight fit; returns the least of them. Paths lie
-    /// between two [`OUTSIDE`].
+    /// between two [`OUTSIDE`]. The first direction of all writes `sum`, which is never read before: memory that was
+    /// only asked for is mapped twice, and every core told of it, if it is read first.
     #[inline(always)]
-    fn advance(&self, own: &[u16], before: Option<(&[u16], u16)>, out: &mut [u16], sum: &mut [u16]) -> u16 {
+    fn advance(
+        &self,
+        own: &[u16],
+        before: Option<(&[u16], u16)>,
+        out: &mut [u16],
+        sum: &mut [u16],
+        is_first: bool,
+    ) -> u16 {
         let n = self.stride;
         let (own, sum, out) = (&own[..n], &mut sum[..n], &mut out[1..n + 1]);
         let mut lowest = [OUTSIDE; CHUNK];
@@ -149,7 +159,7 @@ impl Aggregation<'_> {
                 for at in (0..n).step_by(CHUNK) {
                     let own: &[u16; CHUNK] = own[at..].first_chunk().expect("whole chunks");
                     *out[at..].first_chunk_mut::<CHUNK>().expect("whole chunks") = *own;
-                    add(sum[at..].first_chunk_mut().expect("whole chunks"), own, &mut lowest);
+                    add(sum[at..].first_chunk_mut().expect("whole chunks"), own, &mut lowest, is_first);
                 }
             }
             Some((before, least)) => {
@@ -164,7 +174,7 @@ impl Aggregation<'_> {
                         let beside = left[l].min(right[l]).saturating_add(self.step);
                         out[l] = own[l].saturating_add(here[l].min(beside).min(far) - least);
                     }
-                    add(sum[at..].first_chunk_mut().expect("whole chunks"), out, &mut lowest);
+                    add(sum[at..].first_chunk_mut().expect("whole chunks"), out, &mut lowest, is_first);
                 }
             }
         }
@@ -172,11 +182,12 @@ impl Aggregation<'_> {
     }
 }
 
-/// Adds an eighth of path costs to sums, and keeps the least of them, lane by lane.
+/// Adds an eighth of path costs to sums, or writes it if it is the first, and keeps the least of them, lane by lane.
 #[inline(always)]
-fn add(sum: &mut [u16; CHUNK], path: &[u16; CHUNK], lowest: &mut [u16; CHUNK]) {
+fn add(sum: &mut [u16; CHUNK], path: &[u16; CHUNK], lowest: &mut [u16; CHUNK], is_first: bool) {
+    let before = if is_first { [0; CHUNK] } else { *sum };
     for l in 0..CHUNK {
-        sum[l] += path[l].saturating_add(4) >> 3;
+        sum[l] = before[l] + (path[l].saturating_add(4) >> 3);
         lowest[l] = lowest[l].min(path[l]);
     }
 }
@@ -208,7 +219,7 @@ impl WithSimd for AlongRow<'_> {
                 let slot = slot as usize;
                 let sum = &mut sums[(slot - first) * n..][..n];
                 let path = has_before.then_some((&before.costs[..], before.least));
-                now.least = of.advance(&of.costs[slot * n..][..n], path, &mut now.costs, sum);
+                now.least = of.advance(&of.costs[slot * n..][..n], path, &mut now.costs, sum, forward);
                 std::mem::swap(&mut before, &mut now);
                 has_before = true;
             }
@@ -221,6 +232,7 @@ struct AcrossRows<'a> {
     of: &'a Aggregation<'a>,
     y: usize,
     down: bool,
+    is_first: bool,
     first: usize,
     before: &'a PathRow,
     costs: &'a mut [u16],
@@ -232,7 +244,7 @@ impl WithSimd for AcrossRows<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { of, y, down, first, before, costs, least, sums } = self;
+        let Self { of, y, down, is_first, first, before, costs, least, sums } = self;
         let (n, path) = (of.stride, of.stride + 2);
         let pixels = costs.chunks_exact_mut(3 * path).zip(least).zip(sums.chunks_exact_mut(n));
         for (j, ((costs, least), sum)) in pixels.enumerate() {
@@ -248,7 +260,7 @@ impl WithSimd for AcrossRows<'_> {
                 let place = of.place_before(before, y, x + direction as isize - 1, down);
                 let behind =
                     place.map(|p| (&before.costs[(3 * p + direction) * path..][..path], before.least[p][direction]));
-                least[direction] = of.advance(own, behind, out, sum);
+                least[direction] = of.advance(own, behind, out, sum, is_first && direction == 0);
             }
         }
     }

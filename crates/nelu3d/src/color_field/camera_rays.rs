@@ -22,15 +22,17 @@ pub struct CameraRays {
 }
 
 impl CameraRays {
-    /// Makes the rays of a camera's image reduced by a factor `f`.
-    pub fn new(camera: &Camera, field: &ColorField, f: usize) -> Self {
+    /// Makes the rays of a camera's image reduced by a factor `f`. The camera may see a part of the picture only: from
+    /// its column and row `origin` on.
+    pub fn new(camera: &Camera, field: &ColorField, f: usize, origin: [usize; 2]) -> Self {
         let (w, h) = (camera.width / f, camera.height / f);
         let pixels: Vec<[usize; 2]> = (0..w * h).map(|i| [i % w, i / w]).collect();
-        Self::of_pixels(camera, field, f, &pixels)
+        Self::of_pixels(camera, field, f, origin, &pixels)
     }
 
-    /// Makes the rays of some pixels (x, y) of a camera's image reduced by a factor `f`, in their order.
-    pub fn of_pixels(camera: &Camera, field: &ColorField, f: usize, pixels: &[[usize; 2]]) -> Self {
+    /// Makes the rays of some pixels (x, y) of a camera's image reduced by a factor `f`, in their order. The camera may
+    /// see a part of the picture only: from its column and row `origin` on.
+    pub fn of_pixels(camera: &Camera, field: &ColorField, f: usize, origin: [usize; 2], pixels: &[[usize; 2]]) -> Self {
         let half = (f as f64 - 1.0) / 2.0;
         let (plane, (range, known)) = pixels
             .par_iter()
@@ -39,7 +41,10 @@ impl CameraRays {
                 let plane = camera.undistort([x as f64 + half, y as f64 + half]).map(|v| v as f32);
                 let [u, v] = plane.map(f64::from);
                 let ray = field.frame.along_ray(&nalgebra::Vector3::new(u, v, 1.0).normalize());
-                let range = field.validity.range_of_ray(x + f / 2, y + f / 2, |t| ray.at(f64::from(t)).q);
+                let range = {
+                    let [x, y] = [x + f / 2 + origin[0], y + f / 2 + origin[1]];
+                    field.validity.range_of_ray(x, y, |t| ray.at(f64::from(t)).q)
+                };
                 (plane, range.unwrap_or(([1.0, 0.0], KnownAxes::NONE)))
             })
             .unzip();

@@ -50,7 +50,8 @@ impl BoardSamples {
         field: &ColorField,
     ) -> Option<Self> {
         let metadata = &field.metadata;
-        let m = Measurements::new(capture, &metadata.noise, &metadata.dark, metadata.model_sigma(MODEL_SIGMA));
+        let size = [camera.width, camera.height];
+        let m = Measurements::new(capture, size, &metadata.noise, &metadata.dark, metadata.model_sigma(MODEL_SIGMA));
         let reach = REACH * spacing(corners)?;
         let on_board = |i: usize| {
             let dir = camera.ray([(i % m.width) as f64, (i / m.width) as f64]).dir;

@@ -31,17 +31,18 @@ const MODEL_SIGMA: f32 = 0.05;
 /// Decodes a capture, and returns the pixels whose surroundings agree with them.
 pub(crate) fn decode_codewords(capture: &Capture, camera: &Camera, field: &ColorField) -> Vec<Codeword> {
     let metadata = &field.metadata;
-    let mut m = Measurements::new(capture, &metadata.noise, &metadata.dark, MODEL_SIGMA);
+    let mut m = Measurements::new(capture, [camera.width, camera.height], &metadata.noise, &metadata.dark, MODEL_SIGMA);
     let settings = FastSettings {
         light_fractions: LightFractionPrior { sigma_ambient: 0.03, sigma_indirect: 0.1 },
         min_component: 50,
         max_decoded_pixels: MAX_PIXELS,
         ..FastSettings::new(&ReconstructionOptions::default())
     };
-    let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1));
+    let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1, [0, 0]));
     let spline = SplineEvaluator::new(&grid, metadata.cells_per_pixel);
     let (device, progress) = (&Device::Cpu, &Progress::none());
-    let decoder = Decoder { camera, field, rays: &rays, spline: &spline, settings: &settings, device, progress };
+    let decoder =
+        Decoder { camera, origin: [0, 0], field, rays: &rays, spline: &spline, settings: &settings, device, progress };
     let inv_z = decoder.decode(&mut m).inv_z;
     let k = m.k;
     (0..m.n())

@@ -3,6 +3,7 @@
 use nelu3d_field::device::{Choice, Device, DeviceError};
 
 use super::error::Failure;
+use super::lit_part::LitPart;
 use super::observer::{Observer, Stage};
 use crate::progress::{Progress, StageClock, StageTime};
 
@@ -14,6 +15,8 @@ pub struct Context<'a> {
     pub clock: StageClock<'a>,
     /// Device of the heavy work.
     pub device: Device,
+    /// The part of the picture that the surfaces shown to the observer are of; `None`: all of it.
+    pub(super) part: Option<LitPart>,
     observer: Option<&'a mut (dyn Observer + 'a)>,
 }
 
@@ -24,7 +27,13 @@ impl<'a> Context<'a> {
     ///
     /// The device that was asked for is not there.
     pub fn new(progress: &'a Progress, device: Choice) -> Result<Self, DeviceError> {
-        Ok(Self { progress, clock: StageClock::new(progress), device: Device::open(device)?, observer: None })
+        Ok(Self {
+            progress,
+            clock: StageClock::new(progress),
+            device: Device::open(device)?,
+            part: None,
+            observer: None,
+        })
     }
 
     /// Shows every intermediate surface to an observer.
@@ -42,7 +51,12 @@ impl<'a> Context<'a> {
     pub fn observe(&mut self, stage: Stage, iteration: usize, depth: impl FnOnce() -> Vec<f32>) {
         if let Some(observer) = self.observer.as_deref_mut() {
             self.clock.pause();
-            observer.surface(stage, iteration, &depth());
+            let depth = depth();
+            let depth = match &self.part {
+                Some(part) => part.paste(depth, f32::NAN),
+                None => depth,
+            };
+            observer.surface(stage, iteration, &depth);
             self.clock.resume();
         }
     }

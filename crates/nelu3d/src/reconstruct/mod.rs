@@ -15,6 +15,7 @@ mod filter;
 mod initialize;
 mod judge;
 mod light_fractions;
+mod lit_part;
 mod maps;
 pub mod neural;
 mod observer;
@@ -47,6 +48,7 @@ pub use initialize::{CrosstalkSettings, PropagationSettings};
 use initialize::{Initial, initialize};
 use judge::judge;
 pub use light_fractions::LightFractionPrior;
+use lit_part::LitPart;
 pub(crate) use maps::interpolate_within;
 pub use observer::{Observer, Stage};
 pub use options::{CrosstalkMode, Recipe, ReconstructionOptions};
@@ -125,6 +127,7 @@ pub fn reconstruct_capture(
     opts: &ReconstructionOptions,
     cx: &mut Context<'_>,
 ) -> Result<(Surface, Diagnostics), Failure> {
+    cx.part = None;
     let (surface, recipe, judgment) = match opts.recipe {
         Recipe::Fast => fast(capture, camera, field, previous, opts, cx)?,
         Recipe::Paper => neural::reconstruct(capture, camera, field, opts, cx)?,
@@ -144,8 +147,13 @@ fn fast(
 ) -> Result<(Surface, RecipeDiagnostics, Judgment), Failure> {
     let mut settings = FastSettings::new(opts);
     let model_sigma = field.metadata.model_sigma(settings.min_model_sigma);
-    let mut scene = Scene::measure(capture, camera, field, model_sigma, cx)?;
-    let initial = initialize(&mut scene, previous, opts.cross_talk, &settings, cx)?;
+    cx.clock.begin("prepare");
+    let part = LitPart::of(capture, &field.metadata.noise, &field.metadata.dark);
+    let (whole, capture, camera) = (&capture.white, part.capture(capture), part.camera(camera));
+    let previous = previous.map(|previous| PreviousFrame { depth: part.cut(&previous.depth, 1), ..previous.clone() });
+    cx.part = Some(part);
+    let mut scene = Scene::measure(&capture, &camera, part, field, model_sigma, cx)?;
+    let initial = initialize(&mut scene, previous.as_ref(), opts.cross_talk, &settings, cx)?;
     if initial.decoded.is_some() {
         settings = settings.after_previous_frame(opts);
     }
@@ -160,6 +168,8 @@ fn fast(
     let diagnostics = diagnose(&initial, &refined, &depth, settings);
     let judgment = judge(&scene, &depth, Some(&refined.chi2));
     let surface = progress.measure("mesh", || (build_surface(scene, refined, depth), demand::mesh(n)));
+    drop(capture);
+    let surface = part.surface(surface, whole);
     Ok((surface, RecipeDiagnostics::Fast(Box::new(diagnostics)), judgment))
 }
 

@@ -8,14 +8,17 @@ use nelu3d_scan::{Camera, Image};
 use super::context::Context;
 use super::demand;
 use super::error::Failure;
+use super::lit_part::LitPart;
 use crate::color_field::grid::Grid;
 use crate::color_field::{CameraRays, ColorField, SplineEvaluator};
 use crate::sensor::Measurements;
 
 /// Camera, color field, rays and measurements of a scene.
 pub(crate) struct Scene<'a> {
-    /// The camera of all maps.
+    /// The camera of all maps, which are of a part of its picture.
     pub(crate) camera: &'a Camera,
+    /// That part.
+    pub(crate) part: LitPart,
     /// The color field.
     pub(crate) field: &'a ColorField,
     /// The white (flash) image.
@@ -29,29 +32,29 @@ pub(crate) struct Scene<'a> {
 }
 
 impl<'a> Scene<'a> {
-    /// Normalizes a capture. `model_sigma` is the standard deviation of the color field itself, normalized intensity.
+    /// Normalizes a capture, which with its camera is a part of a picture. `model_sigma` is the standard deviation of the color field itself, normalized intensity.
     pub(crate) fn measure(
         capture: &'a Capture,
         camera: &'a Camera,
+        part: LitPart,
         field: &'a ColorField,
         model_sigma: f32,
         cx: &mut Context<'_>,
     ) -> Result<Self, Failure> {
-        cx.clock.begin("prepare");
         let metadata = &field.metadata;
         let mut measurements = cx.progress.measure("normalize", || {
-            let m = Measurements::new(capture, &metadata.noise, &metadata.dark, model_sigma);
+            let m = Measurements::new(capture, part.image, &metadata.noise, &metadata.dark, model_sigma);
             let demand = demand::normalization(m.n(), m.k, capture.white.channels);
             (m, demand)
         });
-        let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1));
+        let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1, part.origin));
         let axes = &field.validity.axes;
         if !axes.is_empty() {
             let known = |i: usize, j: usize| rays.known[i].is_none() || rays.known[i].has(axes[j]);
             measurements.keep_channels(known);
         }
         cx.stop_if_cancelled()?;
-        Ok(Self { camera, field, white: &capture.white, grid, rays, measurements })
+        Ok(Self { camera, part, field, white: &capture.white, grid, rays, measurements })
     }
 
     /// Returns the color field as the inner loops evaluate it.

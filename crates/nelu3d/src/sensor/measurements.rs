@@ -14,6 +14,8 @@ pub struct Measurements {
     pub width: usize,
     /// Height in pixels.
     pub height: usize,
+    /// Width and height of the picture that these are a part of, in pixels.
+    pub image: [usize; 2],
     /// Number of pattern channels.
     pub k: usize,
     /// Number of pattern channels that are measured independently: the three of a mono image of a color camera count as
@@ -37,14 +39,16 @@ pub struct Measurements {
 
 impl Measurements {
     /// Normalizes a capture. Without a black image, the sweep's dark level replaces it. `model_sigma` is the standard
-    /// deviation of the color field itself, which is added to the sensor's noise.
-    pub fn new(capture: &Capture, noise: &NoiseModel, dark: &[DarkLevel], model_sigma: f32) -> Self {
+    /// deviation of the color field itself, which is added to the sensor's noise; `image` the size of the picture that the
+    /// capture is a part of, px.
+    pub fn new(capture: &Capture, image: [usize; 2], noise: &NoiseModel, dark: &[DarkLevel], model_sigma: f32) -> Self {
         let white = &capture.white;
         let (n, c) = (white.width * white.height, white.channels);
         let k = capture.patterns.len() * c;
         let mut out = Self {
             width: white.width,
             height: white.height,
+            image,
             k,
             independent: (k - (c - 1) * capture.mono.iter().filter(|mono| **mono).count()) as f32,
             p: vec![0.0; n * k],
@@ -106,6 +110,7 @@ impl Measurements {
         Self {
             width,
             height,
+            image: [width, height],
             k,
             independent: k as f32,
             p: vec![0.5; n * k],
@@ -121,7 +126,7 @@ impl Measurements {
     /// Returns the mean codeword around every pixel, weighted by contrast.
     pub(super) fn surroundings(&self) -> Vec<f32> {
         let (n, k) = (self.n(), self.k);
-        let radius = (self.width.max(self.height) / 24).max(2);
+        let radius = (self.image[0].max(self.image[1]) / 24).max(2);
         let mut out = vec![0.0; n * k];
         for j in 0..k {
             let usable = |i: usize| self.inv_var[i * k + j] > 0.0;
@@ -169,6 +174,7 @@ impl Measurements {
         let mut out = Self {
             width: w,
             height: h,
+            image: self.image.map(|n| n / f),
             k,
             independent: self.independent,
             p: vec![0.0; w * h * k],

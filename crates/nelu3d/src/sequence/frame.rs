@@ -149,7 +149,7 @@ fn solve_pattern_time(
     capture: &Capture,
     depth: &[f32],
 ) -> Option<PatternTime> {
-    let rays = CameraRays::new(&input.rig.camera, input.field, 1);
+    let rays = CameraRays::new(&input.rig.camera, input.field, 1, [0, 0]);
     PatternTimeProblem { motion, capture, depth, rays: &rays, field: input.field }.solve(near)
 }
 

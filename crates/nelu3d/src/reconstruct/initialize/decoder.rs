@@ -15,6 +15,8 @@ use crate::surface::PixelStatus;
 /// Everything that decoding needs besides the measurements.
 pub(crate) struct Decoder<'a> {
     pub(crate) camera: &'a Camera,
+    /// The first column and row of its picture that the measurements are of.
+    pub(crate) origin: [usize; 2],
     pub(crate) field: &'a ColorField,
     /// Rays of the camera's full image.
     pub(crate) rays: &'a CameraRays,
@@ -54,7 +56,8 @@ impl Decoder<'_> {
         }
         let mut reduced = m.reduced(factor);
         let camera = reduced_camera(self.camera, factor);
-        let found = self.decode_at(&mut reduced, &CameraRays::new(self.camera, self.field, factor), &camera);
+        let found =
+            self.decode_at(&mut reduced, &CameraRays::new(self.camera, self.field, factor, self.origin), &camera);
         for i in 0..m.n() {
             let (x, y) = (i % m.width / factor, i / m.width / factor);
             let of_block = (x < reduced.width && y < reduced.height).then(|| reduced.status[y * reduced.width + x]);

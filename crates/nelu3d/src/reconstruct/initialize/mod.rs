@@ -45,9 +45,18 @@ pub(crate) fn initialize(
 ) -> Result<Initial, Failure> {
     cx.clock.begin("decode the cost volume");
     let board = scene.board_white().filter(|_| mode == CrosstalkMode::Auto);
-    let Scene { camera, field, grid, rays, measurements: m, .. } = scene;
+    let Scene { camera, part, field, grid, rays, measurements: m, .. } = scene;
     let spline = SplineEvaluator::new(grid, field.metadata.cells_per_pixel);
-    let decoder = Decoder { camera, field, rays, spline: &spline, settings, device: &cx.device, progress: cx.progress };
+    let decoder = Decoder {
+        camera,
+        origin: part.origin,
+        field,
+        rays,
+        spline: &spline,
+        settings,
+        device: &cx.device,
+        progress: cx.progress,
+    };
 
     let measured = board.is_some().then(|| m.clone());
     let known = field.metadata.crosstalk;

@@ -38,6 +38,7 @@ use super::error::Failure;
 use super::filter::nothing_left;
 use super::initialize::initialize;
 use super::judge::judge;
+use super::lit_part::LitPart;
 use super::observer::Stage;
 use super::options::{CrosstalkMode, ReconstructionOptions};
 use super::scene::Scene;
@@ -80,7 +81,9 @@ pub(super) fn reconstruct(
 ) -> Result<(Surface, RecipeDiagnostics, Judgment), Failure> {
     let n_steps = opts.steps.unwrap_or(ITERATIONS);
     let model_sigma = field.metadata.model_sigma(MIN_MODEL_SIGMA).min(MAX_MODEL_SIGMA);
-    let mut scene = Scene::measure(capture, camera, field, model_sigma, cx)?;
+    cx.clock.begin("prepare");
+    let whole = LitPart::whole(camera.width, camera.height);
+    let mut scene = Scene::measure(capture, camera, whole, field, model_sigma, cx)?;
     let pixels =
         TrainingPixels::new(&scene.measurements, &scene.rays, &opts.paper).ok_or_else(|| nothing_left(&scene))?;
 

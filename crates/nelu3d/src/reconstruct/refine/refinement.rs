@@ -84,7 +84,7 @@ impl<'a> Refinement<'a> {
             scene.rays.in_frame(window.at(i)).by_inverse_depth(mid + unit * x[i], unit, scene.rays.dir_z(window.at(i)))
         };
         let bands = Bands::new(window.w, k, active, &x, line);
-        let radius = (m.width / settings.ambient_radius_divisor).max(2);
+        let radius = (m.image[0] / settings.ambient_radius_divisor).max(2);
         Self {
             scene,
             spline: scene.spline(),

@@ -97,9 +97,9 @@ fn refine(
     let progress = Progress::new(Arc::new(Nobody), newer.clone());
     std::thread::scope(|scope| {
         if !view.can_refine() {
-        return Ok(false);
-    }
-    let (done, newer) = (&done, &newer);
+            return Ok(false);
+        }
+        let (done, newer) = (&done, &newer);
         let watching = scope.spawn(move || -> Result<()> {
             while !done.load(Ordering::Relaxed) {
                 if context.progress.cancelled() || arrivals.newest(seen)?.is_some() {

@@ -166,7 +166,8 @@ impl<'a> View<'a> {
             (None, Some(last)) => (Neighbors::new(Some(last.white.clone()), None), state()),
             (Some(between), Some(last)) if same_size(&between, white) => {
                 let motion = Motion::around(Some(&last.white), &between, None);
-                let depth = |depth: Vec<f32>| motion.as_ref().map_or_else(|| depth.clone(), |m| m.warp_depth(&depth, 0.0));
+                let depth =
+                    |depth: Vec<f32>| motion.as_ref().map_or_else(|| depth.clone(), |m| m.warp_depth(&depth, 0.0));
                 let state = state().map(|s| FrameState { depth: depth(s.depth), ..s });
                 (Neighbors::new(Some(between), None), state)
             }

@@ -1,0 +1,202 @@
+//! The part of an image that is lit: the rest costs time and memory, and can have no depth.
+
+use std::borrow::Cow;
+
+use nelu3d_scan::rig::Capture;
+use nelu3d_scan::{Camera, Image};
+use rayon::prelude::*;
+
+use crate::sensor::{DarkLevel, NoiseModel};
+use crate::surface::{PixelStatus, Surface};
+
+/// Side of the squares of pixels in which light is looked for, px.
+const SQUARE: usize = 16;
+/// Lit pixels from which a square counts: a hot pixel does not.
+const MIN_LIT: usize = 4;
+/// Dark pixels around what is lit, px: outlines are looked at from both sides.
+const MARGIN: usize = 16;
+/// Fraction of the image below which leaving the rest out is worth a copy.
+const WORTH_IT: f64 = 0.8;
+
+/// A rectangle of an image's pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct LitPart {
+    /// Its first column and row in the image.
+    pub(crate) origin: [usize; 2],
+    /// Its width and height, px.
+    size: [usize; 2],
+    /// Width and height of the image, px.
+    pub(crate) image: [usize; 2],
+}
+
+impl LitPart {
+    /// All of an image.
+    pub(crate) fn whole(width: usize, height: usize) -> Self {
+        let image = [width, height];
+        Self { origin: [0, 0], size: image, image }
+    }
+
+    /// Returns the part of a capture outside of which every pixel is underexposed, but for single ones. It is the whole
+    /// image where nothing is lit, or nearly all.
+    pub(crate) fn of(capture: &Capture, noise: &NoiseModel, dark: &[DarkLevel]) -> Self {
+        let white = &capture.white;
+        let whole = Self::whole(white.width, white.height);
+        let is_lit = |i: usize| {
+            (0..white.channels).any(|c| {
+                let w = white.data[i * white.channels + c];
+                let black = match &capture.black {
+                    Some(black) => black.data[i * white.channels + c],
+                    None => dark.get(c).map_or(0.0, |d| d.at(w)),
+                };
+                w >= 1.0 || (w > black && !noise.is_underexposed(w - black, black))
+            })
+        };
+        let [w, h] = whole.image;
+        // The first and the last column and row of the squares that count.
+        let of_row = |y: usize| {
+            let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+            for x in (0..w).step_by(SQUARE) {
+                let end = [(x + SQUARE).min(w), (y + SQUARE).min(h)];
+                let pixels = (y..end[1]).flat_map(|row| (x..end[0]).map(move |column| row * w + column));
+                if pixels.filter(|i| is_lit(*i)).take(MIN_LIT).count() == MIN_LIT {
+                    low = [low[0].min(x), y];
+                    high = end;
+                }
+            }
+            (low, high)
+        };
+        let (low, high) = (0..h.div_ceil(SQUARE)).into_par_iter().map(|row| of_row(row * SQUARE)).reduce(
+            || ([usize::MAX; 2], [0; 2]),
+            |(a, b), (c, d)| (std::array::from_fn(|k| a[k].min(c[k])), std::array::from_fn(|k| b[k].max(d[k]))),
+        );
+        if low[0] == usize::MAX {
+            return whole;
+        }
+        let origin = low.map(|v| v.saturating_sub(MARGIN));
+        let size = std::array::from_fn(|a| (high[a] + MARGIN).min(whole.image[a]) - origin[a]);
+        let part = Self { origin, size, image: whole.image };
+        if part.n() as f64 > WORTH_IT * (w * h) as f64 { whole } else { part }
+    }
+
+    /// Returns the number of its pixels.
+    fn n(&self) -> usize {
+        self.size[0] * self.size[1]
+    }
+
+    fn is_whole(&self) -> bool {
+        self.size == self.image
+    }
+
+    /// Returns this part of a camera's picture, as a camera's.
+    pub(crate) fn camera(&self, camera: &Camera) -> Camera {
+        let [x, y] = self.origin.map(|v| v as f64);
+        let [width, height] = self.size;
+        Camera { width, height, cx: camera.cx - x, cy: camera.cy - y, ..camera.clone() }
+    }
+
+    /// Returns this part of a capture.
+    pub(crate) fn capture<'a>(&self, capture: &'a Capture) -> Cow<'a, Capture> {
+        if self.is_whole() {
+            return Cow::Borrowed(capture);
+        }
+        let cut = |image: &Image| Image {
+            width: self.size[0],
+            height: self.size[1],
+            channels: image.channels,
+            data: self.cut(&image.data, image.channels),
+        };
+        Cow::Owned(Capture {
+            white: cut(&capture.white),
+            black: capture.black.as_ref().map(cut),
+            patterns: capture.patterns.iter().map(cut).collect(),
+            mono: capture.mono.clone(),
+        })
+    }
+
+    /// Returns this part of a map of the image with `each` values per pixel.
+    pub(crate) fn cut<T: Copy>(&self, map: &[T], each: usize) -> Vec<T> {
+        let [x, y] = self.origin;
+        let rows = (y..y + self.size[1]).map(|row| (row * self.image[0] + x) * each);
+        rows.flat_map(|start| &map[start..start + self.size[0] * each]).copied().collect()
+    }
+
+    /// Returns a map of the image from one of this part, with `outside` everywhere else.
+    pub(crate) fn paste<T: Copy>(&self, part: Vec<T>, outside: T) -> Vec<T> {
+        if self.is_whole() {
+            return part;
+        }
+        let mut map = vec![outside; self.image[0] * self.image[1]];
+        for (row, values) in part.chunks_exact(self.size[0]).enumerate() {
+            let start = (self.origin[1] + row) * self.image[0] + self.origin[0];
+            map[start..start + self.size[0]].copy_from_slice(values);
+        }
+        map
+    }
+
+    /// Returns the surface of the image from that of this part; the rest of it is underexposed. `white` is the image's.
+    pub(crate) fn surface(&self, part: Surface, white: &Image) -> Surface {
+        if self.is_whole() {
+            return part;
+        }
+        let Surface { depth, normals, sigma, status, residual, ambient, mesh, .. } = part;
+        Surface {
+            width: self.image[0],
+            height: self.image[1],
+            depth: self.paste(depth, f32::NAN),
+            normals: self.paste(normals, [f32::NAN; 3]),
+            sigma: self.paste(sigma, f32::NAN),
+            status: self.paste(status, PixelStatus::Underexposed),
+            residual: self.paste(residual, f32::NAN),
+            ambient: self.paste(ambient, f32::NAN),
+            white: white.clone(),
+            mesh,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOISE: NoiseModel = NoiseModel { read: 1e-6, gain: 1e-5 };
+
+    /// A square of light of 40 × 20 px at (100, 60), and a hot pixel far from it.
+    fn capture() -> Capture {
+        let mut white = Image::new(320, 240, 1);
+        for (x, y) in (60..80).flat_map(|y| (100..140).map(move |x| (x, y))) {
+            white.data[y * 320 + x] = 0.5;
+        }
+        white.data[200 * 320 + 300] = 0.9;
+        let black = Image::new(320, 240, 1);
+        Capture { patterns: vec![white.clone(); 3], white, black: Some(black), mono: vec![false; 3] }
+    }
+
+    #[test]
+    fn what_is_lit_is_cut_out_and_put_back() {
+        let capture = capture();
+        let part = LitPart::of(&capture, &NOISE, &[]);
+        // Whole squares of pixels, and a margin.
+        assert_eq!((part.origin, part.size, part.image), ([80, 32], [80, 64], [320, 240]));
+        let cut = part.capture(&capture);
+        assert_eq!([cut.white.width, cut.white.height], part.size);
+        assert_eq!(cut.white.data.iter().filter(|v| **v > 0.0).count(), 800);
+        let back = part.paste(cut.white.data.clone(), 0.0);
+        let differ = back.iter().zip(&capture.white.data).filter(|(a, b)| a != b).count();
+        assert_eq!(differ, 1, "but for the hot pixel");
+
+        // A point is seen at the same place.
+        let camera = Camera::pinhole(320, 240, 300.0, 310.0, 160.0, 118.0);
+        let at = nalgebra::Point3::new(-0.1, -0.15, 1.0);
+        let (whole, of_part) = (camera.project(&at).unwrap(), part.camera(&camera).project(&at).unwrap());
+        assert!((whole[0] - of_part[0] - 80.0).abs() < 1e-9 && (whole[1] - of_part[1] - 32.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn nothing_is_cut_where_all_or_nothing_is_lit() {
+        let mut capture = capture();
+        capture.white.data.fill(0.0);
+        assert!(LitPart::of(&capture, &NOISE, &[]).is_whole());
+        capture.white.data.fill(0.6);
+        assert!(LitPart::of(&capture, &NOISE, &[]).is_whole());
+    }
+}
