@@ -94,10 +94,10 @@ impl LitPart {
         Camera { width, height, cx: camera.cx - x, cy: camera.cy - y, ..camera.clone() }
     }
 
-    /// Returns this part of a capture.
-    pub(crate) fn capture<'a>(&self, capture: &'a Capture) -> Cow<'a, Capture> {
+    /// Returns this part of a capture and, unless it is all of it, the white image of the whole.
+    pub(crate) fn of_capture<'a>(&self, capture: Cow<'a, Capture>) -> (Cow<'a, Capture>, Option<Cow<'a, Image>>) {
         if self.is_whole() {
-            return Cow::Borrowed(capture);
+            return (capture, None);
         }
         let cut = |image: &Image| Image {
             width: self.size[0],
@@ -105,12 +105,13 @@ impl LitPart {
             channels: image.channels,
             data: self.cut(&image.data, image.channels),
         };
-        Cow::Owned(Capture {
+        let part = Capture {
             white: cut(&capture.white),
             black: capture.black.as_ref().map(cut),
             patterns: capture.patterns.iter().map(cut).collect(),
             mono: capture.mono.clone(),
-        })
+        };
+        (Cow::Owned(part), Some(white_of(capture)))
     }
 
     /// Returns this part of a map of the image with `each` values per pixel.
@@ -134,10 +135,7 @@ impl LitPart {
     }
 
     /// Returns the surface of the image from that of this part; the rest of it is underexposed. `white` is the image's.
-    pub(crate) fn surface(&self, part: Surface, white: &Image) -> Surface {
-        if self.is_whole() {
-            return part;
-        }
+    pub(crate) fn surface(&self, part: Surface, white: Image) -> Surface {
         let Surface { depth, normals, sigma, status, residual, ambient, mesh, .. } = part;
         Surface {
             width: self.image[0],
@@ -148,9 +146,17 @@ impl LitPart {
             status: self.paste(status, PixelStatus::Underexposed),
             residual: self.paste(residual, f32::NAN),
             ambient: self.paste(ambient, f32::NAN),
-            white: white.clone(),
+            white,
             mesh,
         }
+    }
+}
+
+/// Returns the white image of a capture, without the rest.
+pub(crate) fn white_of(capture: Cow<'_, Capture>) -> Cow<'_, Image> {
+    match capture {
+        Cow::Borrowed(capture) => Cow::Borrowed(&capture.white),
+        Cow::Owned(capture) => Cow::Owned(capture.white),
     }
 }
 
@@ -177,7 +183,8 @@ mod tests {
         let part = LitPart::of(&capture, &NOISE, &[]);
         // Whole squares of pixels, and a margin.
         assert_eq!((part.origin, part.size, part.image), ([80, 32], [80, 64], [320, 240]));
-        let cut = part.capture(&capture);
+        let (cut, white) = part.of_capture(Cow::Borrowed(&capture));
+        assert_eq!(white.as_deref(), Some(&capture.white));
         assert_eq!([cut.white.width, cut.white.height], part.size);
         assert_eq!(cut.white.data.iter().filter(|v| **v > 0.0).count(), 800);
         let back = part.paste(cut.white.data.clone(), 0.0);

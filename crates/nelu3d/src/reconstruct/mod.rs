@@ -26,6 +26,8 @@ mod refine;
 mod scene;
 mod settings;
 
+use std::borrow::Cow;
+
 use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
 use nelu3d_scan::statistics::median;
 use nelu3d_scan::{Camera, Rig};
@@ -106,21 +108,22 @@ pub fn reconstruct_observed<'a>(
     cx.clock.begin("read the scene");
     let capture = rig.read_shot(shot, set, Need::Scene)?;
     check_mono(&capture, set, shot, field)?;
-    let (surface, mut diagnostics) = reconstruct_capture(&capture, &rig.camera, field, None, opts, &mut cx)
-        .map_err(|failure| failure.at(&shot.dir))?;
     cx.clock.begin("look for drift");
-    diagnostics.add_drift(check_capture(rig, &capture, field));
+    let drift = check_capture(rig, &capture, field);
+    let (surface, mut diagnostics) = reconstruct_capture(Cow::Owned(capture), &rig.camera, field, None, opts, &mut cx)
+        .map_err(|failure| failure.at(&shot.dir))?;
+    diagnostics.add_drift(drift);
     Ok(Reconstruction { surface, diagnostics, stages: cx.finish() })
 }
 
 /// Reconstructs a capture, from the previous frame's surface if there is one (recipe `fast`). Whether something moved
-/// since the sweep is not looked at.
+/// since the sweep is not looked at. Of a capture that is handed over, no more is kept than is needed.
 ///
 /// # Errors
 ///
 /// No pixel can be reconstructed, or the caller stopped the work.
 pub fn reconstruct_capture(
-    capture: &Capture,
+    capture: Cow<'_, Capture>,
     camera: &Camera,
     field: &ColorField,
     previous: Option<&PreviousFrame>,
@@ -130,7 +133,7 @@ pub fn reconstruct_capture(
     cx.part = None;
     let (surface, recipe, judgment) = match opts.recipe {
         Recipe::Fast => fast(capture, camera, field, previous, opts, cx)?,
-        Recipe::Paper => neural::reconstruct(capture, camera, field, opts, cx)?,
+        Recipe::Paper => neural::reconstruct(&capture, camera, field, opts, cx)?,
     };
     let (settings, device) = (opts.clone(), cx.device.name());
     Ok((surface, Diagnostics { judgment, settings, device, field: field.into(), drift: None, recipe }))
@@ -138,7 +141,7 @@ pub fn reconstruct_capture(
 
 /// Recipe `fast`: measure, initialize, refine, filter, assemble.
 fn fast(
-    capture: &Capture,
+    capture: Cow<'_, Capture>,
     camera: &Camera,
     field: &ColorField,
     previous: Option<&PreviousFrame>,
@@ -148,11 +151,11 @@ fn fast(
     let mut settings = FastSettings::new(opts);
     let model_sigma = field.metadata.model_sigma(settings.min_model_sigma);
     cx.clock.begin("prepare");
-    let part = LitPart::of(capture, &field.metadata.noise, &field.metadata.dark);
-    let (whole, capture, camera) = (&capture.white, part.capture(capture), part.camera(camera));
+    let part = LitPart::of(&capture, &field.metadata.noise, &field.metadata.dark);
+    let ((capture, white), camera) = (part.of_capture(capture), part.camera(camera));
     let previous = previous.map(|previous| PreviousFrame { depth: part.cut(&previous.depth, 1), ..previous.clone() });
     cx.part = Some(part);
-    let mut scene = Scene::measure(&capture, &camera, part, field, model_sigma, cx)?;
+    let mut scene = Scene::measure(capture, &camera, part, field, model_sigma, cx)?;
     let initial = initialize(&mut scene, previous.as_ref(), opts.cross_talk, &settings, cx)?;
     if initial.decoded.is_some() {
         settings = settings.after_previous_frame(opts);
@@ -168,8 +171,10 @@ fn fast(
     let diagnostics = diagnose(&initial, &refined, &depth, settings);
     let judgment = judge(&scene, &depth, Some(&refined.chi2));
     let surface = progress.measure("mesh", || (build_surface(scene, refined, depth), demand::mesh(n)));
-    drop(capture);
-    let surface = part.surface(surface, whole);
+    let surface = match white {
+        Some(white) => part.surface(surface, white.into_owned()),
+        None => surface,
+    };
     Ok((surface, RecipeDiagnostics::Fast(Box::new(diagnostics)), judgment))
 }
 
@@ -205,5 +210,5 @@ fn build_surface(scene: Scene<'_>, refined: Refined, depth: Vec<f32>) -> Surface
     let sigma = depth.iter().zip(&refined.sigma).enumerate().map(sigma).collect();
     let status = scene.measurements.status;
     let maps = SurfaceMaps { depth, sigma, status, residual: refined.residual, ambient: refined.ambient };
-    assemble(maps, scene.camera, &scene.rays.plane, scene.white)
+    assemble(maps, scene.camera, &scene.rays.plane, &scene.white)
 }

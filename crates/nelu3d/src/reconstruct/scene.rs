@@ -9,6 +9,7 @@ use super::context::Context;
 use super::demand;
 use super::error::Failure;
 use super::lit_part::LitPart;
+use super::lit_part::white_of;
 use crate::color_field::grid::Grid;
 use crate::color_field::{CameraRays, ColorField, SplineEvaluator};
 use crate::sensor::Measurements;
@@ -22,7 +23,7 @@ pub(crate) struct Scene<'a> {
     /// The color field.
     pub(crate) field: &'a ColorField,
     /// The white (flash) image.
-    pub(crate) white: &'a Image,
+    pub(crate) white: Cow<'a, Image>,
     /// The color field as a spline.
     pub(crate) grid: Cow<'a, Grid>,
     /// The ray of every pixel, and the part of it that was calibrated.
@@ -34,7 +35,7 @@ pub(crate) struct Scene<'a> {
 impl<'a> Scene<'a> {
     /// Normalizes a capture, which with its camera is a part of a picture. `model_sigma` is the standard deviation of the color field itself, normalized intensity.
     pub(crate) fn measure(
-        capture: &'a Capture,
+        capture: Cow<'a, Capture>,
         camera: &'a Camera,
         part: LitPart,
         field: &'a ColorField,
@@ -43,7 +44,7 @@ impl<'a> Scene<'a> {
     ) -> Result<Self, Failure> {
         let metadata = &field.metadata;
         let mut measurements = cx.progress.measure("normalize", || {
-            let m = Measurements::new(capture, part.image, &metadata.noise, &metadata.dark, model_sigma);
+            let m = Measurements::new(&capture, part.image, &metadata.noise, &metadata.dark, model_sigma);
             let demand = demand::normalization(m.n(), m.k, capture.white.channels);
             (m, demand)
         });
@@ -54,7 +55,8 @@ impl<'a> Scene<'a> {
             measurements.keep_channels(known);
         }
         cx.stop_if_cancelled()?;
-        Ok(Self { camera, part, field, white: &capture.white, grid, rays, measurements })
+        let white = white_of(capture);
+        Ok(Self { camera, part, field, white, grid, rays, measurements })
     }
 
     /// Returns the color field as the inner loops evaluate it.

@@ -1,5 +1,7 @@
 //! One frame of a sequence.
 
+use std::borrow::Cow;
+
 use nelu3d_scan::rig::Capture;
 use nelu3d_scan::{Image, Rig};
 
@@ -173,7 +175,7 @@ fn first_pattern_time(
     }
     let quick =
         ReconstructionOptions { effort: Effort::Quick, steps: None, recipe: Recipe::Fast, ..input.options.clone() };
-    let (surface, _) = reconstruct_capture(capture, &input.rig.camera, input.field, None, &quick, cx)?;
+    let (surface, _) = reconstruct_capture(Cow::Borrowed(capture), &input.rig.camera, input.field, None, &quick, cx)?;
     cx.clock.begin("find the motion");
     let found = solve_pattern_time(input, motion, None, capture, &surface.depth);
     Ok(found.filter(|t| is_credible(speed, t)))
@@ -186,7 +188,7 @@ fn run(
     capture: &Capture,
     cx: &mut Context<'_>,
 ) -> Result<(Surface, Diagnostics), Failure> {
-    reconstruct_capture(capture, &input.rig.camera, input.field, previous, input.options, cx)
+    reconstruct_capture(Cow::Borrowed(capture), &input.rig.camera, input.field, previous, input.options, cx)
 }
 
 /// Returns the mean over the channels of pixel `i`.

@@ -29,6 +29,8 @@ pub mod start;
 mod training;
 pub mod view;
 
+use std::borrow::Cow;
+
 use nelu3d_scan::Camera;
 use nelu3d_scan::rig::Capture;
 
@@ -83,7 +85,7 @@ pub(super) fn reconstruct(
     let model_sigma = field.metadata.model_sigma(MIN_MODEL_SIGMA).min(MAX_MODEL_SIGMA);
     cx.clock.begin("prepare");
     let whole = LitPart::whole(camera.width, camera.height);
-    let mut scene = Scene::measure(capture, camera, whole, field, model_sigma, cx)?;
+    let mut scene = Scene::measure(Cow::Borrowed(capture), camera, whole, field, model_sigma, cx)?;
     let pixels =
         TrainingPixels::new(&scene.measurements, &scene.rays, &opts.paper).ok_or_else(|| nothing_left(&scene))?;
 

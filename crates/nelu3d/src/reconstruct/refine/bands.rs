@@ -29,13 +29,23 @@ struct Band {
     speed: f32,
 }
 
-/// The bands of a window's pixels.
+/// The bands of a window's active pixels, in their order: of a large window they may be a small part.
 pub(super) struct Bands {
     width: usize,
     k: usize,
+    /// Where the bands of every row begin, and where those of the last end.
+    starts: Vec<usize>,
     bands: Vec<Band>,
-    /// Value, slope and bend of c by the unknown, `n × 3 k`.
+    /// Value, slope and bend of c by the unknown, `3 k` of every band.
     jets: Vec<f32>,
+}
+
+/// The bands of a row, and where they are rendered to.
+struct RowOfBands<'a> {
+    y: usize,
+    bands: &'a mut [Band],
+    jets: &'a mut [f32],
+    out: &'a mut [f32],
 }
 
 impl Bands {
@@ -48,11 +58,27 @@ impl Bands {
         x: &[f32],
         line: impl Fn(usize) -> ProjectiveLine + Sync,
     ) -> Self {
-        let band = |i: usize| {
-            if active[i] { Band { line: line(i), begin: x[i], at: f32::NAN, speed: 0.0 } } else { Band::default() }
-        };
-        let bands = (0..active.len()).into_par_iter().with_min_len(width).map(band).collect();
-        Self { width, k, bands, jets: vec![0.0; active.len() * 3 * k] }
+        let on: Vec<usize> = (0..active.len()).filter(|i| active[*i]).collect();
+        let band = |i: &usize| Band { line: line(*i), begin: x[*i], at: f32::NAN, speed: 0.0 };
+        let bands: Vec<Band> = on.par_iter().with_min_len(width).map(band).collect();
+        let starts = (0..=active.len() / width).map(|y| on.partition_point(|i| *i < y * width)).collect();
+        let jets = vec![0.0; on.len() * 3 * k];
+        Self { width, k, starts, bands, jets }
+    }
+
+    /// Divides the bands, and what is rendered of every pixel, by rows.
+    fn rows<'a>(&'a mut self, rendered: &'a mut [f32]) -> Vec<RowOfBands<'a>> {
+        let k = self.k;
+        let (mut bands, mut jets) = (&mut self.bands[..], &mut self.jets[..]);
+        let mut rows = Vec::with_capacity(self.starts.len() - 1);
+        for (y, out) in rendered.chunks_exact_mut(2 * k * self.width).enumerate() {
+            let n = self.starts[y + 1] - self.starts[y];
+            let (own_bands, own_jets);
+            (own_bands, bands) = bands.split_at_mut(n);
+            (own_jets, jets) = jets.split_at_mut(n * 3 * k);
+            rows.push(RowOfBands { y, bands: own_bands, jets: own_jets, out });
+        }
+        rows
     }
 
     /// Renders the band of every active pixel into `rendered`, `n × 2 k`: c and its slope by the unknown. `spread`
@@ -68,28 +94,29 @@ impl Bands {
         let (w, k, lattice) = (self.width, self.k, spline.lattice());
         let quadrature = quadrature();
         let deviation = quadrature.iter().map(|(offset, weight)| weight * offset * offset).sum::<f32>().sqrt();
-        let bands = self.bands.par_chunks_mut(w).zip(self.jets.par_chunks_mut(3 * k * w));
-        let evaluated: usize = bands
-            .zip(rendered.par_chunks_mut(2 * k * w))
-            .enumerate()
-            .map_init(Row::default, |row, (y, ((bands, jets), out))| {
-                let pixels = || (y * w..(y + 1) * w).filter(|i| active[*i]);
+        let evaluated: usize = self
+            .rows(rendered)
+            .into_par_iter()
+            .map_init(Row::default, |row, RowOfBands { y, bands, jets, out }| {
                 row.clear();
-                for i in pixels() {
+                row.pixels.extend((y * w..(y + 1) * w).filter(|i| active[*i]));
+                for (rank, band) in bands.iter_mut().enumerate() {
+                    let i = row.pixels[rank];
                     let spread = spread(i);
                     row.variances.push((spread * deviation).powi(2));
-                    row.look_up(i - y * w, &mut bands[i - y * w], x[i], [spread, spread * deviation], &lattice);
+                    row.look_up(rank, band, x[i], [spread, spread * deviation], &lattice);
                 }
                 row.evaluate(&lattice, jets);
-                for (i, variance) in pixels().zip(&row.variances) {
+                for ((i, variance), (band, jet)) in
+                    row.pixels.iter().zip(&row.variances).zip(bands.iter().zip(jets.chunks_exact(3 * k)))
+                {
                     let j = i - y * w;
-                    let jet = &jets[j * 3 * k..(j + 1) * 3 * k];
-                    integrate(&bands[j], jet, x[i], *variance, &mut out[j * 2 * k..(j + 1) * 2 * k]);
+                    integrate(band, jet, x[*i], *variance, &mut out[j * 2 * k..(j + 1) * 2 * k]);
                 }
-                row.columns.len() + row.sample_wide(&lattice, &quadrature, bands, x, y * w, out)
+                row.looked_up.len() + row.sample_wide(&lattice, &quadrature, bands, x, y * w, out)
             })
             .sum();
-        let (n, k) = (active.len() as f64, k as f64);
+        let (n, k) = (self.bands.len() as f64, k as f64);
         // Of every pixel its ray, its parabola, and what is rendered.
         let bytes = n * 4.0 * (10.0 + 3.0 * k + 2.0 * 2.0 * k);
         let flops = evaluated as f64 * lattice.flops_of_jet() + n * (30.0 + 8.0 * k);
@@ -100,9 +127,11 @@ impl Bands {
 /// What is to be evaluated for the pixels of one row.
 #[derive(Default)]
 struct Row {
+    /// The row's active pixels. They are told apart by their places among them.
+    pixels: Vec<usize>,
     points: Vec<CurvePoint>,
     /// The pixels of the points.
-    columns: Vec<usize>,
+    looked_up: Vec<usize>,
     jets: Vec<f32>,
     /// Variances of the bands of the row's active pixels, squared units of the unknown.
     variances: Vec<f32>,
@@ -112,25 +141,26 @@ struct Row {
 
 impl Row {
     fn clear(&mut self) {
+        self.pixels.clear();
         self.points.clear();
-        self.columns.clear();
+        self.looked_up.clear();
         self.variances.clear();
         self.wide.clear();
     }
 
     /// Notes a pixel whose c is to be evaluated anew. `spread` is the width of its band, and the band's standard
     /// deviation.
-    fn look_up(&mut self, column: usize, band: &mut Band, x: f32, spread: [f32; 2], lattice: &Lattice<'_>) {
+    fn look_up(&mut self, rank: usize, band: &mut Band, x: f32, spread: [f32; 2], lattice: &Lattice<'_>) {
         if band.at.is_nan() {
             band.speed = cells_per_unit(&band.line.at(x - band.begin), lattice);
         }
         if spread[1] * band.speed > NARROW {
-            self.wide.push((column, spread[0]));
+            self.wide.push((rank, spread[0]));
         } else if band.at.is_nan() || (x - band.at).abs() * band.speed > NEAR {
             let point = band.line.at(x - band.begin);
             (band.at, band.speed) = (x, cells_per_unit(&point, lattice));
             self.points.push(point);
-            self.columns.push(column);
+            self.looked_up.push(rank);
         }
     }
 
@@ -139,8 +169,8 @@ impl Row {
         let n = 3 * lattice.k;
         self.jets.resize(self.points.len() * n, 0.0);
         lattice.eval_jets(&self.points, &mut self.jets);
-        for (column, jet) in self.columns.iter().zip(self.jets.chunks_exact(n)) {
-            jets[column * n..(column + 1) * n].copy_from_slice(jet);
+        for (rank, jet) in self.looked_up.iter().zip(self.jets.chunks_exact(n)) {
+            jets[rank * n..(rank + 1) * n].copy_from_slice(jet);
         }
     }
 
@@ -156,15 +186,16 @@ impl Row {
     ) -> usize {
         let k = lattice.k;
         self.points.clear();
-        for (column, spread) in &self.wide {
-            let (band, x) = (&bands[*column], x[first + column]);
+        for (rank, spread) in &self.wide {
+            let (band, x) = (&bands[*rank], x[self.pixels[*rank]]);
             // Farther along the ray is a smaller inverse depth.
             let at = |offset: f32| band.line.at(x - band.begin - offset * spread);
             self.points.extend(quadrature.iter().map(|(offset, _)| at(*offset)));
         }
         self.jets.resize(self.points.len() * 3 * k, 0.0);
         lattice.eval_jets(&self.points, &mut self.jets);
-        for ((column, _), jets) in self.wide.iter().zip(self.jets.chunks_exact(quadrature.len() * 3 * k)) {
+        for ((rank, _), jets) in self.wide.iter().zip(self.jets.chunks_exact(quadrature.len() * 3 * k)) {
+            let column = self.pixels[*rank] - first;
             let out = &mut out[column * 2 * k..(column + 1) * 2 * k];
             out.fill(0.0);
             for ((_, weight), jet) in quadrature.iter().zip(jets.chunks_exact(3 * k)) {

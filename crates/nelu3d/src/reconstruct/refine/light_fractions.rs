@@ -9,10 +9,10 @@
 //! not its fraction but its fraction times white − black.
 
 use nelu3d_field::cost_volume::LightFractionEquations;
-use nelu3d_scan::image::box_mean;
 use nelu3d_scan::statistics::median;
 use rayon::prelude::*;
 
+use super::blocks::Blocks;
 use super::interreflection::Interreflection;
 use super::window::Window;
 use crate::reconstruct::light_fractions::LightFractionPrior;
@@ -56,6 +56,8 @@ pub(super) struct LightFractions<'a> {
     pub(super) interreflection: Option<Interreflection>,
 }
 
+/// Blocks of pixels across the radius of the small squares: what is smooth needs no more.
+const PARTS: usize = 4;
 /// Radius of the wide squares over that of the small ones.
 const WIDE: usize = 3;
 /// Prior standard deviation of fractions over that of their difference between wide and small squares.
@@ -174,28 +176,28 @@ impl<'a> LightFractions<'a> {
             let per_albedo = self.interreflection.as_ref().map_or(0.0, |g| g.per_albedo[i * channels + channel]);
             (self.albedo[channel] * per_albedo).min(MAX_GATHERED)
         };
-        let terms: Vec<[f32; 5]> = (0..n)
-            .into_par_iter()
-            .with_min_len(w)
-            .map(|i| {
-                if !self.active[i] {
-                    return [0.0; 5];
-                }
-                let (px, g, scale) = (self.window.at(i), gathered(i), ambient_scale(self.window.at(i)));
-                let (mut v, mut chi2) = (LightFractionEquations::default(), 0.0);
-                for j in (channel..k).step_by(channels) {
-                    let (c, iv) = (rendered[i * 2 * k + j], m.inv_var[px * k + j]);
-                    let s = self.interreflection.as_ref().map_or(c, |g| g.codeword[i * k + j]);
-                    let r = m.p[px * k + j] - c - g * (s - c);
-                    v.add(r, scale * (1.0 - c), m.surround[px * k + j] - c, iv);
-                    chi2 += iv * r * r;
-                }
-                let weight = self.weight(chi2);
-                v.sums.map(|v| v * weight)
-            })
-            .collect();
-        let [small, wide] = [self.radius, WIDE * self.radius].map(|radius| self.smoothed(&terms, radius));
+        let blocks = Blocks::new(w, self.window.h, (self.radius / PARTS).max(1));
+        let equations_of = |i: usize| {
+            let (px, g, scale) = (self.window.at(i), gathered(i), ambient_scale(self.window.at(i)));
+            let (mut v, mut chi2) = (LightFractionEquations::default(), 0.0);
+            for j in (channel..k).step_by(channels) {
+                let (c, iv) = (rendered[i * 2 * k + j], m.inv_var[px * k + j]);
+                let s = self.interreflection.as_ref().map_or(c, |g| g.codeword[i * k + j]);
+                let r = m.p[px * k + j] - c - g * (s - c);
+                v.add(r, scale * (1.0 - c), m.surround[px * k + j] - c, iv);
+                chi2 += iv * r * r;
+            }
+            let weight = self.weight(chi2);
+            v.sums.map(|v| v * weight)
+        };
+        let terms = blocks.means(|i| if self.active[i] { equations_of(i) } else { [0.0; 5] });
+        let [small, wide] = [self.radius, WIDE * self.radius].map(|radius| blocks.smoothed(&terms, radius));
         drop(terms);
+        let solved: Vec<[f32; 2]> = (0..blocks.n())
+            .into_par_iter()
+            .with_min_len(blocks.width)
+            .map(|i| solve(small.each_ref().map(|s| s[i]), wide.each_ref().map(|s| s[i]), self.prior))
+            .collect();
         let updated: Vec<PixelFractions> = (0..n)
             .into_par_iter()
             .with_min_len(w)
@@ -203,7 +205,7 @@ impl<'a> LightFractions<'a> {
                 if !self.active[i] {
                     return PixelFractions::default();
                 }
-                let [a, unseen] = solve(small.each_ref().map(|s| s[i]), wide.each_ref().map(|s| s[i]), self.prior);
+                let [a, unseen] = blocks.at(&solved, i);
                 let ambient = (a * ambient_scale(self.window.at(i))).min(MAX_AMBIENT);
                 let gathered = gathered(i).min(MAX_TOTAL - ambient);
                 PixelFractions { ambient, gathered, unseen: unseen.min(MAX_TOTAL - ambient - gathered) }
@@ -212,18 +214,6 @@ impl<'a> LightFractions<'a> {
         for (i, f) in updated.into_iter().enumerate() {
             self.of_pixels[i * channels + channel] = f;
         }
-    }
-
-    /// Returns the five sums of every pixel's normal equations, averaged over squares twice.
-    fn smoothed(&self, terms: &[[f32; 5]], radius: usize) -> [Vec<f32>; 5] {
-        let mut sums: [Vec<f32>; 5] = Default::default();
-        sums.par_iter_mut().enumerate().for_each(|(j, sum)| {
-            *sum = terms.iter().map(|t| t[j]).collect();
-            for _ in 0..2 {
-                box_mean(sum, self.window.w, self.window.h, radius);
-            }
-        });
-        sums
     }
 }
 

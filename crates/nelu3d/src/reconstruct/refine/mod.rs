@@ -10,6 +10,7 @@
 
 mod band;
 mod bands;
+mod blocks;
 mod demand;
 mod interreflection;
 mod light_fractions;
