@@ -186,6 +186,7 @@ fn diagnose(initial: &Initial, refined: &Refined, depth: &[f32], fast: FastSetti
         effort: EffortSettings {
             decoded_pixels: fast.max_decoded_pixels,
             steps: fast.refine.steps,
+            fine_steps: fast.refine.fine_steps,
             gathers: fast.refine.gathers,
             patches: fast.refine.patches,
         },

@@ -37,7 +37,7 @@ pub struct FastSettings {
 impl FastSettings {
     /// Returns the settings of a scene without a previous frame.
     pub fn new(opts: &ReconstructionOptions) -> Self {
-        let EffortSettings { decoded_pixels, steps, gathers, patches } = opts.effort.settings();
+        let EffortSettings { decoded_pixels, steps, fine_steps, gathers, patches } = opts.effort.settings();
         Self {
             min_model_sigma: 0.005,
             max_decoded_pixels: decoded_pixels,
@@ -48,6 +48,7 @@ impl FastSettings {
             light_fractions: LightFractionPrior { sigma_ambient: 0.05, sigma_indirect: 0.2 },
             refine: RefineSettings {
                 steps: opts.steps.unwrap_or(steps),
+                fine_steps: fine_steps.min(opts.steps.unwrap_or(steps)),
                 settled: 0.0,
                 first_width_mm: 0.7,
                 last_width_mm: 0.1,
@@ -67,8 +68,16 @@ impl FastSettings {
     pub fn after_previous_frame(self, opts: &ReconstructionOptions) -> Self {
         let EffortSettings { steps, gathers, patches, .. } = opts.effort.after_previous_frame();
         let steps = opts.steps.unwrap_or(steps);
-        let refine =
-            RefineSettings { steps, gathers, patches, settled: 0.01, loosened: 4.0, first_gather: 0, ..self.refine };
+        let refine = RefineSettings {
+            steps,
+            fine_steps: 0,
+            gathers,
+            patches,
+            settled: 0.01,
+            loosened: 4.0,
+            first_gather: 0,
+            ..self.refine
+        };
         Self { refine, ..self }
     }
 }

@@ -171,6 +171,7 @@ impl Measurements {
             return self.clone();
         }
         let (w, h, k) = (self.width / f, self.height / f, self.k);
+        let channels = self.light.len() / self.n().max(1);
         let mut out = Self {
             width: w,
             height: h,
@@ -182,7 +183,7 @@ impl Measurements {
             surround: Vec::new(),
             status: vec![PixelStatus::Underexposed; w * h],
             contrast: vec![0.0; w * h],
-            light: Vec::new(),
+            light: vec![0.0; w * h * channels],
             has_black: self.has_black,
         };
         for y in 0..h {
@@ -197,6 +198,9 @@ impl Measurements {
                         }
                         n_valid += 1;
                         out.contrast[o] += self.contrast[i];
+                        for c in 0..channels {
+                            out.light[o * channels + c] += self.light[i * channels + c];
+                        }
                         for j in 0..k {
                             let iv = self.inv_var[i * k + j];
                             out.p[o * k + j] += iv * self.p[i * k + j];
@@ -207,6 +211,7 @@ impl Measurements {
                 if n_valid > 0 {
                     out.status[o] = PixelStatus::Valid;
                     out.contrast[o] /= n_valid as f32;
+                    out.light[o * channels..(o + 1) * channels].iter_mut().for_each(|v| *v /= n_valid as f32);
                     for j in 0..k {
                         let iv = out.inv_var[o * k + j];
                         out.p[o * k + j] = if iv > 0.0 { out.p[o * k + j] / iv } else { 0.0 };

@@ -55,7 +55,7 @@ impl Decoder<'_> {
             return expand(&found, 1, [self.camera.width, self.camera.height], m);
         }
         let mut reduced = m.reduced(factor);
-        let camera = reduced_camera(self.camera, factor);
+        let camera = self.camera.binned(factor);
         let found =
             self.decode_at(&mut reduced, &CameraRays::new(self.camera, self.field, factor, self.origin), &camera);
         for i in 0..m.n() {
@@ -90,21 +90,6 @@ impl Decoder<'_> {
         let step = found.hypothesis_step;
         SmallComponents { spline: self.spline, settings: s, m, rays, camera, step }.settle(&mut inv_z);
         InitialDepth { inv_z, step }
-    }
-}
-
-/// Returns the camera of an image whose pixels are means of `factor × factor` pixels of `camera`'s.
-fn reduced_camera(camera: &Camera, factor: usize) -> Camera {
-    let f = factor as f64;
-    let half = (f - 1.0) / 2.0;
-    Camera {
-        width: camera.width / factor,
-        height: camera.height / factor,
-        fx: camera.fx / f,
-        fy: camera.fy / f,
-        cx: (camera.cx - half) / f,
-        cy: (camera.cy - half) / f,
-        distortion: camera.distortion.clone(),
     }
 }
 

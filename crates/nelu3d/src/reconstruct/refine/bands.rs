@@ -66,6 +66,12 @@ impl Bands {
         Self { width, k, starts, bands, jets }
     }
 
+    /// Forgets all bands.
+    pub(super) fn clear(&mut self) {
+        (self.bands, self.jets) = (Vec::new(), Vec::new());
+        self.starts.fill(0);
+    }
+
     /// Divides the bands, and what is rendered of every pixel, by rows.
     fn rows<'a>(&'a mut self, rendered: &'a mut [f32]) -> Vec<RowOfBands<'a>> {
         let k = self.k;

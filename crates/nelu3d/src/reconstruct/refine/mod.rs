@@ -11,6 +11,7 @@
 mod band;
 mod bands;
 mod blocks;
+mod coarse;
 mod demand;
 mod interreflection;
 mod light_fractions;
@@ -28,13 +29,14 @@ use super::initialize::InitialDepth;
 use super::light_fractions::LightFractionPrior;
 use super::observer::Stage;
 use super::scene::Scene;
+use coarse::Reduced;
 use demand::WindowDemand;
 pub(crate) use refined::Refined;
 use refinement::Refinement;
 pub use settings::RefineSettings;
 use window::Window;
 
-/// Refines the initial surface of a scene.
+/// Refines the initial surface of a scene: in a reduced image first, if it has a million pixels.
 pub(crate) fn refine(
     scene: &Scene<'_>,
     initial: &InitialDepth,
@@ -43,37 +45,91 @@ pub(crate) fn refine(
     cx: &mut Context<'_>,
 ) -> Result<Refined, Failure> {
     cx.clock.begin("refine the surface");
-    let window = Window::around(&initial.inv_z, scene.camera.width).expect("the initial surface has a pixel");
-    let active: Vec<bool> =
-        (0..window.n()).map(|i| !window.in_ring(i) && initial.inv_z[window.at(i)].is_finite()).collect();
-    let mut r = Refinement::new(scene, initial, settings, fractions, &window, &active);
-    let m = &scene.measurements;
-    let demand = WindowDemand { n: window.n(), k: m.k, channels: scene.white.channels };
-    let mut losses = Vec::new();
-    for step in 0..settings.steps {
-        if cx.progress.cancelled() {
-            break;
-        }
-        cx.progress.tick(step, settings.steps);
-        let progress = cx.progress;
-        let slopes = r.slopes();
-        if settings.patches > 0 && settings.gathers_at(step) {
-            progress.measure("gathering", || ((), r.gather_interreflection(&slopes)));
-        }
-        progress.measure("bands", || ((), r.render(&slopes, settings.width_mm(step))));
-        progress.measure("light fractions", || (r.update_fractions(), demand.fractions()));
-        losses.push(progress.measure("data term", || (r.linearize(), demand.data_term())));
-        progress.measure("prior", || (r.reweight(step), demand.prior()));
-        let change = progress.measure("solver", || {
-            let swept = r.gauss_newton_step(step);
-            (swept.change, swept.demand())
-        });
-        cx.observe(Stage::Refine, step + 1, || r.depth());
-        if settings.is_final(step) && change < f64::from(settings.settled) * r.n_active as f64 {
-            break;
-        }
-    }
-    let refined = cx.progress.measure("sigma", || (r.finish(losses), demand.sigma()));
+    let mut steps = Steps { losses: Vec::new(), all: settings.steps, prior: fractions, cx };
+    let Some(factor) = coarse::factor(initial, settings) else {
+        let refined = steps.take(scene, initial, settings, |depth| depth, |r, losses| r.finish(losses));
+        cx.stop_if_cancelled()?;
+        return Ok(refined);
+    };
+    steps.all += settings.fine_steps;
+    let width = scene.camera.width;
+    let reduced = Reduced::new(scene, initial, factor);
+    let start = {
+        let (coarse, coarse_initial) = reduced.scene(scene);
+        let shown = |depth: Vec<f32>| reduced.expanded(&depth, initial, width, f32::INFINITY);
+        let found = steps.take(&coarse, coarse_initial, settings, shown, |r, _| r.inverse_depth());
+        reduced.start(&found, initial, width)
+    };
+    drop(reduced);
+    let settings = RefineSettings {
+        steps: settings.fine_steps,
+        fine_steps: 0,
+        first_width_mm: settings.last_width_mm,
+        loosened: 1.0,
+        gathers: settings.gathers.min(FINE_GATHERS),
+        first_gather: 0,
+        ..*settings
+    };
+    let refined = steps.take(scene, &start, &settings, |depth| depth, |r, losses| r.finish(losses));
     cx.stop_if_cancelled()?;
     Ok(refined)
+}
+
+/// Number of times that interreflection is gathered after the refinement of a reduced image.
+const FINE_GATHERS: usize = 2;
+
+/// The steps of a refinement, in one image or two.
+struct Steps<'a, 'b> {
+    /// The loss after every step.
+    losses: Vec<f32>,
+    /// Number of steps that there may be.
+    all: usize,
+    prior: &'a LightFractionPrior,
+    cx: &'a mut Context<'b>,
+}
+
+impl Steps<'_, '_> {
+    /// Takes the steps of one image, and ends with `end`, which is given the losses of all steps so far. `shown` makes a
+    /// map of camera z that an observer may see.
+    fn take<T>(
+        &mut self,
+        scene: &Scene<'_>,
+        initial: &InitialDepth,
+        settings: &RefineSettings,
+        shown: impl Fn(Vec<f32>) -> Vec<f32>,
+        end: impl FnOnce(Refinement<'_>, Vec<f32>) -> T,
+    ) -> T {
+        let cx = &mut *self.cx;
+        let window = Window::around(&initial.inv_z, scene.camera.width).expect("the initial surface has a pixel");
+        let active: Vec<bool> =
+            (0..window.n()).map(|i| !window.in_ring(i) && initial.inv_z[window.at(i)].is_finite()).collect();
+        let mut r = Refinement::new(scene, initial, settings, self.prior, &window, &active);
+        let m = &scene.measurements;
+        let demand = WindowDemand { n: window.n(), k: m.k, channels: scene.white.channels };
+        for step in 0..settings.steps {
+            if cx.progress.cancelled() {
+                break;
+            }
+            cx.progress.tick(self.losses.len(), self.all);
+            let progress = cx.progress;
+            let slopes = r.slopes();
+            if settings.patches > 0 && settings.gathers_at(step) {
+                progress.measure("gathering", || ((), r.gather_interreflection(&slopes)));
+            }
+            progress.measure("bands", || ((), r.render(&slopes, settings.width_mm(step))));
+            progress.measure("light fractions", || (r.update_fractions(), demand.fractions()));
+            self.losses.push(progress.measure("data term", || (r.linearize(), demand.data_term())));
+            progress.measure("prior", || (r.reweight(step), demand.prior()));
+            let change = progress.measure("solver", || {
+                let swept = r.gauss_newton_step(step);
+                (swept.change, swept.demand())
+            });
+            cx.observe(Stage::Refine, self.losses.len(), || shown(r.depth()));
+            if settings.is_final(step) && change < f64::from(settings.settled) * r.n_active as f64 {
+                break;
+            }
+        }
+        let losses = self.losses.clone();
+        cx.progress.measure("sigma", || (end(r, losses), demand.sigma()))
+    }
 }

@@ -110,13 +110,18 @@ impl<'a> Refinement<'a> {
         self.mid + self.unit * self.x[i]
     }
 
+    /// Returns inverse depth 1/z per pixel of the image, 1/mm; NaN where there is no surface.
+    pub(super) fn inverse_depth(&self) -> Vec<f32> {
+        let mut inv_z = vec![f32::NAN; self.scene.measurements.n()];
+        for i in (0..self.x.len()).filter(|i| self.active[*i]) {
+            inv_z[self.window.at(i)] = self.inv_z(i);
+        }
+        inv_z
+    }
+
     /// Returns camera z per pixel of the image, mm; NaN where there is no surface.
     pub(super) fn depth(&self) -> Vec<f32> {
-        let mut depth = vec![f32::NAN; self.scene.measurements.n()];
-        for i in (0..self.x.len()).filter(|i| self.active[*i]) {
-            depth[self.window.at(i)] = 1.0 / self.inv_z(i);
-        }
-        depth
+        self.inverse_depth().into_iter().map(|v| 1.0 / v).collect()
     }
 
     /// Returns the slopes of the unknown along x and y, per pixel.
@@ -229,7 +234,9 @@ impl<'a> Refinement<'a> {
     }
 
     /// Returns the maps of the refined surface.
-    pub(super) fn finish(self, losses: Vec<f32>) -> Refined {
+    pub(super) fn finish(mut self, losses: Vec<f32>) -> Refined {
+        // The largest part of the state, and needed no more.
+        self.bands.clear();
         let (m, k, channels) = (&self.scene.measurements, self.scene.measurements.k, self.channels);
         let sigma = self.sigma();
         let mut out = Refined::empty(m.n(), losses, self.fractions.albedo.clone());

@@ -6,8 +6,12 @@ use serde::Serialize;
 /// hypotheses ("steps of depth" below), about 0.7 px of disparity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RefineSettings {
-    /// Largest number of Gauss-Newton steps.
+    /// Largest number of Gauss-Newton steps: in a reduced image, if the surface is large and there are any in the full one
+    /// behind them.
     pub steps: usize,
+    /// Largest number of steps in the full image that follow on those in a reduced one; 0 if all are in the full image,
+    /// as they are where that is small.
+    pub fine_steps: usize,
     /// Mean change of depth in a step, steps of depth, below which the refinement ends early; 0 for never.
     pub settled: f32,
     /// Width 1/inv_s of the surface at the first step, mm.
@@ -49,6 +53,7 @@ impl Default for RefineSettings {
     fn default() -> Self {
         Self {
             steps: 24,
+            fine_steps: 8,
             settled: 0.0,
             first_width_mm: 0.7,
             last_width_mm: 0.1,
