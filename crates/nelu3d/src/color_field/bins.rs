@@ -60,10 +60,17 @@ impl Gathered {
     }
 }
 
+/// Returns `n` zeros that have been written. Memory that was only asked for is mapped when it is read, and again, with
+/// word to every core, when it is written: to add to it costs more than to have filled it.
+pub(super) fn written_zeros(n: usize) -> Vec<f32> {
+    const AT_A_TIME: usize = 1 << 16;
+    (0..n).into_par_iter().with_min_len(AT_A_TIME).map(|_| 0.0).collect()
+}
+
 impl Bins {
     /// Makes empty bins over the unit cube, `counts` along a, b and w.
     pub fn new(counts: [usize; 3], k: usize) -> Self {
-        Self { counts, k, sums: vec![0.0; counts.iter().product::<usize>() * (AHEAD + 2 * k)] }
+        Self { counts, k, sums: written_zeros(counts.iter().product::<usize>() * (AHEAD + 2 * k)) }
     }
 
     /// Returns the number of pattern channels.

@@ -12,7 +12,7 @@ mod smoothness;
 
 use rayon::prelude::*;
 
-use super::bins::Bins;
+use super::bins::{Bins, written_zeros};
 use super::grid::Grid;
 use crate::progress::Progress;
 use normal::Normal;
@@ -36,7 +36,7 @@ pub fn fit(grid: &mut Grid, bins: &Bins, smooth: Smoothness, iterations: usize, 
         penalty.apply(x, y);
         normal.apply(x, y);
     };
-    let mut r = vec![0.0f32; n];
+    let mut r = written_zeros(n);
     normal.add_rhs(&mut r);
     let mut scratch = vec![0.0f32; n];
     apply(&grid.coeffs, &mut scratch);

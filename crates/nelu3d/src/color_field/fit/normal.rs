@@ -5,7 +5,7 @@ use nelu3d_field::lattice;
 use nelu3d_field::normal::{NodeStrides, Place, Weights, add_product, add_spread};
 use rayon::prelude::*;
 
-use crate::color_field::bins::{Bins, Sample};
+use crate::color_field::bins::{Bins, Sample, written_zeros};
 use crate::color_field::grid::Grid;
 
 /// Number of rows of cells that one task owns; stripes of the same parity never touch the same nodes.
@@ -92,7 +92,7 @@ impl<'a> Normal<'a> {
     /// Returns Σ ω b² per coefficient. Precisions of channels differ as their intensities do, at the scale of the
     /// pattern.
     pub(super) fn diagonal(&self) -> Vec<f32> {
-        let mut diag = vec![0.0; (self.cells[1] + 3) * self.strides().row];
+        let mut diag = written_zeros((self.cells[1] + 3) * self.strides().row);
         self.by_stripes(&mut diag, |stripe, chunk, _| {
             let Located { places, omegas } = &self.located[stripe];
             add_spread(self.strides(), places, omegas, Weights::Squared, chunk);
