@@ -357,7 +357,8 @@ fn numpy(descr: &str, fortran: bool, shape: &[usize], data: &[u8]) -> Vec<u8> {
 #[test]
 fn foreign_layouts_are_read() {
     let dir = tempfile::tempdir().unwrap();
-    // 2 rows, 3 columns, 2 positions, 1 channel: entry [y][x][p][c] is 1000 y + 100 x + 10 p + c + 1, doubles, Fortran order.
+    // 2 rows, 3 columns, 2 positions, 1 channel: entry [y][x][p][c] is 1000 y + 100 x + 10 p + c + 1, doubles, Fortran
+    // order.
     let value = |y: usize, x: usize, p: usize, c: usize| (1000 * y + 100 * x + 10 * p + c + 1) as f64;
     let mut doubles = Vec::new();
     for c in 0..2 {

@@ -19,9 +19,9 @@ const TICK: Duration = Duration::from_millis(200);
 pub struct LiveFiles {
     /// The page, which asks for the others by `style.css` and by the names of scripts.
     pub page: String,
-    /// Its style.
+    /// The CSS of the page, which asks for it as `style.css`.
     pub style: String,
-    /// Its scripts by name.
+    /// The scripts of the page: name, as the page asks for it, and text.
     pub scripts: Vec<(&'static str, String)>,
 }
 

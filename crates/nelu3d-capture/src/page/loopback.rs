@@ -20,16 +20,16 @@ const THREADS: usize = 6;
 
 /// What a server answers with.
 pub(super) trait Site: Send + Sync + 'static {
-    /// Answers a request for `path`, below the address of the page, with `query` after its question mark. `is_post` says
-    /// whether it is a POST; otherwise it is a GET.
+    /// Answers a request for `path`, below the address of the page, with `query` after its question mark. `is_post`
+    /// says whether it is a POST; otherwise it is a GET.
     fn reply(&self, path: &str, query: &str, is_post: bool, request: &mut Request) -> Result<Reply, Refusal>;
 
     /// The server ends: nothing waits any longer.
     fn end(&self);
 }
 
-/// A server, while it serves: on 127.0.0.1 only, at an address with a secret token in it, and only to requests that were
-/// meant for it (`Host`) and come from its own pages (`Origin`).
+/// A server, while it serves: on 127.0.0.1 only, at an address with a secret token in it, and only to requests that
+/// were meant for it (`Host`) and come from its own pages (`Origin`).
 pub(super) struct LoopbackServer {
     site: Arc<dyn Site>,
     server: Arc<Server>,

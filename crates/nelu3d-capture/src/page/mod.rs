@@ -1,10 +1,11 @@
 //! Pages in a browser: that of a capture, as its display, camera and face ([`PageServer`]), and that of a surface that
 //! moves ([`LivePage`]).
 //!
-//! The program serves them on the loopback interface only, at an address with a secret token in it, and answers requests
-//! only that were meant for it (`Host`) and come from it (`Origin`). Nothing that is asked for names a file: slides have
-//! numbers. The page of a capture asks for the next slide and the answer waits until there is one; it says when a slide
-//! has been on the screen for two refreshes. With a webcam it sends frames as they come, one after the other.
+//! The program serves them on the loopback interface only, at an address with a secret token in it, and answers
+//! requests only that were meant for it (`Host`) and come from it (`Origin`). Nothing that is asked for names a file:
+//! slides have numbers. The page of a capture asks for the next slide and the answer waits until there is one; it says
+//! when a slide has been on the screen for two refreshes. With a webcam it sends frames as they come, one after the
+//! other.
 
 mod live;
 mod loopback;

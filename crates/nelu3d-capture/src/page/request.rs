@@ -40,8 +40,8 @@ pub(super) enum Refusal {
     Method = 405,
 }
 
-/// Decides whether a request is answered at all: it must be meant for this server and come from one of its own pages, at
-/// the address with the token. Returns its path below that address, and its query. `own` are the names by which this
+/// Decides whether a request is answered at all: it must be meant for this server and come from one of its own pages,
+/// at the address with the token. Returns its path below that address, and its query. `own` are the names by which this
 /// server may be called, as `127.0.0.1:8080`.
 pub(super) fn admit<'a>(
     is_post: bool,

@@ -149,8 +149,8 @@ pub(super) struct Method {
     /// (`decode`).
     #[serde(default)]
     pub calibrate: String,
-    /// Options of `nelu3d projector`: the method (`decode`) gets the projector that is calibrated from the sweep instead
-    /// of the true one, and no field.
+    /// Options of `nelu3d projector`: the method (`decode`) gets the projector that is calibrated from the sweep
+    /// instead of the true one, and no field.
     #[serde(default)]
     pub projector: Option<String>,
     /// The pattern set, where it is not the case's: methods may need their own.
@@ -295,8 +295,8 @@ impl Experiment {
     }
 }
 
-/// Merges `changes` over `table`: tables key by key, everything else replaced. A table of another `kind` has other keys:
-/// it is replaced as a whole.
+/// Merges `changes` over `table`: tables key by key, everything else replaced. A table of another `kind` has other
+/// keys: it is replaced as a whole.
 pub(super) fn merge(table: &mut Table, changes: &Table) {
     for (key, change) in changes {
         match (table.get_mut(key), change) {

@@ -2,8 +2,8 @@
 //!
 //! [`file`] is what such a file says; [`plan`] makes commands of it (simulate, calibrate, reconstruct or decode,
 //! evaluate) and reads their answers; [`step`] runs each command once, however often the experiment is started;
-//! [`table`], [`plot`] and [`page`] show the numbers, and [`judged_claim`] holds them against what the file claims. To add
-//! an experiment, write its file and add it to [`file::BUILT_IN`].
+//! [`table`], [`plot`] and [`page`] show the numbers, and [`judged_claim`] holds them against what the file claims. To
+//! add an experiment, write its file and add it to [`file::BUILT_IN`].
 
 mod cell;
 mod claim;

@@ -4,25 +4,9 @@
 //! Skipped, loudly, where there is no Chromium; `NELU3D_NEED_BROWSER=1` makes that a failure.
 
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
-use super::common::{RigCopy, chromium};
-
-/// The page's document after its scripts ran, in a window of a phone's width.
-fn dom(chromium: &Path, page: &Path) -> String {
-    let profile = tempfile::tempdir().unwrap();
-    let out = Command::new(chromium)
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-quic"])
-        .args(["--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"])
-        .args(["--window-size=390,800", "--virtual-time-budget=5000", "--timeout=60000", "--dump-dom"])
-        .arg(format!("--user-data-dir={}", profile.path().display()))
-        .arg(format!("file://{}", page.display()))
-        .stderr(Stdio::null())
-        .output()
-        .unwrap();
-    assert!(out.status.success(), "Chromium failed: {}", out.status);
-    String::from_utf8(out.stdout).unwrap()
-}
+use super::common::{RigCopy, chromium, dom};
 
 fn nelu3d(args: &[&str]) {
     let out = Command::new(env!("CARGO_BIN_EXE_nelu3d")).args(args).output().unwrap();
@@ -43,7 +27,7 @@ fn judge(chromium: &Path, page: &Path) {
     let framed =
         html.replace("</body>", measure).replace("<html lang=\"en\">", "<html lang=\"en\" style=\"width:390px\">");
     std::fs::write(&measured, framed).unwrap();
-    let dom = dom(chromium, &measured);
+    let dom = dom(chromium, &format!("file://{}", measured.display()));
     assert!(dom.contains("data-drawn=\"yes\""), "{}: the surface was not drawn", page.display());
     let width: u32 = dom.split("data-width=\"").nth(1).and_then(|s| s.split('"').next()).unwrap().parse().unwrap();
     assert_eq!(width, 390, "{}: a phone has to scroll sideways", page.display());

@@ -1,5 +1,5 @@
-//! `nelu3d sequence --follow`: frames are seen while they arrive, late and broken ones stop nothing, and in the end all are
-//! computed as if nobody had looked.
+//! `nelu3d sequence --follow`: frames are seen while they arrive, late and broken ones stop nothing, and in the end all
+//! are computed as if nobody had looked.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use super::common::chromium;
+use super::common::{chromium, dom};
 use super::sequence::{content, rig, whole};
 
 /// A running program; it does not outlive its test.
@@ -143,17 +143,7 @@ fn the_moving_surface_is_drawn_in_a_browser() {
     ["000", "001"].iter().for_each(|name| arrive(&frames, name));
     // Its end ends what the page waits for.
     let program = Follower::start(&frames, &out, "8");
-    let profile = tempfile::tempdir().unwrap();
-    let dumped = Command::new(chromium)
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-quic"])
-        .args(["--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"])
-        .args(["--window-size=390,800", "--virtual-time-budget=5000", "--timeout=60000", "--dump-dom"])
-        .arg(format!("--user-data-dir={}", profile.path().display()))
-        .arg(format!("http://{}{}", program.host, program.path))
-        .stderr(Stdio::null())
-        .output()
-        .unwrap();
-    let dom = String::from_utf8(dumped.stdout).unwrap();
+    let dom = dom(&chromium, &format!("http://{}{}", program.host, program.path));
     assert!(dom.contains("data-drawn=\"yes\"") && dom.contains("data-surfaces=\""), "{dom}");
     assert!(dom.contains("<b data-live-frame=\"\">001</b>"), "{dom}");
 }

@@ -95,8 +95,8 @@ impl Aggregation<'_> {
         });
     }
 
-    /// Adds the paths that go from row to row, straight and both diagonals, row after row; or writes their sums, if there
-    /// are none yet.
+    /// Adds the paths that go from row to row, straight and both diagonals, row after row; or writes their sums, if
+    /// there are none yet.
     fn across_rows(&self, sums: &mut [u16], down: bool, is_first: bool) {
         let (mut before, mut now) = (PathRow::default(), PathRow::default());
         let path = self.stride + 2;

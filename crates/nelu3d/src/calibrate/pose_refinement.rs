@@ -14,12 +14,12 @@ use super::candidate::Candidate;
 use super::error::CalibrationError;
 use super::placed_sweep::{BoardPlane, PlacedSweep};
 
-/// Part of the mean square of what held-out boards are off by that motions must amount to for them to be tried, and that
-/// they must take from it to be kept.
+/// Part of the mean square of what held-out boards are off by that motions must amount to for them to be tried, and
+/// that they must take from it to be kept.
 const MIN_GAIN: f64 = 0.15;
 /// Held-out PSNR that must be gained, dB: it may not be lost where the light's center is determined. Where it is open
-/// along a line, boards that move along with it agree as well, and decibels have to tell, too: of a real sweep, held-out
-/// boards came 30 % nearer to each other in depth at 0.5 dB, and a scan got half as much error again.
+/// along a line, boards that move along with it agree as well, and decibels have to tell, too: of a real sweep,
+/// held-out boards came 30 % nearer to each other in depth at 0.5 dB, and a scan got half as much error again.
 const MIN_GAIN_DB: [f64; 2] = [-0.05, 1.0];
 /// Largest number of times that poses are refined.
 const MAX_ROUNDS: usize = 3;
@@ -47,9 +47,9 @@ pub(super) struct RefinedPoses {
     pub(super) motions: Vec<Isometry3<f64>>,
 }
 
-/// Moves the boards of `placed` to where they predict each other best, as long as `best`, the field in the light's frame
-/// that was fitted to all but each of them, is replaced by a better one. `is_open` says whether the light's center is
-/// open along a line; `fit` fits the field to boards where they stand. `None` where nothing was taken.
+/// Moves the boards of `placed` to where they predict each other best, as long as `best`, the field in the light's
+/// frame that was fitted to all but each of them, is replaced by a better one. `is_open` says whether the light's
+/// center is open along a line; `fit` fits the field to boards where they stand. `None` where nothing was taken.
 ///
 /// # Errors
 ///

@@ -11,8 +11,8 @@ pub struct Bins {
     counts: [usize; 3],
     /// Pattern channels.
     k: usize,
-    /// Per bin `[b][a][w]`: Σω̄, Σω̄ q (3, relative to the bin's center, in bins), Σω̄ a² and Σω̄ b² (the same), Σω (k),
-    /// Σω L (k).
+    /// Per bin `[b][a][w]`: Σω̄, Σω̄ q (3, relative to the bin's center, in bins), Σω̄ a² and Σω̄ b² (the same), Σω
+    /// (k), Σω L (k).
     sums: Vec<f32>,
 }
 

@@ -21,9 +21,9 @@ const WORTH_IT: f64 = 0.8;
 /// A rectangle of an image's pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LitPart {
-    /// Its first column and row in the image.
+    /// First column and row of the rectangle in the image, px.
     pub(crate) origin: [usize; 2],
-    /// Its width and height, px.
+    /// Width and height of the rectangle, px.
     size: [usize; 2],
     /// Width and height of the image, px.
     pub(crate) image: [usize; 2],

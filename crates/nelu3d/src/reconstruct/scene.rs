@@ -33,7 +33,8 @@ pub(crate) struct Scene<'a> {
 }
 
 impl<'a> Scene<'a> {
-    /// Normalizes a capture, which with its camera is a part of a picture. `model_sigma` is the standard deviation of the color field itself, normalized intensity.
+    /// Normalizes a capture, which with its camera is a part of a picture. `model_sigma` is the standard deviation of
+    /// the color field itself, normalized intensity.
     pub(crate) fn measure(
         capture: Cow<'a, Capture>,
         camera: &'a Camera,

@@ -39,8 +39,8 @@ pub struct Measurements {
 
 impl Measurements {
     /// Normalizes a capture. Without a black image, the sweep's dark level replaces it. `model_sigma` is the standard
-    /// deviation of the color field itself, which is added to the sensor's noise; `image` the size of the picture that the
-    /// capture is a part of, px.
+    /// deviation of the color field itself, which is added to the sensor's noise; `image` the size of the picture that
+    /// the capture is a part of, px.
     pub fn new(capture: &Capture, image: [usize; 2], noise: &NoiseModel, dark: &[DarkLevel], model_sigma: f32) -> Self {
         let white = &capture.white;
         let (n, c) = (white.width * white.height, white.channels);

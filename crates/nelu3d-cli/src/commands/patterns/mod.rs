@@ -9,8 +9,7 @@ use nelu3d_scan::Image;
 use nelu3d_scan::image::{write_png8, write_png16};
 use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::pattern::{
-    Axis, Pattern, PatternError, PatternImage, PatternImages, Ramp, Rgb, Sinusoid, Superposition, Triangle,
-    recommended_patterns,
+    Axis, Pattern, PatternError, PatternImage, PatternImages, Ramp, Rgb, Sinusoid, Triangle, recommended_patterns,
 };
 use serde::Serialize;
 
@@ -126,7 +125,7 @@ pub(crate) fn write_recommended(
 #[cfg(feature = "capture")]
 pub(crate) fn write_superposition(folder: &Path, size: [usize; 2], context: &CommandContext) -> Result<()> {
     let sheet = PatternImageArgs { size, axis: AxisChoice::X, bits: 8, gamma: 1.0, output: folder.to_path_buf() };
-    let set = |_| Ok(vec![Pattern::Superposition(Superposition::default())]);
+    let set = |_| Ok(vec![Pattern::Superposition(Default::default())]);
     make("superposition", &set, &sheet, context).map(|_| ())
 }
 

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
 use std::time::Duration;
 
@@ -28,6 +28,22 @@ pub(crate) fn chromium(skipped: &str) -> Option<PathBuf> {
         eprintln!("SKIPPED: there is no Chromium, so {skipped}");
     }
     found
+}
+
+/// The document of the page at an address after its scripts ran, in a window of a phone's width.
+pub(crate) fn dom(chromium: &Path, address: &str) -> String {
+    let profile = tempfile::tempdir().expect("a temporary folder");
+    let out = Command::new(chromium)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-quic"])
+        .args(["--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"])
+        .args(["--window-size=390,800", "--virtual-time-budget=5000", "--timeout=60000", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .arg(address)
+        .stderr(Stdio::null())
+        .output()
+        .expect("Chromium runs");
+    assert!(out.status.success(), "Chromium failed: {}", out.status);
+    String::from_utf8(out.stdout).expect("a document")
 }
 
 /// A rig in a temporary folder, which goes with the first value.

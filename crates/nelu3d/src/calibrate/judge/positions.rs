@@ -189,8 +189,8 @@ impl PositionSums {
     /// but whatever that part is, what one of the channels has too much is what the other one lacks, and both are in
     /// proportion to their difference.
     fn swapped(&self) -> Option<(usize, usize)> {
-        // Measured on swaps in sweeps of 12 and 24 positions: 0.49 to 0.64, 0.78 to 0.90, and 0.999; other mistakes have
-        // no channels of opposite errors.
+        // Measured on swaps in sweeps of 12 and 24 positions: 0.49 to 0.64, 0.78 to 0.90, and 0.999; other mistakes
+        // have no channels of opposite errors.
         const OPPOSITE: f64 = 0.35;
         const FOLLOWS: f64 = 0.65;
         const SHARE: f64 = 0.8;

@@ -31,8 +31,8 @@ const ACROSS: usize = 48;
 /// Part of the picture that a board has to fill along an axis for its place on it not to matter.
 const FILLS: f64 = 0.8;
 
-/// Returns the positions that a sweep lacks most, the most wanted first: each halves as many rays' distances to the next
-/// board, and adds to as many rays with few boards, as it can.
+/// Returns the positions that a sweep lacks most, the most wanted first: each halves as many rays' distances to the
+/// next board, and adds to as many rays with few boards, as it can.
 pub(super) fn wanted(placed: &PlacedSweep<'_>) -> Vec<Wanted> {
     let (width, height) = (placed.camera.width, placed.camera.height);
     let at = |i: usize, n: usize| (2 * i + 1) * n / (2 * ACROSS);
@@ -85,8 +85,8 @@ fn covers(place: [f64; 2], half: f64, ray: &Ray) -> bool {
     (0..2).all(|a| (ray.place[a] - place[a]).abs() <= half)
 }
 
-/// What a board at depth `z` tells of a ray: the variance of a mean of n falls by 1/n − 1/(n + 1), and the nearer another
-/// board is, the more it has told already.
+/// What a board at depth `z` tells of a ray: the variance of a mean of n falls by 1/n − 1/(n + 1), and the nearer
+/// another board is, the more it has told already.
 fn gain(ray: &Ray, z: f64) -> f64 {
     let n = ray.depths.len() as f64;
     let next = ray.depths.iter().map(|d| (d - z).abs()).fold(f64::INFINITY, f64::min);

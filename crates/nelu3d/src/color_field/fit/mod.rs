@@ -2,9 +2,9 @@
 //! gradients with a diagonal preconditioner.
 //!
 //! A few steps from a coarser fit leave unsolved the combinations of coefficients that samples hardly determine: on the
-//! rigs of two other renderers 60 steps instead of 20 change held-out PSNR by +0.05 and −0.04 dB. A preconditioner of tensor-product mass
-//! matrices reaches the rest of the objective in one or two steps, but is far off where samples end, and that is what
-//! remains to be solved: at 20 steps it left 42.5 dB where the diagonal left 44.4.
+//! rigs of two other renderers 60 steps instead of 20 change held-out PSNR by +0.05 and −0.04 dB. A preconditioner of
+//! tensor-product mass matrices reaches the rest of the objective in one or two steps, but is far off where samples
+//! end, and that is what remains to be solved: at 20 steps it left 42.5 dB where the diagonal left 44.4.
 
 mod normal;
 mod penalty;

@@ -89,8 +89,8 @@ struct Steps<'a, 'b> {
 }
 
 impl Steps<'_, '_> {
-    /// Takes the steps of one image, and ends with `end`, which is given the losses of all steps so far. `shown` makes a
-    /// map of camera z that an observer may see.
+    /// Takes the steps of one image, and ends with `end`, which is given the losses of all steps so far. `shown` makes
+    /// a map of camera z that an observer may see.
     fn take<T>(
         &mut self,
         scene: &Scene<'_>,

@@ -6,8 +6,8 @@ use serde::Serialize;
 /// hypotheses ("steps of depth" below), about 0.7 px of disparity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RefineSettings {
-    /// Largest number of Gauss-Newton steps: in a reduced image, if the surface is large and there are any in the full one
-    /// behind them.
+    /// Largest number of Gauss-Newton steps: in a reduced image, if the surface is large and there are any in the full
+    /// one behind them.
     pub steps: usize,
     /// Largest number of steps in the full image that follow on those in a reduced one; 0 if all are in the full image,
     /// as they are where that is small.

@@ -105,8 +105,8 @@ impl<'a> Arrivals<'a> {
         Ok(names)
     }
 
-    /// Returns the sizes of a frame's images, bytes; `None` as long as one is missing or empty. The black image, which a
-    /// frame may do without, counts where it is.
+    /// Returns the sizes of a frame's images, bytes; `None` as long as one is missing or empty. The black image, which
+    /// a frame may do without, counts where it is.
     fn sizes(&self, dir: &Path) -> Option<Vec<u64>> {
         let size = |name: &str| std::fs::metadata(dir.join(name)).map(|m| m.len()).ok();
         let needed = std::iter::once(&self.rig.white).chain(&self.set.images);

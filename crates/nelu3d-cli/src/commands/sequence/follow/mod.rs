@@ -1,8 +1,8 @@
 //! `nelu3d sequence --follow`: frames are shown as they arrive.
 //!
-//! There is one frame at a time, the newest: what arrived while the one before was computed is left out of the view. Its
-//! surface is shown three times, each better and later: the one before carried along by the motion of the image, its own
-//! after few steps, and, if there is nothing newer, its own after all of them.
+//! There is one frame at a time, the newest: what arrived while the one before was computed is left out of the view.
+//! Its surface is shown three times, each better and later: the one before carried along by the motion of the image,
+//! its own after few steps, and, if there is nothing newer, its own after all of them.
 
 mod arrivals;
 mod view;
@@ -14,7 +14,6 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use nelu3d::Progress;
-use nelu3d::progress::Sink;
 use nelu3d_capture::page::{LiveFiles, LivePage};
 use nelu3d_report::{LIVE_SCRIPTS, LIVE_STYLE, live_page};
 use nelu3d_scan::Rig;
@@ -24,14 +23,14 @@ use nelu3d_scan::statistics::median;
 use self::arrivals::Arrivals;
 use self::view::View;
 use crate::args::SequenceArgs;
-use crate::context::CommandContext;
+use crate::context::{CommandContext, HiddenSink};
 use crate::paths::{default_field, load_field, shown};
 
 /// Time between two looks at the folder.
 const LOOK: Duration = Duration::from_millis(25);
 
-/// Follows a folder until Ctrl-C, or until no frame has arrived for as long as was asked for. Returns whether its frames
-/// are to be computed and written now.
+/// Follows a folder until Ctrl-C, or until no frame has arrived for as long as was asked for. Returns whether its
+/// frames are to be computed and written now.
 pub(super) fn run(args: &SequenceArgs, rig: &Rig, set: &PatternSet, context: &CommandContext) -> Result<bool> {
     context.open_device(args.options.device)?;
     let path = args.field.clone().unwrap_or_else(|| default_field(rig, &set.name));
@@ -94,7 +93,7 @@ fn refine(
         return Ok(false);
     }
     let (done, newer) = (AtomicBool::new(false), Arc::new(AtomicBool::new(false)));
-    let progress = Progress::new(Arc::new(Nobody), newer.clone());
+    let progress = Progress::new(Arc::new(HiddenSink), newer.clone());
     std::thread::scope(|scope| {
         if !view.can_refine() {
             return Ok(false);
@@ -122,13 +121,4 @@ fn folder(rig: &Rig, sequence: &str) -> PathBuf {
     let known = rig.root.join("sequences").join(sequence);
     let path = Path::new(sequence);
     if !known.is_dir() && (path.is_dir() || path.components().count() > 1) { path.to_path_buf() } else { known }
-}
-
-/// Hears nothing.
-struct Nobody;
-
-impl Sink for Nobody {
-    fn stage(&self, _: &str) {}
-    fn tick(&self, _: usize, _: usize) {}
-    fn warn(&self, _: &str) {}
 }

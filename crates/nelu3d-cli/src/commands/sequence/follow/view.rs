@@ -132,8 +132,8 @@ impl<'a> View<'a> {
         self.unrefined.is_some()
     }
 
-    /// Refines the surface of the frame that is shown, once. The work ends early, and changes nothing, when `quiet` says
-    /// so.
+    /// Refines the surface of the frame that is shown, once. The work ends early, and changes nothing, when `quiet`
+    /// says so.
     pub(super) fn refine(&mut self, quiet: &Progress) {
         let Some(work) = self.unrefined.take() else { return };
         match self.reconstruct(&work, &self.args.options, quiet) {
@@ -150,8 +150,8 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Returns the white image before a frame's and the surface that was shown last, where it was then. Where frames were
-    /// left out, that surface is carried along over all of them at once.
+    /// Returns the white image before a frame's and the surface that was shown last, where it was then. Where frames
+    /// were left out, that surface is carried along over all of them at once.
     fn before(&self, newest: &Newest, white: &Image) -> (Neighbors, Option<FrameState>) {
         let state = || self.last.as_ref().and_then(|last| last.state.clone());
         if self.args.motion.motion == MotionMode::Off {
