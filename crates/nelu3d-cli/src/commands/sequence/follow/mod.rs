@@ -1,8 +1,8 @@
 //! `nelu3d sequence --follow`: frames are shown as they arrive.
 //!
-//! There is one frame at a time, the newest: what arrived while the one before was computed is left out of the view.
-//! Its surface is shown three times, each better and later: the one before carried along by the motion of the image,
-//! its own after few steps, and, if there is nothing newer, its own after all of them.
+//! One frame is shown at a time, the newest: what arrived while the one before was computed is left out of the view.
+//! A frame is shown three times, each better and later: as the surface before it carried along by the motion of the
+//! image, as its own surface after few steps, and, if there is nothing newer, as that after all of them.
 
 mod arrivals;
 mod view;
@@ -95,9 +95,6 @@ fn refine(
     let (done, newer) = (AtomicBool::new(false), Arc::new(AtomicBool::new(false)));
     let progress = Progress::new(Arc::new(HiddenSink), newer.clone());
     std::thread::scope(|scope| {
-        if !view.can_refine() {
-            return Ok(false);
-        }
         let (done, newer) = (&done, &newer);
         let watching = scope.spawn(move || -> Result<()> {
             while !done.load(Ordering::Relaxed) {
