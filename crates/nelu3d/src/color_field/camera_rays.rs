@@ -25,27 +25,48 @@ impl CameraRays {
     /// Makes the rays of a camera's image reduced by a factor `f`. The camera may see a part of the picture only: from
     /// its column and row `origin` on.
     pub fn new(camera: &Camera, field: &ColorField, f: usize, origin: [usize; 2]) -> Self {
-        let (w, h) = (camera.width / f, camera.height / f);
-        let pixels: Vec<[usize; 2]> = (0..w * h).map(|i| [i % w, i / w]).collect();
-        Self::of_pixels(camera, field, f, origin, &pixels)
+        Self::of_lit(camera, field, f, origin, |_| true)
     }
 
-    /// Makes the rays of some pixels (x, y) of a camera's image reduced by a factor `f`, in their order. The camera may
-    /// see a part of the picture only: from its column and row `origin` on.
-    pub fn of_pixels(camera: &Camera, field: &ColorField, f: usize, origin: [usize; 2], pixels: &[[usize; 2]]) -> Self {
+    /// Makes the rays of a camera's image like [`Self::new`]; ranges only of the pixels that are `lit`, as if no other
+    /// pixel's ray was calibrated anywhere.
+    pub fn of_lit(
+        camera: &Camera,
+        field: &ColorField,
+        f: usize,
+        origin: [usize; 2],
+        lit: impl Fn(usize) -> bool + Sync,
+    ) -> Self {
+        let (w, h) = (camera.width / f, camera.height / f);
+        let pixels = (0..w * h).into_par_iter().with_min_len(w.max(1));
+        Self::of(camera, field, f, origin, pixels.map(|i| ([i % w, i / w], lit(i))))
+    }
+
+    /// Makes the rays of some pixels (x, y) of a camera's image, in their order.
+    pub fn of_pixels(camera: &Camera, field: &ColorField, pixels: &[[usize; 2]]) -> Self {
+        Self::of(camera, field, 1, [0, 0], pixels.par_iter().map(|px| (*px, true)))
+    }
+
+    /// Makes the rays of pixels (x, y) of a reduced image, and the ranges of those for which they are asked.
+    fn of(
+        camera: &Camera,
+        field: &ColorField,
+        f: usize,
+        origin: [usize; 2],
+        pixels: impl IndexedParallelIterator<Item = ([usize; 2], bool)>,
+    ) -> Self {
         let half = (f as f64 - 1.0) / 2.0;
         let (plane, (range, known)) = pixels
-            .par_iter()
-            .map(|[x, y]| {
+            .map(|([x, y], ranged)| {
                 let (x, y) = (x * f, y * f);
                 let plane = camera.undistort([x as f64 + half, y as f64 + half]).map(|v| v as f32);
-                let [u, v] = plane.map(f64::from);
-                let ray = field.frame.along_ray(&nalgebra::Vector3::new(u, v, 1.0).normalize());
-                let range = {
+                let range = ranged.then(|| {
+                    let [u, v] = plane.map(f64::from);
+                    let ray = field.frame.along_ray(&nalgebra::Vector3::new(u, v, 1.0).normalize());
                     let [x, y] = [x + f / 2 + origin[0], y + f / 2 + origin[1]];
                     field.validity.range_of_ray(x, y, |t| ray.at(f64::from(t)).q)
-                };
-                (plane, range.unwrap_or(([1.0, 0.0], KnownAxes::NONE)))
+                });
+                (plane, range.flatten().unwrap_or(([1.0, 0.0], KnownAxes::NONE)))
             })
             .unzip();
         let focal_px = (0.5 * (camera.fx + camera.fy)) as f32 / f as f32;

@@ -38,7 +38,7 @@ impl Effort {
     pub fn after_previous_frame(self) -> EffortSettings {
         let cold = self.settings();
         let steps = cold.steps.min(8);
-        EffortSettings { steps, fine_steps: 0, gathers: cold.gathers.min(2), ..cold }
+        EffortSettings { steps, fine_steps: 0, gathers: cold.gathers.min(2), patches: cold.patches.min(2000), ..cold }
     }
 
     /// Returns the work of a refinement that begins at a decoded surface.

@@ -24,7 +24,7 @@ pub(crate) struct LitPart {
     /// First column and row of the rectangle in the image, px.
     pub(crate) origin: [usize; 2],
     /// Width and height of the rectangle, px.
-    size: [usize; 2],
+    pub(crate) size: [usize; 2],
     /// Width and height of the image, px.
     pub(crate) image: [usize; 2],
 }
@@ -40,8 +40,7 @@ impl LitPart {
     /// image where nothing is lit, or nearly all.
     pub(crate) fn of(capture: &Capture, noise: &NoiseModel, dark: &[DarkLevel]) -> Self {
         let white = &capture.white;
-        let whole = Self::whole(white.width, white.height);
-        let is_lit = |i: usize| {
+        Self::around(white.width, white.height, |i: usize| {
             (0..white.channels).any(|c| {
                 let w = white.data[i * white.channels + c];
                 let black = match &capture.black {
@@ -50,7 +49,13 @@ impl LitPart {
                 };
                 w >= 1.0 || (w > black && !noise.is_underexposed(w - black, black))
             })
-        };
+        })
+    }
+
+    /// Returns the part of an image outside of which no pixel is lit, but for single ones. It is the whole image where
+    /// nothing is lit, or nearly all.
+    pub(crate) fn around(width: usize, height: usize, is_lit: impl Fn(usize) -> bool + Sync) -> Self {
+        let whole = Self::whole(width, height);
         let [w, h] = whole.image;
         // The first and the last column and row of the squares that count.
         let of_row = |y: usize| {
@@ -99,19 +104,19 @@ impl LitPart {
         if self.is_whole() {
             return (capture, None);
         }
-        let cut = |image: &Image| Image {
-            width: self.size[0],
-            height: self.size[1],
-            channels: image.channels,
-            data: self.cut(&image.data, image.channels),
-        };
         let part = Capture {
-            white: cut(&capture.white),
-            black: capture.black.as_ref().map(cut),
-            patterns: capture.patterns.iter().map(cut).collect(),
+            white: self.of_image(&capture.white),
+            black: capture.black.as_ref().map(|black| self.of_image(black)),
+            patterns: capture.patterns.iter().map(|pattern| self.of_image(pattern)).collect(),
             mono: capture.mono.clone(),
         };
         (Cow::Owned(part), Some(white_of(capture)))
+    }
+
+    /// Returns this part of an image.
+    pub(crate) fn of_image(&self, image: &Image) -> Image {
+        let ([width, height], channels) = (self.size, image.channels);
+        Image { width, height, channels, data: self.cut(&image.data, channels) }
     }
 
     /// Returns this part of a map of the image with `each` values per pixel.

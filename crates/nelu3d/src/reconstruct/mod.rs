@@ -35,7 +35,7 @@ use nelu3d_scan::{Camera, Rig};
 use crate::color_field::{ColorField, check_field, check_mono};
 use crate::drift::check_capture;
 use crate::progress::{Progress, StageTime};
-use crate::surface::{Surface, SurfaceMaps, assemble};
+use crate::surface::{PixelStatus, Surface, SurfaceMaps, assemble};
 use crate::verdict::Judgment;
 pub(crate) use codewords::{Codeword, decode_codewords};
 pub use context::Context;
@@ -50,7 +50,7 @@ pub use initialize::{CrosstalkSettings, PropagationSettings};
 use initialize::{Initial, initialize};
 use judge::judge;
 pub use light_fractions::LightFractionPrior;
-use lit_part::LitPart;
+pub(crate) use lit_part::LitPart;
 pub(crate) use maps::interpolate_within;
 pub use observer::{Observer, Stage};
 pub use options::{CrosstalkMode, Recipe, ReconstructionOptions};
@@ -155,7 +155,8 @@ fn fast(
     let ((capture, white), camera) = (part.of_capture(capture), part.camera(camera));
     let previous = previous.map(|previous| PreviousFrame { depth: part.cut(&previous.depth, 1), ..previous.clone() });
     cx.part = Some(part);
-    let mut scene = Scene::measure(capture, &camera, part, field, model_sigma, cx)?;
+    let lit = |status| status != PixelStatus::Underexposed;
+    let mut scene = Scene::measure(capture, &camera, part, field, model_sigma, lit, cx)?;
     let initial = initialize(&mut scene, previous.as_ref(), opts.cross_talk, &settings, cx)?;
     if initial.decoded.is_some() {
         settings = settings.after_previous_frame(opts);

@@ -13,6 +13,7 @@ use super::lit_part::white_of;
 use crate::color_field::grid::Grid;
 use crate::color_field::{CameraRays, ColorField, SplineEvaluator};
 use crate::sensor::Measurements;
+use crate::surface::PixelStatus;
 
 /// Camera, color field, rays and measurements of a scene.
 pub(crate) struct Scene<'a> {
@@ -34,13 +35,15 @@ pub(crate) struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     /// Normalizes a capture, which with its camera is a part of a picture. `model_sigma` is the standard deviation of
-    /// the color field itself, normalized intensity.
+    /// the color field itself, normalized intensity; only pixels whose status is `ranged` get the calibrated part of
+    /// their ray.
     pub(crate) fn measure(
         capture: Cow<'a, Capture>,
         camera: &'a Camera,
         part: LitPart,
         field: &'a ColorField,
         model_sigma: f32,
+        ranged: fn(PixelStatus) -> bool,
         cx: &mut Context<'_>,
     ) -> Result<Self, Failure> {
         let metadata = &field.metadata;
@@ -49,7 +52,8 @@ impl<'a> Scene<'a> {
             let demand = demand::normalization(m.n(), m.k, capture.white.channels);
             (m, demand)
         });
-        let (grid, rays) = (field.to_grid(), CameraRays::new(camera, field, 1, part.origin));
+        let lit = |i: usize| ranged(measurements.status[i]);
+        let (grid, rays) = (field.to_grid(), CameraRays::of_lit(camera, field, 1, part.origin, lit));
         let axes = &field.validity.axes;
         if !axes.is_empty() {
             let known = |i: usize, j: usize| rays.known[i].is_none() || rays.known[i].has(axes[j]);

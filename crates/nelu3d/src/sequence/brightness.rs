@@ -6,13 +6,14 @@ use nelu3d_scan::statistics::median;
 use rayon::prelude::*;
 
 use super::resample::cubic;
+use super::vector_map::VectorMap;
 
 /// Squared difference between white images, as a multiple of the typical one, at which the neighbors count half.
 const AGREEMENT: f32 = 8.0;
 /// Every how many pixels the typical difference is sampled.
 const SAMPLE_STRIDE: usize = 37;
 /// Linear intensity below which a pixel is not used.
-const MIN_LIGHT: f32 = 0.02;
+pub(super) const MIN_LIGHT: f32 = 0.02;
 /// Radius of the squares over which the change of brightness is averaged, px.
 const TREND_RADIUS: usize = 1;
 
@@ -27,7 +28,7 @@ pub(super) struct Brightness {
 impl Brightness {
     /// Estimates brightness from a white image, its neighbors before and after, and the motion of its points to them,
     /// px. Where the three do not show the same, a point's brightness is that of its own image, and does not change.
-    pub(super) fn estimate(white: &Image, neighbors: [&Image; 2], motion: [&[[f32; 2]]; 2]) -> Self {
+    pub(super) fn estimate(white: &Image, neighbors: [&Image; 2], motion: [&VectorMap<2>; 2]) -> Self {
         let channels = white.channels;
         let warped = [0, 1].map(|n| warp(white, neighbors[n], motion[n]));
         let [early, late] = &warped;
@@ -45,7 +46,7 @@ impl Brightness {
             .enumerate()
             .with_min_len(white.width)
             .for_each(|(i, (now, trend))| {
-                if !is_lit(now) {
+                if !is_lit(now, MIN_LIGHT) {
                     return;
                 }
                 // All channels or none: a color is not to be mixed of two surfaces.
@@ -60,21 +61,23 @@ impl Brightness {
     }
 }
 
-/// Returns whether a pixel has light in any channel. Most of an image is often dark, and nobody needs its brightness.
-fn is_lit(px: &[f32]) -> bool {
-    px.iter().any(|v| *v > MIN_LIGHT)
+/// Returns whether a pixel has more light than `least` in any channel. Most of an image is often dark, and nobody needs
+/// its brightness.
+pub(super) fn is_lit(px: &[f32], least: f32) -> bool {
+    px.iter().any(|v| *v > least)
 }
 
 /// Returns a neighbor's brightness at the points of a white image, given their motion to it, px; 0 where the image is
 /// dark.
-fn warp(white: &Image, neighbor: &Image, motion: &[[f32; 2]]) -> Image {
+fn warp(white: &Image, neighbor: &Image, motion: &VectorMap<2>) -> Image {
     let (w, channels) = (white.width, white.channels);
     let mut out = Image::new(w, white.height, channels);
     out.data.par_chunks_mut(w * channels).enumerate().for_each(|(y, row)| {
         for (x, px) in row.chunks_exact_mut(channels).enumerate() {
-            let at = y * w + x;
-            if is_lit(&white.data[at * channels..(at + 1) * channels]) {
-                cubic(neighbor, [x as f32 + motion[at][0], y as f32 + motion[at][1]], px);
+            if is_lit(white.pixel(x, y), MIN_LIGHT) {
+                let [x, y] = [x as f32, y as f32];
+                let [u, v] = motion.at([x, y]);
+                cubic(neighbor, [x + u, y + v], px);
             }
         }
     });

@@ -11,7 +11,7 @@ use super::options::{MotionMode, MotionOptions};
 use super::pattern_time::{PatternTime, PatternTimeProblem};
 use super::state::{FrameDiagnostics, FrameState, MotionDiagnostics};
 use super::white_blend::blend_white;
-use crate::color_field::{CameraRays, ColorField};
+use crate::color_field::ColorField;
 use crate::drift::check_frame;
 use crate::progress::StageTime;
 use crate::reconstruct::{
@@ -151,8 +151,7 @@ fn solve_pattern_time(
     capture: &Capture,
     depth: &[f32],
 ) -> Option<PatternTime> {
-    let rays = CameraRays::new(&input.rig.camera, input.field, 1, [0, 0]);
-    PatternTimeProblem { motion, capture, depth, rays: &rays, field: input.field }.solve(near)
+    PatternTimeProblem { motion, capture, depth, camera: &input.rig.camera, field: input.field }.solve(near)
 }
 
 /// Returns whether a pattern time is credible: a scene that hardly moves determines no time.

@@ -13,8 +13,10 @@ mod neighbors;
 mod options;
 mod pattern_time;
 mod plan;
+mod pyramid;
 mod resample;
 mod state;
+mod vector_map;
 mod white_blend;
 
 pub use frame::{FrameInput, FrameReconstruction, reconstruct_frame};

@@ -9,14 +9,15 @@
 //! displacement fields of Urakawa and Watanabe.)
 
 use nelu3d_scan::Image;
-use nelu3d_scan::image::bilinear;
 use nelu3d_scan::statistics::median;
 use rayon::prelude::*;
 
-use super::brightness::Brightness;
-use super::flow::{flow, warped_position};
+use super::brightness::{Brightness, MIN_LIGHT, is_lit};
+use super::flow::{flow, unexplained};
+use super::pyramid::Pyramid;
 use super::resample::cubic;
-use crate::reconstruct::interpolate_within;
+use super::vector_map::VectorMap;
+use crate::reconstruct::{LitPart, interpolate_within};
 
 /// Pixels whose depths differ by more than this fraction belong to different surfaces.
 const JUMP: f32 = 0.01;
@@ -25,15 +26,13 @@ const JUMP: f32 = 0.01;
 /// hundredths (their outlines), for a cut a third and more.
 const MAX_UNEXPLAINED: f32 = 0.12;
 
-/// The motion of a white image's points between the neighboring frames.
+/// The motion of a white image's points between the neighboring frames, in the part of the image that is lit.
 pub struct Motion {
-    width: usize,
-    height: usize,
-    /// Velocity along x and y, per pixel, px per frame.
-    velocity: [Vec<f32>; 2],
-    /// Acceleration along x and y, per pixel, px per frame².
-    acceleration: [Vec<f32>; 2],
-    /// Brightness of the points over time; `None` without two neighbors.
+    /// The part that is lit in any of the white images.
+    part: LitPart,
+    /// Velocity along x and y, px per frame, and acceleration, px per frame², over that part.
+    motion: VectorMap<4>,
+    /// Brightness of that part's points over time; `None` without two neighbors.
     brightness: Option<Brightness>,
 }
 
@@ -41,16 +40,25 @@ impl Motion {
     /// Estimates motion from the white image of a frame and those of the frames before and after it. A neighbor that
     /// shows something else (a cut, an object that enters or leaves) counts as none; `None` without either.
     pub fn around(before: Option<&Image>, white: &Image, after: Option<&Image>) -> Option<Self> {
-        let (width, height) = (white.width, white.height);
-        let here = stabilized(white);
+        let all = [before, Some(white), after];
+        let width = white.width;
+        let is_lit =
+            |i: usize| all.iter().flatten().any(|image| is_lit(image.pixel(i % width, i / width), 0.5 * MIN_LIGHT));
+        let part = LitPart::around(width, white.height, is_lit);
+        let [before, white, after] = all.map(|image| image.map(|image| part.of_image(image)));
+        let white = white?;
+        let here = stabilized(&white);
         let to = |other: Option<&Image>| {
             let there = stabilized(other?);
-            let u = flow(&here, &there, width, height);
-            (unexplained(&here, &there, &u, [width, height]) <= MAX_UNEXPLAINED).then_some(u)
+            let u = flow(&here, &there);
+            (unexplained(&here, &there, &u) <= MAX_UNEXPLAINED).then_some(u)
         };
-        let (back, forth) = rayon::join(|| to(before), || to(after));
+        let (back, forth) = rayon::join(|| to(before.as_ref()), || to(after.as_ref()));
         // A missing neighbor shows what constant velocity would: the other one's motion, turned round.
-        let opposite = |u: &[[f32; 2]]| u.iter().map(|u| u.map(|v| -v)).collect();
+        let opposite = |u: &VectorMap<2>| {
+            let values = u.values.iter().map(|u| u.map(|v| -v)).collect();
+            VectorMap { values, ..u.clone() }
+        };
         let both = back.is_some() && forth.is_some();
         let (back, forth) = match (back, forth) {
             (Some(b), Some(f)) => (b, f),
@@ -58,15 +66,14 @@ impl Motion {
             (None, Some(f)) => (opposite(&f), f),
             (None, None) => return None,
         };
-        let each = |of: fn(f32, f32) -> f32| {
-            [0, 1].map(|c| back.iter().zip(&forth).map(|(b, f)| of(b[c], f[c])).collect::<Vec<f32>>())
-        };
-        let (velocity, acceleration) = (each(|b, f| 0.5 * (f - b)), each(|b, f| f + b));
-        let brightness = match (before, after) {
-            (Some(before), Some(after)) if both => Some(Brightness::estimate(white, [before, after], [&back, &forth])),
+        let one = |(b, f): (&[f32; 2], &[f32; 2])| [0.5 * (f[0] - b[0]), 0.5 * (f[1] - b[1]), f[0] + b[0], f[1] + b[1]];
+        let values = back.values.iter().zip(&forth.values).map(one).collect();
+        let motion = VectorMap { size: back.size, spacing: back.spacing, values };
+        let brightness = match (&before, &after) {
+            (Some(before), Some(after)) if both => Some(Brightness::estimate(&white, [before, after], [&back, &forth])),
             _ => None,
         };
-        Some(Self { width, height, velocity, acceleration, brightness })
+        Some(Self { part, motion, brightness })
     }
 
     /// Returns whether the change of brightness is known, however little the points move.
@@ -74,25 +81,28 @@ impl Motion {
         self.brightness.is_some()
     }
 
-    /// Returns the median speed of the pixels where `lit`, px per frame; 0 if there are none.
+    /// Returns the median speed where a pixel of the white image is `lit`, px per frame; 0 if there is none.
     pub fn median_px(&self, lit: impl Fn(usize) -> bool) -> f32 {
-        let [vx, vy] = &self.velocity;
-        let mut speed: Vec<f32> = (0..vx.len()).filter(|i| lit(*i)).map(|i| vx[i].hypot(vy[i])).collect();
+        let ([x0, y0], width) = (self.part.origin, self.part.image[0]);
+        let [w, h] = self.part.size;
+        let is_lit = |i: &usize| {
+            let [x, y] = self.motion.place(*i).map(|v| v.round().max(0.0) as usize);
+            lit((y0 + y.min(h - 1)) * width + x0 + x.min(w - 1))
+        };
+        let values = &self.motion.values;
+        let mut speed: Vec<f32> = (0..values.len()).filter(is_lit).map(|i| values[i][0].hypot(values[i][1])).collect();
         median(&mut speed).unwrap_or(0.0)
     }
 
-    /// Returns the pixel of the white image that shows the point that is at pixel (x, y) `t` frames after it (before
-    /// it, if negative).
+    /// Returns the pixel of the lit part that shows the point that is at its pixel (x, y) `t` frames after the white
+    /// image (before it, if negative).
     fn source(&self, x: f32, y: f32, t: f32) -> [f32; 2] {
         let mut p = [x, y];
         // p + displacement(p, t) = (x, y), solved for p; motion changes slowly over the image, so this converges at
         // once.
         for _ in 0..3 {
-            let d = [0, 1].map(|c| {
-                let [velocity, acceleration] = self.at(p, c);
-                t * velocity + 0.5 * t * t * acceleration
-            });
-            p = [x - d[0], y - d[1]];
+            let [vx, vy, ax, ay] = self.motion.at(p);
+            p = [x - t * (vx + 0.5 * t * ax), y - t * (vy + 0.5 * t * ay)];
         }
         p
     }
@@ -104,54 +114,46 @@ impl Motion {
     ///
     /// If the map has another size than the white image.
     pub fn warp_depth(&self, previous: &[f32], t: f32) -> Vec<f32> {
-        let (w, h) = (self.width, self.height);
+        let [w, h] = self.part.image;
         assert_eq!(previous.len(), w * h, "a map of the white image's size");
-        (0..w * h)
-            .into_par_iter()
-            .with_min_len(w)
-            .map(|i| {
-                let (x, y) = ((i % w) as f32, (i / w) as f32);
-                let source = self.source(x, y, t);
-                // From time t to t − 1.
-                let back = |c: usize| {
-                    let [velocity, acceleration] = self.at(source, c);
-                    0.5 * (1.0 - 2.0 * t) * acceleration - velocity
-                };
-                let (x, y) = (x + back(0), y + back(1));
-                if !(x >= 0.0 && y >= 0.0 && x <= w as f32 - 1.0 && y <= h as f32 - 1.0) {
-                    return f32::NAN;
-                }
-                let near = previous[y.round() as usize * w + x.round() as usize];
-                interpolate_within(previous, w, h, x, y, JUMP * near)
-            })
-            .collect()
-    }
-
-    /// Returns velocity and acceleration of the point at `p` in the white image, along x (0) or y (1).
-    fn at(&self, p: [f32; 2], c: usize) -> [f32; 2] {
-        let size = [self.width, self.height];
-        [&self.velocity, &self.acceleration].map(|map| bilinear(&map[c], size, p.map(f64::from)))
+        let (origin, width) = (self.part.origin, self.part.size[0]);
+        let one = |i: usize| {
+            let [x, y] = [(i % width) as f32, (i / width) as f32];
+            let [vx, vy, ax, ay] = self.motion.at(self.source(x, y, t));
+            // From time t to t − 1.
+            let back = [0.5 * (1.0 - 2.0 * t) * ax - vx, 0.5 * (1.0 - 2.0 * t) * ay - vy];
+            let (x, y) = (x + back[0] + origin[0] as f32, y + back[1] + origin[1] as f32);
+            if !(x >= 0.0 && y >= 0.0 && x <= w as f32 - 1.0 && y <= h as f32 - 1.0) {
+                return f32::NAN;
+            }
+            let near = previous[y.round() as usize * w + x.round() as usize];
+            interpolate_within(previous, w, h, x, y, JUMP * near)
+        };
+        let n = width * self.part.size[1];
+        self.part.paste((0..n).into_par_iter().with_min_len(width).map(one).collect(), f32::NAN)
     }
 
     /// Returns the white image as it would have been `t` frames after its own time.
     pub fn white_at(&self, white: &Image, t: f32) -> Image {
-        let mut out = Image::new(self.width, self.height, white.channels);
-        out.data.par_chunks_mut(self.width * white.channels).enumerate().for_each(|(y, row)| {
-            for (x, px) in row.chunks_exact_mut(white.channels).enumerate() {
-                self.white_pixel_at(white, x as f32, y as f32, t, px);
+        let mut out = white.clone();
+        let ([x0, y0], [w, h], channels) = (self.part.origin, self.part.size, white.channels);
+        let rows = out.data.par_chunks_mut(white.width * channels).enumerate().skip(y0).take(h);
+        rows.for_each(|(y, row)| {
+            for (x, px) in row.chunks_exact_mut(channels).enumerate().skip(x0).take(w) {
+                self.white_pixel_at(white, x, y, t, px);
             }
         });
         out
     }
 
-    /// Draws one pixel of [`Self::white_at`] into `out`, one value per channel.
-    pub(super) fn white_pixel_at(&self, white: &Image, x: f32, y: f32, t: f32, out: &mut [f32]) {
-        let p = self.source(x, y, t);
-        let Some(brightness) = &self.brightness else { return cubic(white, p, out) };
+    /// Draws pixel (x, y) of [`Self::white_at`] into `out`, one value per channel.
+    pub(super) fn white_pixel_at(&self, white: &Image, x: usize, y: usize, t: f32, out: &mut [f32]) {
+        let ([x0, y0], [w, h]) = (self.part.origin.map(|v| v as f32), self.part.size);
+        let p = self.source(x as f32 - x0, y as f32 - y0, t);
+        let Some(brightness) = &self.brightness else { return cubic(white, [p[0] + x0, p[1] + y0], out) };
         cubic(&brightness.now, p, out);
-        let at = p[0].round().clamp(0.0, self.width as f32 - 1.0) as usize
-            + self.width * p[1].round().clamp(0.0, self.height as f32 - 1.0) as usize;
-        let trend = &brightness.trend.data[at * out.len()..][..out.len()];
+        let nearest = |v: f32, n: usize| v.round().clamp(0.0, n as f32 - 1.0) as usize;
+        let trend = brightness.trend.pixel(nearest(p[0], w), nearest(p[1], h));
         for (out, trend) in out.iter_mut().zip(trend) {
             // What is clipped stays so, and nothing else becomes it.
             if *out < 1.0 {
@@ -163,22 +165,9 @@ impl Motion {
 
 /// Returns the square root of an image's channels: the shot noise of the square root of light does not depend on
 /// brightness.
-fn stabilized(image: &Image) -> Vec<Vec<f32>> {
+fn stabilized(image: &Image) -> Pyramid {
     let channel = |c: usize| image.data.iter().skip(c).step_by(image.channels).map(|v| v.max(0.0).sqrt()).collect();
-    (0..image.channels).map(channel).collect()
-}
-
-/// Returns the fraction of the light of image `a` that image `b`, warped by `u`, differs from: Σ |a² − b²| / Σ a² over
-/// the channels and pixels of square roots.
-fn unexplained(a: &[Vec<f32>], b: &[Vec<f32>], u: &[[f32; 2]], [w, h]: [usize; 2]) -> f32 {
-    let sums = a.iter().zip(b).map(|(a, b)| {
-        let warped = |i: usize| bilinear(b, [w, h], warped_position(i, w, u[i]));
-        let one = |i: usize| f64::from((a[i] * a[i] - warped(i).powi(2)).abs());
-        [(0..w * h).map(one).sum::<f64>(), a.iter().map(|v| f64::from(v * v)).sum::<f64>()]
-    });
-    let [difference, all] = sums.fold([0.0, 0.0], |s, v| [s[0] + v[0], s[1] + v[1]]);
-    tracing::debug!(unexplained = difference / all, "motion");
-    if all > 0.0 { (difference / all) as f32 } else { 0.0 }
+    Pyramid::new((0..image.channels).map(channel).collect(), image.width, image.height)
 }
 
 #[cfg(test)]
@@ -277,9 +266,9 @@ mod tests {
     fn one_neighbor_gives_the_velocity_and_none_nothing() {
         let back = Motion::around(Some(&picture(-2.0)), &picture(0.0), None).unwrap();
         let forth = Motion::around(None, &picture(0.0), Some(&picture(2.0))).unwrap();
-        let middle = 60 * 160 + 80;
         for m in [back, forth] {
-            assert!((m.velocity[0][middle] - 2.0).abs() < 0.1, "{:?}", m.velocity[0][middle]);
+            let [x, ..] = m.motion.at([80.0, 60.0]);
+            assert!((x - 2.0).abs() < 0.1, "{x}");
         }
         assert!(Motion::around(None, &picture(0.0), None).is_none());
     }
@@ -294,7 +283,7 @@ mod tests {
         }
         assert!(Motion::around(Some(&other), &picture(0.0), None).is_none());
         let one = Motion::around(Some(&other), &picture(0.0), Some(&picture(2.0))).unwrap();
-        assert!((one.velocity[0][60 * 160 + 80] - 2.0).abs() < 0.1);
+        assert!((one.motion.at([80.0, 60.0])[0] - 2.0).abs() < 0.1);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The time of a pattern relative to its white image.
 
+use nelu3d_scan::Camera;
 use nelu3d_scan::rig::Capture;
 use rayon::prelude::*;
 
@@ -11,7 +12,7 @@ use crate::sensor::DarkLevel;
 const TRIED: [f32; 17] =
     [-1.0, -0.875, -0.75, -0.625, -0.5, -0.375, -0.25, -0.125, 0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0];
 /// Largest number of pixels that are compared.
-const MAX_PIXELS: usize = 12_000;
+const MAX_PIXELS: usize = 6_000;
 /// Fewest pixels that tell a time.
 const MIN_PIXELS: usize = 100;
 /// χ² per measurement at which a pixel's cost saturates.
@@ -34,8 +35,8 @@ pub(super) struct PatternTimeProblem<'a> {
     pub(super) capture: &'a Capture,
     /// Camera z per pixel of the patterns, mm; NaN where there is none.
     pub(super) depth: &'a [f32],
-    /// The camera's rays.
-    pub(super) rays: &'a CameraRays,
+    /// The camera.
+    pub(super) camera: &'a Camera,
     /// The color field.
     pub(super) field: &'a ColorField,
 }
@@ -68,10 +69,13 @@ impl PatternTimeProblem<'_> {
         let grid = self.field.to_grid();
         let spline = SplineEvaluator::new(&grid, self.field.metadata.cells_per_pixel);
         let k = self.capture.patterns.len() * self.capture.white.channels;
+        let width = self.camera.width;
+        let places: Vec<[usize; 2]> = pixels.iter().map(|i| [i % width, i / width]).collect();
+        let rays = CameraRays::of_pixels(self.camera, self.field, &places);
         let mut codewords = vec![0.0; pixels.len() * k];
-        codewords.par_chunks_exact_mut(k).zip(pixels).with_min_len(256).for_each(|(c, i)| {
-            let t = f64::from(self.depth[*i] / self.rays.dir_z(*i));
-            spline.eval(self.rays.in_frame(*i).at(t).q, c);
+        codewords.par_chunks_exact_mut(k).zip(pixels).enumerate().with_min_len(256).for_each(|(n, (c, i))| {
+            let t = f64::from(self.depth[*i] / rays.dir_z(n));
+            spline.eval(rays.in_frame(n).at(t).q, c);
         });
         codewords
     }
@@ -82,7 +86,7 @@ impl PatternTimeProblem<'_> {
         let white = &self.capture.white;
         let channels = white.channels;
         let mut drawn = vec![0.0; channels];
-        self.motion.white_pixel_at(white, (i % white.width) as f32, (i / white.width) as f32, t, &mut drawn);
+        self.motion.white_pixel_at(white, i % white.width, i / white.width, t, &mut drawn);
         let mut chi2 = 0.0;
         for (m, pattern) in self.capture.patterns.iter().enumerate() {
             for ch in 0..channels {

@@ -8,11 +8,11 @@ use anyhow::{Context as _, Result};
 use nelu3d::progress::StageTime;
 use nelu3d::reconstruct::{self, reconstruct};
 use nelu3d::sequence::{FrameInput, FrameState, MotionOptions, Neighbors, reconstruct_frame};
-use nelu3d::{CalibrationOptions, ColorField, Progress, ReconstructionOptions, Sink, calibrate};
+use nelu3d::{CalibrationOptions, ReconstructionOptions, Sink, calibrate};
 use nelu3d_field::bench::{Demand, Machine};
 use nelu3d_field::device::Choice;
 use nelu3d_scan::Rig;
-use nelu3d_scan::rig::{Need, PatternSet};
+use nelu3d_scan::rig::Need;
 use nelu3d_sim::Spec;
 use nelu3d_sim::spec::{MotionSpec, MovingObjectSpec, SequenceSpec, SweepSpec};
 use serde::Serialize;
@@ -57,17 +57,52 @@ pub(super) struct FastReport {
     pixels: usize,
     /// Stages of a calibration.
     calibration: Vec<StageTime>,
-    /// Stages of a reconstruction.
-    stages: Vec<StageTime>,
-    /// Parts of the reconstruction's stages whose operations and bytes are counted.
-    parts: Vec<PartResult>,
+    /// The reconstruction of a scene.
+    scene: WorkResult,
     /// Processor time of every frame of a sequence, s: the first one begins anew, the others do not.
     frames_cpu_secs: Vec<f64>,
+    /// The last of these frames.
+    frame: WorkResult,
+}
+
+/// A reconstruction, measured.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct WorkResult {
+    /// Its stages.
+    stages: Vec<StageTime>,
+    /// Parts of the stages whose operations and bytes are counted.
+    parts: Vec<PartResult>,
+}
+
+impl WorkResult {
+    /// Puts the parts that were `heard` so far beside the least time that they take on a machine.
+    fn new(stages: Vec<StageTime>, heard: &Parts, machine: &Machine) -> Self {
+        let part = |(name, cpu_secs, demand): (String, f64, Demand)| {
+            let (bound, least) = demand.floor(machine);
+            let share_of_ceiling = if cpu_secs > 0.0 { least / cpu_secs } else { 0.0 };
+            PartResult {
+                name,
+                cpu_secs,
+                flops: demand.flops,
+                bytes: demand.bytes,
+                bound: bound.into(),
+                share_of_ceiling,
+            }
+        };
+        Self { stages, parts: heard.take().into_iter().map(part).collect() }
+    }
 }
 
 /// A sink that adds up the parts of the work.
 #[derive(Default)]
 struct Parts(Mutex<Vec<(String, f64, Demand)>>);
+
+impl Parts {
+    /// Returns the parts so far, and begins anew.
+    fn take(&self) -> Vec<(String, f64, Demand)> {
+        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
 
 impl Sink for Parts {
     fn stage(&self, _: &str) {}
@@ -105,20 +140,36 @@ pub(super) fn measure(machine: &Machine, context: &CommandContext) -> Result<Fas
     let heard = Arc::new(Parts::default());
     let progress = context.heard_by(heard.clone());
     let scene = reconstruct(&rig, set, &rig.scene(SCENE)?, &field, &options, &progress)?;
-    let part = |(name, cpu_secs, demand): (String, f64, Demand)| {
-        let (bound, least) = demand.floor(machine);
-        let share_of_ceiling = if cpu_secs > 0.0 { least / cpu_secs } else { 0.0 };
-        PartResult { name, cpu_secs, flops: demand.flops, bytes: demand.bytes, bound: bound.into(), share_of_ceiling }
-    };
-    let parts = std::mem::take(&mut *heard.0.lock().unwrap_or_else(PoisonError::into_inner));
+    let pixels = scene.surface.depth.iter().filter(|z| z.is_finite()).count();
+    let scene = WorkResult::new(scene.stages, &heard, machine);
+    let mut frames = Vec::new();
+    let shots = rig.sequence(SCENE)?;
+    let captures = shots.iter().map(|shot| rig.read_shot(shot, set, Need::Scene)).collect::<Result<Vec<_>, _>>()?;
+    let mut state: Option<FrameState> = None;
+    for (i, capture) in captures.iter().enumerate() {
+        let before = i.checked_sub(1).map(|i| captures[i].white.clone());
+        let neighbors = Neighbors::new(before, captures.get(i + 1).map(|c| c.white.clone()));
+        let (options, motion) = (&options, &MotionOptions::default());
+        let input =
+            FrameInput { state: state.as_ref(), neighbors: &neighbors, rig: &rig, field: &field, options, motion };
+        let cx = reconstruct::Context::new(&progress, options.device)?;
+        let frame = reconstruct_frame(&input, capture.clone(), cx)?;
+        state = Some(frame.state());
+        frames.push(WorkResult::new(frame.stages, &heard, machine));
+    }
     Ok(FastReport {
         rig: PRESET.into(),
-        pixels: scene.surface.depth.iter().filter(|z| z.is_finite()).count(),
+        pixels,
         calibration: report.stages,
-        stages: scene.stages,
-        parts: parts.into_iter().map(part).collect(),
-        frames_cpu_secs: frames(&rig, set, &field, &options, &quiet)?,
+        scene,
+        frames_cpu_secs: frames.iter().map(|f| total(&f.stages)).collect(),
+        frame: frames.pop().expect("the sequence has frames"),
     })
+}
+
+/// Returns the processor time of some stages, s.
+fn total(stages: &[StageTime]) -> f64 {
+    stages.iter().map(|s| s.cpu_secs).sum()
 }
 
 /// Returns the virtual scanner with its scene and its sequence.
@@ -143,45 +194,15 @@ fn spec() -> Result<Spec> {
     Ok(spec)
 }
 
-/// Returns the processor time of every frame of the sequence, s.
-fn frames(
-    rig: &Rig,
-    set: &PatternSet,
-    field: &ColorField,
-    options: &ReconstructionOptions,
-    progress: &Progress,
-) -> Result<Vec<f64>> {
-    let shots = rig.sequence(SCENE)?;
-    let captures = shots.iter().map(|shot| rig.read_shot(shot, set, Need::Scene)).collect::<Result<Vec<_>, _>>()?;
-    let mut state: Option<FrameState> = None;
-    let mut secs = Vec::new();
-    for (i, capture) in captures.iter().enumerate() {
-        let before = i.checked_sub(1).map(|i| captures[i].white.clone());
-        let neighbors = Neighbors::new(before, captures.get(i + 1).map(|c| c.white.clone()));
-        let motion = MotionOptions::default();
-        let input = FrameInput { state: state.as_ref(), neighbors: &neighbors, rig, field, options, motion: &motion };
-        let cx = reconstruct::Context::new(progress, options.device)?;
-        let frame = reconstruct_frame(&input, capture.clone(), cx)?;
-        secs.push(frame.stages.iter().map(|s| s.cpu_secs).sum());
-        state = Some(frame.state());
-    }
-    Ok(secs)
+/// Writes the stages of some work in one line.
+fn write_stages(f: &mut fmt::Formatter, what: &str, stages: &[StageTime]) -> fmt::Result {
+    let each: Vec<String> = stages.iter().map(|s| format!("{} {:.2}", s.name, s.cpu_secs)).collect();
+    writeln!(f, "  {what} {:.2}: {}", total(stages), each.join(", "))
 }
 
-impl fmt::Display for FastReport {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        writeln!(
-            f,
-            "Recipe fast, virtual rig {} ({} pixels of the surface), CPU s of all threads",
-            self.rig, self.pixels
-        )?;
-        let stages = |f: &mut fmt::Formatter, what: &str, stages: &[StageTime]| {
-            let total: f64 = stages.iter().map(|s| s.cpu_secs).sum();
-            let each: Vec<String> = stages.iter().map(|s| format!("{} {:.2}", s.name, s.cpu_secs)).collect();
-            writeln!(f, "  {what} {total:.2}: {}", each.join(", "))
-        };
-        stages(f, "calibration", &self.calibration)?;
-        stages(f, "scene", &self.stages)?;
+impl WorkResult {
+    fn write(&self, f: &mut fmt::Formatter, what: &str) -> fmt::Result {
+        write_stages(f, what, &self.stages)?;
         writeln!(f, "  {:16} {:>8} {:>8} {:>8}  {:12} {:>7}", "", "CPU s", "GFLOP", "GB", "limit", "reached")?;
         for p in &self.parts {
             writeln!(
@@ -195,7 +216,21 @@ impl fmt::Display for FastReport {
                 100.0 * p.share_of_ceiling
             )?;
         }
+        Ok(())
+    }
+}
+
+impl fmt::Display for FastReport {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        writeln!(
+            f,
+            "Recipe fast, virtual rig {} ({} pixels of the surface), CPU s of all threads",
+            self.rig, self.pixels
+        )?;
+        write_stages(f, "calibration", &self.calibration)?;
+        self.scene.write(f, "scene")?;
         let frames: Vec<String> = self.frames_cpu_secs.iter().map(|s| format!("{s:.2}")).collect();
-        writeln!(f, "  frames of a sequence, the first one anew: {}", frames.join(", "))
+        writeln!(f, "  frames of a sequence, the first one anew: {}", frames.join(", "))?;
+        self.frame.write(f, "the last frame")
     }
 }

@@ -55,7 +55,7 @@ fn repeats(field: &ColorField, camera: &Camera) -> (f64, usize, f64) {
         .flat_map(|y| along(w).map(move |x| [x, y]))
         .flat_map(|[x, y]| (0..PIXELS).map(move |i| [x + i % 3 * reach - reach, y + i / 3 * reach - reach]))
         .collect();
-    let rays = CameraRays::of_pixels(camera, field, 1, [0, 0], &pixels);
+    let rays = CameraRays::of_pixels(camera, field, &pixels);
     let (mut tried, mut found, mut apart) = (0usize, 0usize, Vec::new());
     for first in (0..pixels.len()).step_by(PIXELS) {
         let patch = first..first + PIXELS;

@@ -56,8 +56,9 @@ impl Decoder<'_> {
         }
         let mut reduced = m.reduced(factor);
         let camera = self.camera.binned(factor);
-        let found =
-            self.decode_at(&mut reduced, &CameraRays::new(self.camera, self.field, factor, self.origin), &camera);
+        let lit = |i: usize| reduced.status[i] == PixelStatus::Valid;
+        let rays = CameraRays::of_lit(self.camera, self.field, factor, self.origin, lit);
+        let found = self.decode_at(&mut reduced, &rays, &camera);
         for i in 0..m.n() {
             let (x, y) = (i % m.width / factor, i / m.width / factor);
             let of_block = (x < reduced.width && y < reduced.height).then(|| reduced.status[y * reduced.width + x]);

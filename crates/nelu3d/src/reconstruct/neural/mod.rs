@@ -85,7 +85,7 @@ pub(super) fn reconstruct(
     let model_sigma = field.metadata.model_sigma(MIN_MODEL_SIGMA).min(MAX_MODEL_SIGMA);
     cx.clock.begin("prepare");
     let whole = LitPart::whole(camera.width, camera.height);
-    let mut scene = Scene::measure(Cow::Borrowed(capture), camera, whole, field, model_sigma, cx)?;
+    let mut scene = Scene::measure(Cow::Borrowed(capture), camera, whole, field, model_sigma, |_| true, cx)?;
     let pixels =
         TrainingPixels::new(&scene.measurements, &scene.rays, &opts.paper).ok_or_else(|| nothing_left(&scene))?;
 

@@ -12,12 +12,48 @@ pub(super) struct Blocks {
     pub(super) width: usize,
     /// Blocks down.
     height: usize,
+    /// Per column of pixels, the blocks whose middles are beside it, and how much of the way lies behind it.
+    columns: Vec<Between>,
+    /// The same per row.
+    rows: Vec<Between>,
+}
+
+/// A place between two values.
+#[derive(Clone, Copy)]
+struct Between {
+    first: usize,
+    second: usize,
+    /// Part of the way from the first to the second.
+    part: f32,
+}
+
+impl Between {
+    /// The places of `size` pixels between the middles of `n` blocks of a `side`; beyond the first and the last, these.
+    fn of_pixels(size: usize, n: usize, side: usize) -> Vec<Self> {
+        let place = |at: usize| {
+            let at = ((at as f32 + 0.5) / side as f32 - 0.5).clamp(0.0, n as f32 - 1.0);
+            Self { first: at as usize, second: (at as usize + 1).min(n - 1), part: at.fract() }
+        };
+        (0..size).map(place).collect()
+    }
+
+    fn interpolate(&self, first: f32, second: f32) -> f32 {
+        first + self.part * (second - first)
+    }
 }
 
 impl Blocks {
     /// Divides a map of so many columns and rows of pixels.
     pub(super) fn new(width: usize, height: usize, side: usize) -> Self {
-        Self { size: [width, height], side, width: width.div_ceil(side), height: height.div_ceil(side) }
+        let n = [width, height].map(|size| size.div_ceil(side));
+        Self {
+            size: [width, height],
+            side,
+            width: n[0],
+            height: n[1],
+            columns: Between::of_pixels(width, n[0], side),
+            rows: Between::of_pixels(height, n[1], side),
+        }
     }
 
     /// Returns the number of blocks.
@@ -54,23 +90,13 @@ impl Blocks {
         maps
     }
 
-    /// Returns the values at pixel `i`, interpolated between the middles of blocks.
-    pub(super) fn at<const N: usize>(&self, values: &[[f32; N]], i: usize) -> [f32; N] {
-        if self.side == 1 {
-            return values[i];
-        }
-        let place = |at: usize, n: usize| {
-            let at = ((at as f32 + 0.5) / self.side as f32 - 0.5).clamp(0.0, n as f32 - 1.0);
-            (at as usize, (at as usize + 1).min(n - 1), at.fract())
-        };
-        let ((x0, x1, fx), (y0, y1, fy)) = (place(i % self.size[0], self.width), place(i / self.size[0], self.height));
-        std::array::from_fn(|j| {
-            let along = |y: usize| {
-                let row = &values[y * self.width..];
-                row[x0][j] * (1.0 - fx) + row[x1][j] * fx
-            };
-            along(y0) * (1.0 - fy) + along(y1) * fy
-        })
+    /// Returns the values at pixel (x, y), interpolated between the middles of blocks.
+    #[inline]
+    pub(super) fn at<const N: usize>(&self, values: &[[f32; N]], [x, y]: [usize; 2]) -> [f32; N] {
+        let (column, row) = (self.columns[x], self.rows[y]);
+        let [above, below] = [row.first, row.second].map(|y| &values[y * self.width..][..self.width]);
+        let along = |of: &[[f32; N]], j: usize| column.interpolate(of[column.first][j], of[column.second][j]);
+        std::array::from_fn(|j| row.interpolate(along(above, j), along(below, j)))
     }
 }
 
@@ -87,9 +113,8 @@ mod tests {
             let means = blocks.means(ramp);
             // Between the middles of whole blocks.
             for (x, y) in [(10, 10), (51, 44), (w - 20, h - 20)] {
-                let i = y * w + x;
-                let found = blocks.at(&means, i);
-                assert!(found.iter().zip(ramp(i)).all(|(a, b)| (a - b).abs() < 1e-3), "{side}: {found:?}");
+                let found = blocks.at(&means, [x, y]);
+                assert!(found.iter().zip(ramp(y * w + x)).all(|(a, b)| (a - b).abs() < 1e-3), "{side}: {found:?}");
             }
             // And averaged over squares that lie within the map.
             let smooth = blocks.smoothed(&means, 20);

@@ -66,13 +66,14 @@ impl Reduced {
 
     /// Returns the reduced scene and its initial surface.
     pub(super) fn scene<'a>(&'a self, of: &'a Scene<'_>) -> (Scene<'a>, &'a InitialDepth) {
+        let lit = |i: usize| self.measurements.status[i] == PixelStatus::Valid;
         let scene = Scene {
             camera: &self.camera,
             part: of.part,
             field: of.field,
             white: Cow::Borrowed(&self.white),
             grid: Cow::Borrowed(&*of.grid),
-            rays: CameraRays::new(of.camera, of.field, self.factor, of.part.origin),
+            rays: CameraRays::of_lit(of.camera, of.field, self.factor, of.part.origin, lit),
             measurements: self.measurements.clone(),
         };
         (scene, &self.initial)

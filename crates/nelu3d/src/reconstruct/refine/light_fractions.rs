@@ -46,8 +46,11 @@ pub(super) struct LightFractions<'a> {
     prior: [f32; 2],
     /// Radius over which fractions are smooth, px.
     radius: usize,
-    /// Median of white − black over the window, per channel.
-    reference: Vec<f32>,
+    /// The squares of pixels in which they are estimated.
+    blocks: Blocks,
+    /// Median of white − black over the window, over the pixel's own: its fraction of ambient light where the smooth
+    /// product of both is 1, `n × channels`.
+    ambient_scale: Vec<f32>,
     /// Fractions, `n × channels`.
     pub(super) of_pixels: Vec<PixelFractions>,
     /// Estimated albedo per channel, as far as interreflection determines it.
@@ -57,7 +60,7 @@ pub(super) struct LightFractions<'a> {
 }
 
 /// Blocks of pixels across the radius of the small squares: what is smooth needs no more.
-const PARTS: usize = 4;
+const PARTS: usize = 3;
 /// Radius of the wide squares over that of the small ones.
 const WIDE: usize = 3;
 /// Prior standard deviation of fractions over that of their difference between wide and small squares.
@@ -80,13 +83,16 @@ impl<'a> LightFractions<'a> {
         prior: &LightFractionPrior,
         radius: usize,
     ) -> Self {
-        let reference = (0..channels)
-            .map(|c| {
-                let on = (0..active.len()).filter(|i| active[*i]);
-                let mut light: Vec<f32> = on.map(|i| m.light[window.at(i) * channels + c]).collect();
-                median(&mut light).unwrap_or(1.0)
-            })
-            .collect();
+        let reference = (0..channels).map(|c| {
+            let on = (0..active.len()).filter(|i| active[*i]);
+            let mut light: Vec<f32> = on.map(|i| m.light[window.at(i) * channels + c]).collect();
+            median(&mut light).unwrap_or(1.0)
+        });
+        let reference: Vec<f32> = reference.collect();
+        let scale = |i: usize| {
+            let light = m.light[window.at(i / channels) * channels + i % channels];
+            (reference[i % channels] / light.max(1e-6)).clamp(0.1, 10.0)
+        };
         Self {
             m,
             window,
@@ -94,7 +100,8 @@ impl<'a> LightFractions<'a> {
             channels,
             prior: prior.weights(m),
             radius,
-            reference,
+            blocks: Blocks::new(window.w, window.h, (radius / PARTS).max(1)),
+            ambient_scale: (0..active.len() * channels).into_par_iter().with_min_len(window.w).map(scale).collect(),
             of_pixels: vec![PixelFractions::default(); active.len() * channels],
             albedo: vec![0.0; channels],
             interreflection: None,
@@ -169,20 +176,18 @@ impl<'a> LightFractions<'a> {
     /// Estimates the fractions of one channel: normal equations averaged over squares, solved in closed form.
     fn update_channel(&mut self, rendered: &[f32], channel: usize) {
         let (m, k, channels, w) = (self.m, self.m.k, self.channels, self.window.w);
-        let n = self.active.len();
-        let ambient_scale =
-            |px: usize| (self.reference[channel] / m.light[px * channels + channel].max(1e-6)).clamp(0.1, 10.0);
+        let mut of_pixels = std::mem::take(&mut self.of_pixels);
+        let blocks = &self.blocks;
+        let (interreflection, albedo) = (self.interreflection.as_ref(), self.albedo[channel]);
         let gathered = |i: usize| {
-            let per_albedo = self.interreflection.as_ref().map_or(0.0, |g| g.per_albedo[i * channels + channel]);
-            (self.albedo[channel] * per_albedo).min(MAX_GATHERED)
+            interreflection.map_or(0.0, |g| (albedo * g.per_albedo[i * channels + channel]).min(MAX_GATHERED))
         };
-        let blocks = Blocks::new(w, self.window.h, (self.radius / PARTS).max(1));
         let equations_of = |i: usize| {
-            let (px, g, scale) = (self.window.at(i), gathered(i), ambient_scale(self.window.at(i)));
+            let (px, g, scale) = (self.window.at(i), gathered(i), self.ambient_scale[i * channels + channel]);
             let (mut v, mut chi2) = (LightFractionEquations::default(), 0.0);
             for j in (channel..k).step_by(channels) {
                 let (c, iv) = (rendered[i * 2 * k + j], m.inv_var[px * k + j]);
-                let s = self.interreflection.as_ref().map_or(c, |g| g.codeword[i * k + j]);
+                let s = interreflection.map_or(c, |g| g.codeword[i * k + j]);
                 let r = m.p[px * k + j] - c - g * (s - c);
                 v.add(r, scale * (1.0 - c), m.surround[px * k + j] - c, iv);
                 chi2 += iv * r * r;
@@ -198,22 +203,16 @@ impl<'a> LightFractions<'a> {
             .with_min_len(blocks.width)
             .map(|i| solve(small.each_ref().map(|s| s[i]), wide.each_ref().map(|s| s[i]), self.prior))
             .collect();
-        let updated: Vec<PixelFractions> = (0..n)
-            .into_par_iter()
-            .with_min_len(w)
-            .map(|i| {
-                if !self.active[i] {
-                    return PixelFractions::default();
-                }
-                let [a, unseen] = blocks.at(&solved, i);
-                let ambient = (a * ambient_scale(self.window.at(i))).min(MAX_AMBIENT);
+        of_pixels.par_chunks_mut(w * channels).enumerate().for_each(|(y, row)| {
+            for (x, px) in row.chunks_exact_mut(channels).enumerate().filter(|(x, _)| self.active[y * w + x]) {
+                let i = y * w + x;
+                let [a, unseen] = blocks.at(&solved, [x, y]);
+                let ambient = (a * self.ambient_scale[i * channels + channel]).min(MAX_AMBIENT);
                 let gathered = gathered(i).min(MAX_TOTAL - ambient);
-                PixelFractions { ambient, gathered, unseen: unseen.min(MAX_TOTAL - ambient - gathered) }
-            })
-            .collect();
-        for (i, f) in updated.into_iter().enumerate() {
-            self.of_pixels[i * channels + channel] = f;
-        }
+                px[channel] = PixelFractions { ambient, gathered, unseen: unseen.min(MAX_TOTAL - ambient - gathered) };
+            }
+        });
+        self.of_pixels = of_pixels;
     }
 }
 

@@ -66,7 +66,7 @@ impl Default for RefineSettings {
             roughness: 0.2,
             crease: 0.5,
             roughness_radius: 3,
-            solver_reduction: 1e-3,
+            solver_reduction: 1e-2,
             solver_settled: 0.0,
             solver_iterations: 120,
             robust_chi2: 6.0,
