@@ -7,7 +7,7 @@ use nelu3d::Surface;
 use nelu3d::progress::StageTime;
 use nelu3d::result::{ExtraFiles, Input, ResultMetadata, Summary, write_into};
 use nelu3d::verdict::{Judgment, Verdict};
-use nelu3d_report::{ResultReport, surface_page, surface_picture};
+use nelu3d_report::{Captures, ResultReport, surface_page, surface_picture};
 use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::rig::{Need, PatternSet, Shot};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
@@ -97,15 +97,13 @@ impl Reconstruction {
         let summary = self.summary(self.inputs()?);
         write_into(folder.path(), &self.surface, &summary, extra)?;
         let capture = self.rig.read_shot(&self.shot, &self.set, Need::Scene)?;
-        let mut captures = vec![(self.rig.white.clone(), capture.white)];
-        captures.extend(self.set.images.iter().cloned().zip(capture.patterns));
+        let captures = Captures::new(&self.rig, &self.set, capture);
         let page = ResultReport {
             surface: &self.surface,
             summary: &summary,
             metrics: None,
             trace: None,
             captures: &captures,
-            black: capture.black.as_ref(),
             truth: None,
         };
         write_atomic(&folder.path().join("report.html"), |w| w.write_all(page.html().as_bytes()))?;

@@ -16,5 +16,5 @@ pub mod viewer;
 
 pub use comparison::{ComparisonReport, DIFFERENCE_COLORS, NamedTable};
 pub use live::{LIVE_SCRIPTS, LIVE_STYLE, LiveSurface, live_page, live_surface};
-pub use result::ResultReport;
+pub use result::{Captures, ResultReport};
 pub use surface::{surface_page, surface_picture};

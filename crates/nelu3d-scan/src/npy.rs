@@ -92,10 +92,17 @@ pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Array, NpyError> {
 /// If `data` has another length than `shape` says.
 pub fn write(path: &Path, shape: &[usize], data: &[f32]) -> io::Result<()> {
     assert_eq!(data.len(), shape.iter().product::<usize>(), "array data of another shape");
-    let bytes: Vec<u8> = data.iter().flat_map(|v| v.to_le_bytes()).collect();
+    /// Values that are converted at a time: a map may be larger than what memory has left.
+    const CHUNK: usize = 1 << 16;
     write_atomic(path, |w| {
         Header::new("<f4", shape).write(w)?;
-        w.write_all(&bytes)
+        let mut bytes = Vec::with_capacity(4 * CHUNK);
+        for values in data.chunks(CHUNK) {
+            bytes.clear();
+            bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+            w.write_all(&bytes)?;
+        }
+        Ok(())
     })
 }
 

@@ -18,7 +18,7 @@ use crate::args::{MeshFormat, OtherFormat};
 use crate::context::CommandContext;
 use crate::paths::{load_field, shown};
 use crate::verdict;
-use nelu3d_report::ResultReport;
+use nelu3d_report::{Captures, ResultReport};
 
 /// The method that makes a result, with what only that method needs.
 pub(super) enum ResultMethod {
@@ -134,6 +134,8 @@ impl ResultJob<'_> {
         let surface = made.surface();
         let capture = self.rig.read_shot(&self.shot, self.set, Need::Scene)?;
         let judgment = made.judgment(&capture, self.set);
+        // Reduced here: at full size they are as large as the result.
+        let captures = Captures::new(self.rig, self.set, capture);
         verdict::show(&judgment, context);
         let refused = verdict::refused(&judgment, self.accept);
         let metrics = truth.as_ref().map(|truth| {
@@ -158,14 +160,12 @@ impl ResultJob<'_> {
             return Ok(WrittenResult { summary, metrics, written: false });
         }
         result::write_into(folder.path(), surface, &summary, self.extra)?;
-        let (captures, black) = self.captures(capture);
         let page = ResultReport {
             surface,
             summary: &summary,
             metrics: metrics.as_ref(),
             trace: trace.as_deref(),
             captures: &captures,
-            black: black.as_ref(),
             truth: truth.as_ref(),
         };
         let report = folder.path().join("report.html");
@@ -197,14 +197,6 @@ impl ResultJob<'_> {
         paths.extend(black.exists().then_some(black));
         paths.extend(self.set.images.iter().map(|name| self.shot.dir.join(name)));
         paths.iter().map(|p| hash(p)).collect()
-    }
-
-    /// Returns the captures that the report shows: white and the patterns with their names, and black, where there is
-    /// one.
-    fn captures(&self, capture: Capture) -> (Vec<(String, nelu3d_scan::Image)>, Option<nelu3d_scan::Image>) {
-        let mut all = vec![(self.rig.white.clone(), capture.white)];
-        all.extend(self.set.images.iter().cloned().zip(capture.patterns));
-        (all, capture.black)
     }
 }
 

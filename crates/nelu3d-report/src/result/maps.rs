@@ -1,6 +1,6 @@
 //! Maps of a result.
 
-use nelu3d::result::picture::{DEPTH_COLORS, Picture, limits, status_color};
+use nelu3d::result::picture::{DEPTH_COLORS, Picture, limits, map_color, status_color};
 use nelu3d::{PixelStatus, Surface};
 use nelu3d_evaluate::GroundTruth;
 use nelu3d_scan::statistics::percentile;
@@ -18,8 +18,7 @@ pub(super) fn maps(surface: &Surface, truth: Option<&GroundTruth>) -> String {
 
     // Near is bright, as in the preview.
     let [near, far] = limits(&r.depth, 1.0, 99.0);
-    let nearness: Vec<f32> = r.depth.iter().map(|&z| (near + far) as f32 - z).collect();
-    let picture = Picture::of_map(&nearness, w, h, [near, far], DEPTH_COLORS);
+    let picture = Picture::from_fn(w, h, |i| map_color((near + far) as f32 - r.depth[i], [near, far], DEPTH_COLORS));
     add("Depth", "camera z", picture, color_bar(DEPTH_COLORS, [far, near], "mm"));
 
     if let Some(truth) = truth {

@@ -1,5 +1,6 @@
 //! The page of a result: what was seen, what came out, how good it is, and how it came about.
 
+mod captures;
 mod curves;
 mod maps;
 mod tables;
@@ -10,6 +11,8 @@ use nelu3d::result::picture::Picture;
 use nelu3d_evaluate::{GroundTruth, Metrics, TracePoint};
 use nelu3d_scan::Image;
 use nelu3d_scan::statistics::percentile;
+
+pub use captures::Captures;
 
 use super::html::{thumbnail, tiles};
 use super::number::{grouped, percent, with_unit};
@@ -29,10 +32,8 @@ pub struct ResultReport<'a> {
     pub metrics: Option<&'a Metrics>,
     /// Error over time, when it was traced.
     pub trace: Option<&'a [TracePoint]>,
-    /// The captures that it was made from, with their names; white first.
-    pub captures: &'a [(String, Image)],
-    /// The scene without the light source, when there is such an image.
-    pub black: Option<&'a Image>,
+    /// The captures that it was made from.
+    pub captures: &'a Captures,
     /// The ground truth, when there is one.
     pub truth: Option<&'a GroundTruth>,
 }
@@ -89,13 +90,14 @@ impl ResultReport<'_> {
     fn captures(&self) -> String {
         let thumbnail =
             |(name, capture): &(String, Image)| thumbnail(&Picture::of_image(capture).at_most(MAX_CAPTURE_WIDTH), name);
-        self.captures.iter().map(thumbnail).collect()
+        self.captures.images.iter().map(thumbnail).collect()
     }
 
     /// Shows the normalized images, (pattern − black) / (white − black), where white − black is bright enough.
     fn normalized(&self) -> String {
-        let Some(((_, white), patterns)) = self.captures.split_first() else { return String::new() };
-        let zero = |i: usize| self.black.map_or(0.0, |b| b.data[i]);
+        let Captures { images, black } = self.captures;
+        let Some(((_, white), patterns)) = images.split_first() else { return String::new() };
+        let zero = |i: usize| black.as_ref().map_or(0.0, |b| b.data[i]);
         // Where white is darker, noise divided by next to nothing would be all there is to see.
         let spans: Vec<f64> = (0..white.data.len()).map(|i| f64::from(white.data[i] - zero(i))).collect();
         let min_span = 0.02 * percentile(&mut spans.clone(), 99.0).max(1e-6);
@@ -114,7 +116,7 @@ impl ResultReport<'_> {
         };
         let pictures: String =
             patterns.iter().map(|(name, p)| thumbnail(&picture(p).at_most(MAX_CAPTURE_WIDTH), name)).collect();
-        let formula = if self.black.is_some() { "(pattern − black) / (white − black)" } else { "pattern / white" };
+        let formula = if black.is_some() { "(pattern − black) / (white − black)" } else { "pattern / white" };
         let note =
             format!("<p class=note>{formula}, black = 0 and white = 1; dark where white (flash) is too dim.</p>");
         page::section("Normalized images", &format!("{note}<div class='grid small'>{pictures}</div>"))

@@ -77,14 +77,14 @@ fn a_page_needs_nothing_else_and_is_small() {
     let stages = [StageTime { name: "guess & <check>".to_owned(), wall_secs: 1.5, cpu_secs: 2.5 }];
     let summary = Summary::new(&result, &method, &stages, &camera, &about);
     let half = Image { data: result.white.data.iter().map(|v| 0.5 * v).collect(), ..result.white.clone() };
-    let captures = [("white.png".to_owned(), result.white.clone()), ("stripes.png".to_owned(), half)];
+    let images = vec![("white.png".to_owned(), result.white.clone()), ("stripes.png".to_owned(), half)];
+    let captures = Captures { images, black: None };
     let page = ResultReport {
         surface: &result,
         summary: &summary,
         metrics: Some(&metrics),
         trace: None,
         captures: &captures,
-        black: None,
         truth: Some(&truth),
     };
     let html = page.html();

@@ -23,7 +23,7 @@ pub(crate) use decode::{follow, read_image_file};
 pub use gaussian_blur::gaussian_blur;
 pub use response::Response;
 pub(crate) use write::{Codes, write_png};
-pub use write::{encode_rgb8, write_gray8, write_png8, write_png16, write_raw_png, write_rgb8};
+pub use write::{encode_rgb8, write_gray8, write_gray16, write_png8, write_png16, write_raw_png, write_rgb8};
 pub use write_float::{write_exr_f32, write_tiff_f32};
 
 /// How the sensor delivers color.

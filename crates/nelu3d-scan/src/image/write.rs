@@ -58,6 +58,19 @@ pub fn write_gray8(path: &Path, width: usize, height: usize, data: &[u8]) -> io:
     write_png(path, Codes::U8(data), width, height, 1)
 }
 
+/// Writes a 16-bit gray picture of `height × width` codes.
+///
+/// # Errors
+///
+/// The file cannot be written.
+///
+/// # Panics
+///
+/// If `data` has another length.
+pub fn write_gray16(path: &Path, width: usize, height: usize, data: &[u16]) -> io::Result<()> {
+    write_png(path, Codes::U16(data), width, height, 1)
+}
+
 fn code(value: f32, black_level: f64, saturation: f64) -> f64 {
     (f64::from(value) * (saturation - black_level) + black_level).round()
 }

@@ -10,7 +10,7 @@ use nelu3d_scan::mesh::{TexturedMesh, write_textured_glb, write_textured_obj};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::picture::Picture;
+use super::picture::{Picture, colors_of};
 use crate::surface::Surface;
 
 /// Files to write besides those that every result has.
@@ -102,28 +102,25 @@ impl ExtraFiles {
     }
 }
 
-/// Returns the point of every pixel, mm, camera frame; NaN where there is no depth.
-pub(super) fn positions(r: &Surface, camera: &Camera) -> Vec<[f32; 3]> {
-    let position = |i: usize| {
-        if !r.depth[i].is_finite() {
-            return [f32::NAN; 3];
-        }
-        let ray = camera.ray([(i % r.width) as f64, (i / r.width) as f64]);
-        let p = ray.at(f64::from(r.depth[i]) / ray.dir.z);
-        [p.x as f32, p.y as f32, p.z as f32]
-    };
-    (0..r.depth.len()).into_par_iter().map(position).collect()
+/// Returns the point of a pixel, mm, camera frame; NaN where there is no depth.
+pub(super) fn position(r: &Surface, camera: &Camera, i: usize) -> [f32; 3] {
+    if !r.depth[i].is_finite() {
+        return [f32::NAN; 3];
+    }
+    let ray = camera.ray([(i % r.width) as f64, (i / r.width) as f64]);
+    let p = ray.at(f64::from(r.depth[i]) / ray.dir.z);
+    [p.x as f32, p.y as f32, p.z as f32]
 }
 
 /// Returns the surface as a cloud with the camera's grid.
 fn cloud(r: &Surface, camera: &Camera) -> OrganizedCloud {
-    let picture = Picture::of_image(&r.white);
+    let n = r.depth.len();
     OrganizedCloud {
         width: r.width,
         height: r.height,
-        positions: positions(r, camera),
+        positions: (0..n).into_par_iter().map(|i| position(r, camera, i)).collect(),
         normals: r.normals.clone(),
-        colors: (0..r.depth.len()).map(|i| picture.rgb(i)).collect(),
+        colors: (0..n).map(colors_of(&r.white)).collect(),
         sigma: r.sigma.clone(),
     }
 }
@@ -172,7 +169,8 @@ mod tests {
             mesh: Mesh::default(),
         };
         surface.depth[n - 1] = f32::NAN;
-        let vertices: Vec<[f32; 3]> = positions(&surface, &camera).into_iter().filter(|p| p[0].is_finite()).collect();
+        let vertices: Vec<[f32; 3]> =
+            (0..n).map(|i| position(&surface, &camera, i)).filter(|p| p[0].is_finite()).collect();
         surface.mesh = Mesh { vertices, faces: vec![[0, 9, 1], [1, 9, 10]], ..Mesh::default() };
         (surface, camera)
     }

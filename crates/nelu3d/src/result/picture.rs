@@ -30,29 +30,17 @@ impl Picture {
 
     /// Draws a map in the colors of `gradient`, from `range[0]` to `range[1]`; values that are not finite stay dark.
     pub fn of_map(map: &[f32], width: usize, height: usize, range: [f64; 2], gradient: Gradient) -> Self {
-        Self::from_fn(width, height, |i| match f64::from(map[i]) {
-            v if v.is_finite() => color_at(gradient, v, range),
-            _ => EMPTY,
-        })
+        Self::from_fn(width, height, |i| map_color(map[i], range, gradient))
     }
 
     /// Draws normals as a clay surface lit from the upper left behind the camera, times a color per pixel.
     pub fn shaded(normals: &[[f32; 3]], width: usize, height: usize, color: impl Fn(usize) -> [u8; 3]) -> Self {
-        Self::from_fn(width, height, |i| match shade(normals[i]) {
-            Some(s) => color(i).map(|c| (f32::from(c) * s).min(255.0) as u8),
-            None => EMPTY,
-        })
+        Self::from_fn(width, height, |i| shaded(normals[i], || color(i)))
     }
 
     /// Draws a capture: linear light to sRGB, its 99.5th percentile as white.
     pub fn of_image(capture: &Image) -> Self {
-        let white = percentile(&mut capture.data.iter().step_by(7).map(|&v| f64::from(v)).collect::<Vec<_>>(), 99.5);
-        let gain = if white > 0.0 { 1.0 / white as f32 } else { 1.0 };
-        Self::from_fn(capture.width, capture.height, |i| {
-            let p = &capture.data[i * capture.channels..(i + 1) * capture.channels];
-            let at = |c: usize| srgb(p[if capture.channels == 3 { c } else { 0 }] * gain);
-            [at(0), at(1), at(2)]
-        })
+        Self::from_fn(capture.width, capture.height, colors_of(capture))
     }
 
     /// Draws the status of pixels in the colors of [`status_color`].
@@ -85,11 +73,6 @@ impl Picture {
         })
     }
 
-    /// Returns the part `[x, y, width, height]`, which lies inside.
-    pub fn part(&self, [x, y, width, height]: [usize; 4]) -> Self {
-        Self::from_fn(width, height, |i| self.pixels[(y + i / width) * self.width + x + i % width])
-    }
-
     /// Joins pictures of equal height side by side.
     ///
     /// # Panics
@@ -120,6 +103,11 @@ impl Picture {
     pub fn png(&self) -> Vec<u8> {
         encode_rgb8(self.width, self.height, self.pixels.as_flattened())
     }
+}
+
+/// Returns the color of a map's value, clamped to `range`; dark where it is not finite.
+pub fn map_color(value: f32, range: [f64; 2], gradient: Gradient) -> [u8; 3] {
+    if value.is_finite() { color_at(gradient, f64::from(value), range) } else { EMPTY }
 }
 
 /// Returns the color of a value, clamped to `range`.
@@ -157,13 +145,34 @@ pub fn preview(r: &Surface) -> Picture {
     let range = limits(&r.depth, 1.0, 99.0);
     // Near is bright: depth seen from the camera.
     let depth_color = |i: usize| color_at(DEPTH_COLORS, range[0] + range[1] - f64::from(r.depth[i]), range);
-    let panels = [
-        Picture::of_image(&r.white),
-        Picture::shaded(&r.normals, r.width, r.height, |_| [226, 221, 212]),
-        Picture::shaded(&r.normals, r.width, r.height, depth_color),
-    ];
-    let part = surroundings(r);
-    Picture::beside(&panels.map(|p| p.part(part).at_most(640)))
+    let [x, y, width, height] = surroundings(r);
+    let panel = |color: &dyn Fn(usize) -> [u8; 3]| {
+        Picture::from_fn(width, height, |i| color((y + i / width) * r.width + x + i % width)).at_most(640)
+    };
+    Picture::beside(&[
+        panel(&colors_of(&r.white)),
+        panel(&|i| shaded(r.normals[i], || [226, 221, 212])),
+        panel(&|i| shaded(r.normals[i], || depth_color(i))),
+    ])
+}
+
+/// Returns the sRGB color of a capture's pixels by their index: its 99.5th percentile is white.
+pub(super) fn colors_of(capture: &Image) -> impl Fn(usize) -> [u8; 3] {
+    let white = percentile(&mut capture.data.iter().step_by(7).map(|&v| f64::from(v)).collect::<Vec<_>>(), 99.5);
+    let gain = if white > 0.0 { 1.0 / white as f32 } else { 1.0 };
+    move |i| {
+        let p = &capture.data[i * capture.channels..(i + 1) * capture.channels];
+        let at = |c: usize| srgb(p[if capture.channels == 3 { c } else { 0 }] * gain);
+        [at(0), at(1), at(2)]
+    }
+}
+
+/// Returns a color on a surface with a normal, lit as clay is; dark where there is none.
+fn shaded(normal: [f32; 3], color: impl Fn() -> [u8; 3]) -> [u8; 3] {
+    match shade(normal) {
+        Some(s) => color().map(|c| (f32::from(c) * s).min(255.0) as u8),
+        None => EMPTY,
+    }
 }
 
 /// Returns the rectangle `[x, y, width, height]` around the pixels that have depth, with a margin; the whole image when

@@ -6,9 +6,10 @@ use std::path::Path;
 use nelu3d_scan::mesh::{MeshFileError, write_points};
 use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::{image, npy};
+use rayon::prelude::*;
 
-use super::extra::{ExtraFiles, positions};
-use super::picture::{Picture, preview};
+use super::extra::{ExtraFiles, position};
+use super::picture::{colors_of, preview};
 use super::summary::Summary;
 use crate::surface::Surface;
 
@@ -67,13 +68,11 @@ pub fn write_into(dir: &Path, r: &Surface, summary: &Summary, extra: ExtraFiles)
     npy::write(&dir.join("sigma.npy"), &[h, w], &r.sigma)?;
     let mask: Vec<u8> = r.depth.iter().map(|z| if z.is_finite() { 255 } else { 0 }).collect();
     image::write_gray8(&dir.join("mask.png"), w, h, &mask)?;
-    let ambient = image::Image {
-        width: w,
-        height: h,
-        channels: 1,
-        data: r.ambient.iter().map(|a| if a.is_finite() { *a } else { 0.0 }).collect(),
-    };
-    image::write_png16(&dir.join("ambient.png"), &ambient, 0.0, 65535.0)?;
+    drop(mask);
+    // NaN, where there is no depth, becomes 0.
+    let ambient: Vec<u16> = r.ambient.iter().map(|a| (65535.0 * f64::from(*a)).round() as u16).collect();
+    image::write_gray16(&dir.join("ambient.png"), w, h, &ambient)?;
+    drop(ambient);
     write_point_cloud(&dir.join("points.ply"), r, summary)?;
     r.mesh.write(&dir.join("mesh.ply"))?;
     let camera = summary.camera.camera().expect("made from a camera");
@@ -86,11 +85,10 @@ pub fn write_into(dir: &Path, r: &Surface, summary: &Summary, extra: ExtraFiles)
 /// Writes one point per pixel that has depth: position, normal, its color in the white image, and σ.
 fn write_point_cloud(path: &Path, r: &Surface, summary: &Summary) -> io::Result<()> {
     let camera = summary.camera.camera().expect("made from a camera");
-    let (color, all) = (Picture::of_image(&r.white), positions(r, &camera));
     let valid: Vec<usize> = (0..r.depth.len()).filter(|&i| r.depth[i].is_finite()).collect();
-    let positions: Vec<[f32; 3]> = valid.iter().map(|&i| all[i]).collect();
+    let positions: Vec<[f32; 3]> = valid.par_iter().map(|&i| position(r, &camera, i)).collect();
     let normals: Vec<[f32; 3]> = valid.iter().map(|&i| r.normals[i]).collect();
-    let colors: Vec<[u8; 3]> = valid.iter().map(|&i| color.rgb(i)).collect();
+    let colors: Vec<[u8; 3]> = valid.iter().copied().map(colors_of(&r.white)).collect();
     let sigma: Vec<f32> = valid.iter().map(|&i| r.sigma[i]).collect();
     write_points(path, &positions, &normals, &colors, &sigma)
 }
