@@ -9,7 +9,7 @@ use nelu3d::result::{ExtraFiles, Input, ResultMetadata, Summary, write_into};
 use nelu3d::verdict::{Judgment, Verdict};
 use nelu3d_report::{Captures, ResultReport, surface_page, surface_picture};
 use nelu3d_scan::output::{OutputDir, write_atomic};
-use nelu3d_scan::rig::{Need, PatternSet, Shot};
+use nelu3d_scan::rig::{PatternSet, Shot};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -96,8 +96,7 @@ impl Reconstruction {
         let folder = OutputDir::create(dir, "result.json")?;
         let summary = self.summary(self.inputs()?);
         write_into(folder.path(), &self.surface, &summary, extra)?;
-        let capture = self.rig.read_shot(&self.shot, &self.set, Need::Scene)?;
-        let captures = Captures::new(&self.rig, &self.set, capture);
+        let captures = Captures::read(&self.rig, &self.set, &self.shot)?;
         let page = ResultReport {
             surface: &self.surface,
             summary: &summary,

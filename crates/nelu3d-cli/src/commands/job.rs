@@ -12,7 +12,7 @@ use nelu3d_baselines::{DecodeOptions, Decoding, decode};
 use nelu3d_evaluate::{EvaluatedMaps, GroundTruth, Metrics, Trace, evaluate};
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::{OutputDir, write_atomic};
-use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
+use nelu3d_scan::rig::{Need, PatternSet, Shot};
 
 use crate::args::{MeshFormat, OtherFormat};
 use crate::context::CommandContext;
@@ -73,15 +73,16 @@ impl MethodOutput {
     }
 
     /// Returns whether to trust the surface. What a baseline decoded is judged by its captures alone.
-    fn judgment(&self, capture: &Capture, set: &PatternSet) -> Judgment {
-        match self {
+    fn judgment(&self, job: &ResultJob<'_>) -> Result<Judgment> {
+        Ok(match self {
             MethodOutput::Reconstruction(r) => r.diagnostics.judgment.clone(),
             MethodOutput::Decoding(d) => {
+                let capture = job.rig.read_shot(&job.shot, job.set, Need::Scene)?;
                 let mut judgment = Judgment::default();
-                judgment.extend(judge_capture(capture, &d.surface.status, &set.images));
+                judgment.extend(judge_capture(&capture, &d.surface.status, &job.set.images));
                 judgment
             }
-        }
+        })
     }
 
     /// Returns the content of result.json.
@@ -132,10 +133,7 @@ impl ResultJob<'_> {
 
         context.progress.stage("write the result");
         let surface = made.surface();
-        let capture = self.rig.read_shot(&self.shot, self.set, Need::Scene)?;
-        let judgment = made.judgment(&capture, self.set);
-        // Reduced here: at full size they are as large as the result.
-        let captures = Captures::new(self.rig, self.set, capture);
+        let judgment = made.judgment(self)?;
         verdict::show(&judgment, context);
         let refused = verdict::refused(&judgment, self.accept);
         let metrics = truth.as_ref().map(|truth| {
@@ -160,6 +158,7 @@ impl ResultJob<'_> {
             return Ok(WrittenResult { summary, metrics, written: false });
         }
         result::write_into(folder.path(), surface, &summary, self.extra)?;
+        let captures = Captures::read(self.rig, self.set, &self.shot)?;
         let page = ResultReport {
             surface,
             summary: &summary,

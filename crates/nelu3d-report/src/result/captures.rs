@@ -1,6 +1,6 @@
 //! The captures that a page shows.
 
-use nelu3d_scan::rig::{Capture, PatternSet};
+use nelu3d_scan::rig::{PatternSet, RigError, Shot};
 use nelu3d_scan::{Image, Rig};
 
 use super::MAX_CAPTURE_WIDTH;
@@ -15,14 +15,23 @@ pub struct Captures {
 }
 
 impl Captures {
-    /// Reduces the captures of a scene of a rig under the patterns of a set.
-    pub fn new(rig: &Rig, set: &PatternSet, capture: Capture) -> Self {
-        let reduced = |image: Image| match image.width / MAX_CAPTURE_WIDTH {
-            0 | 1 => image,
-            block => image.binned(block),
-        };
-        let mut images = vec![(rig.white.clone(), reduced(capture.white))];
-        images.extend(set.images.iter().cloned().zip(capture.patterns.into_iter().map(reduced)));
-        Self { images, black: capture.black.map(reduced) }
+    /// Reads the captures of a scene of a rig under the patterns of a set, one after the other: all of a large camera's
+    /// take more memory than its result.
+    ///
+    /// # Errors
+    ///
+    /// An image cannot be read.
+    pub fn read(rig: &Rig, set: &PatternSet, shot: &Shot) -> Result<Self, RigError> {
+        let reduced = |image: &Image| image.binned((image.width / MAX_CAPTURE_WIDTH).max(1));
+        let mut reader = rig.reader(shot);
+        let white = reader.read(&rig.white)?;
+        let has_black = rig.has_image(&shot.dir.join(&rig.black));
+        let black = has_black.then(|| reader.read(&rig.black)).transpose()?;
+        let mut images = vec![(rig.white.clone(), reduced(&white))];
+        for name in &set.images {
+            let (pattern, _) = reader.read_pattern(name, &white, black.as_ref())?;
+            images.push((name.clone(), reduced(&pattern)));
+        }
+        Ok(Self { images, black: black.as_ref().map(reduced) })
     }
 }

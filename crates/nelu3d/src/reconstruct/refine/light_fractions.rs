@@ -48,9 +48,8 @@ pub(super) struct LightFractions<'a> {
     radius: usize,
     /// The squares of pixels in which they are estimated.
     blocks: Blocks,
-    /// Median of white − black over the window, over the pixel's own: its fraction of ambient light where the smooth
-    /// product of both is 1, `n × channels`.
-    ambient_scale: Vec<f32>,
+    /// Median of white − black over the window, per channel.
+    reference: Vec<f32>,
     /// Fractions, `n × channels`.
     pub(super) of_pixels: Vec<PixelFractions>,
     /// Estimated albedo per channel, as far as interreflection determines it.
@@ -88,11 +87,6 @@ impl<'a> LightFractions<'a> {
             let mut light: Vec<f32> = on.map(|i| m.light[window.at(i) * channels + c]).collect();
             median(&mut light).unwrap_or(1.0)
         });
-        let reference: Vec<f32> = reference.collect();
-        let scale = |i: usize| {
-            let light = m.light[window.at(i / channels) * channels + i % channels];
-            (reference[i % channels] / light.max(1e-6)).clamp(0.1, 10.0)
-        };
         Self {
             m,
             window,
@@ -101,7 +95,7 @@ impl<'a> LightFractions<'a> {
             prior: prior.weights(m),
             radius,
             blocks: Blocks::new(window.w, window.h, (radius / PARTS).max(1)),
-            ambient_scale: (0..active.len() * channels).into_par_iter().with_min_len(window.w).map(scale).collect(),
+            reference: reference.collect(),
             of_pixels: vec![PixelFractions::default(); active.len() * channels],
             albedo: vec![0.0; channels],
             interreflection: None,
@@ -179,11 +173,14 @@ impl<'a> LightFractions<'a> {
         let mut of_pixels = std::mem::take(&mut self.of_pixels);
         let blocks = &self.blocks;
         let (interreflection, albedo) = (self.interreflection.as_ref(), self.albedo[channel]);
+        let ambient_scale =
+            |px: usize| (self.reference[channel] / m.light[px * channels + channel].max(1e-6)).clamp(0.1, 10.0);
         let gathered = |i: usize| {
             interreflection.map_or(0.0, |g| (albedo * g.per_albedo[i * channels + channel]).min(MAX_GATHERED))
         };
         let equations_of = |i: usize| {
-            let (px, g, scale) = (self.window.at(i), gathered(i), self.ambient_scale[i * channels + channel]);
+            let px = self.window.at(i);
+            let (g, scale) = (gathered(i), ambient_scale(px));
             let (mut v, mut chi2) = (LightFractionEquations::default(), 0.0);
             for j in (channel..k).step_by(channels) {
                 let (c, iv) = (rendered[i * 2 * k + j], m.inv_var[px * k + j]);
@@ -207,7 +204,7 @@ impl<'a> LightFractions<'a> {
             for (x, px) in row.chunks_exact_mut(channels).enumerate().filter(|(x, _)| self.active[y * w + x]) {
                 let i = y * w + x;
                 let [a, unseen] = blocks.at(&solved, [x, y]);
-                let ambient = (a * self.ambient_scale[i * channels + channel]).min(MAX_AMBIENT);
+                let ambient = (a * ambient_scale(self.window.at(i))).min(MAX_AMBIENT);
                 let gathered = gathered(i).min(MAX_TOTAL - ambient);
                 px[channel] = PixelFractions { ambient, gathered, unseen: unseen.min(MAX_TOTAL - ambient - gathered) };
             }

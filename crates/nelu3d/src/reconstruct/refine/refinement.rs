@@ -1,5 +1,7 @@
 //! The state of the refinement and its steps.
 
+use std::ops::Range;
+
 use nelu3d_field::bench::Demand;
 use nelu3d_field::plate::{PlateStop, Sweep, sweep};
 use nelu3d_scan::statistics::median;
@@ -23,17 +25,20 @@ use crate::surface::MAX_SLOPE;
 /// Largest change of a pixel in a step, steps of depth.
 const MAX_CHANGE: f32 = 2.0;
 
-/// The data term of one pixel at its present depth: the normal equation of its step, and its χ².
-#[derive(Clone, Copy, Default)]
-struct PixelData {
+/// Rows of pixels whose uncertainties are found at a time: what that takes is more than anything else.
+const STRIP: usize = 512;
+/// Rows beside them that their uncertainties depend on.
+const STRIP_MARGIN: usize = 40;
+
+/// The data term at the present depth, per pixel: the normal equation of its step, and its χ²; 0 where there is no
+/// surface.
+struct DataTerm {
     /// Information Σ w J², robust.
-    h: f32,
+    h: Vec<f32>,
     /// Gradient Σ w J r, robust.
-    g: f32,
-    /// Robust χ².
-    loss: f32,
+    g: Vec<f32>,
     /// χ², not robust.
-    chi2: f32,
+    chi2: Vec<f32>,
 }
 
 /// The state of the refinement, over a window around the surface.
@@ -55,7 +60,7 @@ pub(super) struct Refinement<'a> {
     prior: ThinPlatePrior,
     /// Light fractions of the pixels.
     fractions: LightFractions<'a>,
-    data: Vec<PixelData>,
+    data: DataTerm,
     /// c across the narrow band, and its slope by the unknown, `n × 2 k`.
     rendered: Vec<f32>,
     /// The rays of the pixels, and what was evaluated along them.
@@ -98,7 +103,7 @@ impl<'a> Refinement<'a> {
             x,
             prior: ThinPlatePrior::new(window.w, window.h, active.to_vec()),
             fractions: LightFractions::new(m, window, active, channels, fractions, radius),
-            data: vec![PixelData::default(); n],
+            data: DataTerm { h: vec![0.0; n], g: vec![0.0; n], chi2: vec![0.0; n] },
             rendered: vec![0.0; n * 2 * k],
             bands,
         }
@@ -131,9 +136,11 @@ impl<'a> Refinement<'a> {
 
     /// Gathers interreflection from the present surface.
     pub(super) fn gather_interreflection(&mut self, slopes: &[[f32; 2]]) -> Demand {
-        let slopes: Vec<[f32; 2]> = slopes.iter().map(|s| s.map(|s| s * self.unit)).collect();
+        // As large as what comes in its place.
+        self.fractions.interreflection = None;
+        let slope = |i: usize| slopes[i].map(|s| s * self.unit);
         let (rays, m) = (&self.scene.rays, &self.scene.measurements);
-        let surface = GatherSurface::new(self.window, self.active, rays, |i| self.inv_z(i), &slopes);
+        let surface = GatherSurface::new(self.window, self.active, rays, |i| self.inv_z(i), slope);
         let (gathered, demand) = gather(&surface, m, self.channels, rays.focal_px, self.settings.patches);
         self.fractions.interreflection = Some(gathered);
         demand
@@ -167,34 +174,40 @@ impl<'a> Refinement<'a> {
 
     /// Sets up the normal equation of every pixel; returns the loss, mean robust χ² per measurement.
     pub(super) fn linearize(&mut self) -> f32 {
-        let (m, k, channels) = (&self.scene.measurements, self.scene.measurements.k, self.channels);
+        let m = &self.scene.measurements;
+        let (k, channels, w) = (m.k, self.channels, self.window.w);
         let cut = self.settings.robust_chi2 * m.independent;
-        let mut data = std::mem::take(&mut self.data);
-        data.par_iter_mut().enumerate().with_min_len(self.window.w).for_each(|(i, out)| {
-            *out = PixelData::default();
-            if !self.active[i] {
-                return;
-            }
-            let px = self.window.at(i);
-            let d = &self.rendered[(2 * i + 1) * k..(2 * i + 2) * k];
-            for j in 0..k {
-                let iv = m.inv_var[px * k + j];
-                let r = self.residual(i, px, j);
-                let jac = d[j] * (1.0 - self.fractions.of_pixels[i * channels + j % channels].sum());
-                out.chi2 += iv * r * r;
-                out.h += iv * jac * jac;
-                out.g += iv * jac * r;
-            }
-            // Geman-McClure on the pixel's χ²: a wrong codeword (highlight, mixed pixel) counts little.
-            let robust = 1.0 / (1.0 + out.chi2 / cut);
-            out.loss = out.chi2 * robust;
-            out.h *= robust * robust;
-            out.g *= robust * robust;
-        });
-        self.data = data;
-        let active = self.data.iter().zip(self.active).filter(|(_, a)| **a);
-        let sum = active.fold(0.0f64, |s, (d, _)| s + f64::from(d.loss));
-        (sum / self.n_active as f64) as f32 / m.independent
+        let DataTerm { mut h, mut g, mut chi2 } =
+            std::mem::replace(&mut self.data, DataTerm { h: Vec::new(), g: Vec::new(), chi2: Vec::new() });
+        let rows = h.par_chunks_mut(w).zip(g.par_chunks_mut(w)).zip(chi2.par_chunks_mut(w)).enumerate();
+        let losses: Vec<f64> = rows
+            .map(|(y, ((h, g), chi2))| {
+                let mut loss = 0.0f64;
+                for x in (0..w).filter(|x| self.active[y * w + x]) {
+                    let i = y * w + x;
+                    let px = self.window.at(i);
+                    let d = &self.rendered[(2 * i + 1) * k..(2 * i + 2) * k];
+                    let [mut information, mut gradient, mut misfit] = [0.0f32; 3];
+                    for j in 0..k {
+                        let iv = m.inv_var[px * k + j];
+                        let r = self.residual(i, px, j);
+                        let jac = d[j] * (1.0 - self.fractions.of_pixels[i * channels + j % channels].sum());
+                        misfit += iv * r * r;
+                        information += iv * jac * jac;
+                        gradient += iv * jac * r;
+                    }
+                    // Geman-McClure on the pixel's χ²: a wrong codeword (highlight, mixed pixel) counts little.
+                    let robust = 1.0 / (1.0 + misfit / cut);
+                    loss += f64::from(misfit * robust);
+                    chi2[x] = misfit;
+                    h[x] = information * (robust * robust);
+                    g[x] = gradient * (robust * robust);
+                }
+                loss
+            })
+            .collect();
+        self.data = DataTerm { h, g, chi2 };
+        (losses.iter().sum::<f64>() / self.n_active as f64) as f32 / m.independent
     }
 
     /// Sets the weights of the prior at a step.
@@ -207,30 +220,44 @@ impl<'a> Refinement<'a> {
     /// solved better than the next step will change it: one sweep over its tiles is enough.
     pub(super) fn gauss_newton_step(&mut self, step: usize) -> Sweep {
         let s = self.settings;
-        let h: Vec<f32> = self.data.iter().map(|d| d.h).collect();
-        let g: Vec<f32> = self.data.iter().map(|d| d.g).collect();
         let until =
             PlateStop { reduction: s.solver_reduction, settled: s.solver_settled, iterations: s.solver_iterations };
-        let system = self.prior.system(&h, &g);
+        let system = self.prior.system(&self.data.h, &self.data.g);
         sweep(&system, &mut self.x, step, MAX_CHANGE, until)
     }
 
     /// Returns one standard deviation of the unknown per pixel of the window.
     fn sigma(&self) -> Vec<f32> {
-        let (m, k, n) = (&self.scene.measurements, self.scene.measurements.k, self.x.len());
+        let [w, height] = [self.window.w, self.window.h];
+        let mut sigma = Vec::with_capacity(self.x.len());
+        for first in (0..height).step_by(STRIP) {
+            let end = (first + STRIP).min(height);
+            let rows = first.saturating_sub(STRIP_MARGIN)..(end + STRIP_MARGIN).min(height);
+            let skip = (first - rows.start) * w;
+            sigma.extend_from_slice(&self.sigma_of_rows(rows)[skip..skip + (end - first) * w]);
+        }
+        sigma
+    }
+
+    /// Returns one standard deviation of the unknown per pixel of some rows of the window, as if there were no others.
+    fn sigma_of_rows(&self, rows: Range<usize>) -> Vec<f32> {
+        let (m, k, w) = (&self.scene.measurements, self.scene.measurements.k, self.window.w);
+        let prior = self.prior.of_rows(rows.clone());
+        let (start, n) = (rows.start * w, prior.active.len());
         let mut information = vec![Information::default(); n];
         let (mut whitened, mut slopes) = (vec![0.0f32; n * k], vec![0.0f32; n * k]);
-        for i in (0..n).filter(|i| self.active[*i]) {
+        for at in (0..n).filter(|at| prior.active[*at]) {
+            let i = start + at;
             let px = self.window.at(i);
-            information[i] = Information { h: self.data[i].h, chi2: self.data[i].chi2 / m.independent_at(px) };
+            information[at] = Information { h: self.data.h[i], chi2: self.data.chi2[i] / m.independent_at(px) };
             for j in 0..k {
                 let weight = m.inv_var[px * k + j].sqrt();
-                whitened[i * k + j] = weight * self.residual(i, px, j);
-                slopes[i * k + j] = weight * self.rendered[i * 2 * k + k + j];
+                whitened[at * k + j] = weight * self.residual(i, px, j);
+                slopes[at * k + j] = weight * self.rendered[i * 2 * k + k + j];
             }
         }
-        let systematic = systematic(&whitened, &slopes, k, self.active, self.window.w, self.window.h);
-        uncertainty::sigma(&self.prior, &self.x, &information, &systematic)
+        let systematic = systematic(&whitened, &slopes, k, &prior.active, w, rows.len());
+        uncertainty::sigma(&prior, &self.x[start..start + n], &information, &systematic)
     }
 
     /// Returns the maps of the refined surface.
@@ -248,7 +275,7 @@ impl<'a> Refinement<'a> {
             let fractions = &self.fractions.of_pixels[i * channels..(i + 1) * channels];
             out.ambient[px] = fractions.iter().map(|f| f.sum()).sum::<f32>() / channels as f32;
             out.unseen[px] = fractions.iter().map(|f| f.ambient + f.unseen).sum::<f32>() / channels as f32;
-            out.chi2[px] = self.data[i].chi2 / m.independent_at(px);
+            out.chi2[px] = self.data.chi2[i] / m.independent_at(px);
             residuals.clear();
             let usable = (0..k).filter(|j| m.inv_var[px * k + j] > 0.0);
             residuals.extend(usable.map(|j| self.residual(i, px, j).abs()));

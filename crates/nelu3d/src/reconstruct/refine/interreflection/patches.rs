@@ -27,11 +27,10 @@ impl Patches {
                     break;
                 }
                 let mid = members.len() / 2;
-                let (_, middle, _) =
-                    members.select_nth_unstable_by(mid, |a, b| s.points[*a][2].total_cmp(&s.points[*b][2]));
-                let z = s.points[*middle][2];
+                let (_, middle, _) = members.select_nth_unstable_by(mid, |a, b| s.z[*a].total_cmp(&s.z[*b]));
+                let z = s.z[*middle];
                 let reach = 4.0 * f as f32 * z / focal_px;
-                let near = |i: &usize| (s.points[*i][2] - z).abs() <= reach;
+                let near = |i: &usize| (s.z[*i] - z).abs() <= reach;
                 out.push(s, m, channels, focal_px, members.iter().copied().filter(near));
                 members.retain(|i| !near(i));
             }
@@ -52,7 +51,7 @@ impl Patches {
         let mut radiance = vec![0.0f32; channels + k];
         let (mut x, mut normal, mut total) = ([0.0f32; 3], [0.0f32; 3], 0.0f32);
         for i in pixels {
-            let (p, n, px) = (s.points[i], s.normals[i], s.window.at(i));
+            let (p, n, px) = (s.point(i), s.normals[i], s.window.at(i));
             // The area of an oblique surface in a pixel; a grazing normal is not trusted beyond a factor of ten.
             let cos = (-dot(n, p) / dot(p, p).sqrt()).max(0.1);
             let area = (p[2] / focal_px).powi(2) / cos;

@@ -13,53 +13,63 @@ pub(in crate::reconstruct::refine) struct GatherSurface<'a> {
     pub(in crate::reconstruct::refine) window: &'a Window,
     /// Pixels that are part of the surface.
     pub(in crate::reconstruct::refine) active: &'a [bool],
-    /// Camera-frame points, mm.
-    pub(in crate::reconstruct::refine) points: Vec<[f32; 3]>,
+    /// The camera's rays, by the image's pixels.
+    rays: &'a CameraRays,
+    /// Camera z, mm.
+    pub(in crate::reconstruct::refine) z: Vec<f32>,
     /// Unit normals that face the camera.
     pub(in crate::reconstruct::refine) normals: Vec<[f32; 3]>,
 }
 
 impl<'a> GatherSurface<'a> {
-    /// Makes points and normals from inverse depths (1/mm) and their slopes (1/mm per pixel along x and y). A plane is
+    /// Makes depths and normals from inverse depths (1/mm) and their slopes (1/mm per pixel along x and y). A plane is
     /// linear in 1/z over the image: 1/z = α + β x/z + γ y/z means that (β, γ, α) is normal to it.
     pub(in crate::reconstruct::refine) fn new(
         window: &'a Window,
         active: &'a [bool],
-        rays: &CameraRays,
+        rays: &'a CameraRays,
         inv_z: impl Fn(usize) -> f32 + Sync,
-        slopes: &[[f32; 2]],
+        slope: impl Fn(usize) -> [f32; 2] + Sync,
     ) -> Self {
         let w = window.w;
-        let (points, normals) = (0..active.len())
+        let (z, normals) = (0..active.len())
             .into_par_iter()
             .map(|i| {
                 if !active[i] {
-                    return ([0.0; 3], [0.0; 3]);
+                    return (0.0, [0.0; 3]);
                 }
                 let ([u, v], inv_z) = (rays.plane[window.at(i)], inv_z(i));
                 // Slopes of single pixels are noisy: the mean over 3 × 3.
                 let (mut sum, mut count) = ([0.0f32; 2], 0.0);
                 for j in [i - w, i, i + w].into_iter().flat_map(|j| [j - 1, j, j + 1]).filter(|j| active[*j]) {
-                    sum = [sum[0] + slopes[j][0], sum[1] + slopes[j][1]];
+                    let slope = slope(j);
+                    sum = [sum[0] + slope[0], sum[1] + slope[1]];
                     count += 1.0;
                 }
                 let [beta, gamma] = sum.map(|s| s / count * rays.focal_px);
                 let n = [-beta, -gamma, beta * u + gamma * v - inv_z];
                 let len = dot(n, n).sqrt();
-                ([u / inv_z, v / inv_z, 1.0 / inv_z], n.map(|v| v / len))
+                (1.0 / inv_z, n.map(|v| v / len))
             })
             .unzip();
-        Self { window, active, points, normals }
+        Self { window, active, rays, z, normals }
+    }
+
+    /// Returns the point of pixel `i` of the window, camera frame, mm.
+    #[inline]
+    pub(in crate::reconstruct::refine) fn point(&self, i: usize) -> [f32; 3] {
+        let ([u, v], z) = (self.rays.plane[self.window.at(i)], self.z[i]);
+        [u * z, v * z, z]
     }
 
     /// Returns pixel `i` as a receiver of light.
     pub(super) fn receiver(&self, i: usize) -> Receiver {
-        Receiver { point: self.points[i], normal: self.normals[i] }
+        Receiver { point: self.point(i), normal: self.normals[i] }
     }
 
     /// Returns whether pixels `i` and `j`, close to each other, lie on one smooth piece of surface.
     pub(super) fn is_smooth_between(&self, i: usize, j: usize, focal_px: f32) -> bool {
-        let (p, q) = (self.points[i], self.points[j]);
+        let (p, q) = (self.point(i), self.point(j));
         let off = dot(self.normals[i], [q[0] - p[0], q[1] - p[1], q[2] - p[2]]).abs();
         off <= p[2] / focal_px && dot(self.normals[i], self.normals[j]) > 0.9
     }

@@ -24,17 +24,17 @@ fn a_corner_gathers_what_its_form_factors_say() {
         })
         .collect();
     let rays = CameraRays::for_test(focal, plane);
-    let surface = GatherSurface::new(&window, &active, &rays, |i| inv_z[window.at(i)], &slopes);
+    let surface = GatherSurface::new(&window, &active, &rays, |i| inv_z[window.at(i)], |i| slopes[i]);
     // The left wall has codeword 0.2, the right wall 0.8; white is 1 everywhere.
     let mut m = Measurements::for_test(w - 2, h - 2, 1);
     for i in 0..m.n() {
         m.p[i] = if i % (w - 2) < 120 { 0.2 } else { 0.8 };
     }
     let (got, _) = gather(&surface, &m, 1, focal, 4000);
-    let far = surface.points[window_index(&window, 239, 299)][0] * 2f32.sqrt();
+    let far = surface.point(window_index(&window, 239, 299))[0] * 2f32.sqrt();
     for column in [130, 150, 180, 220] {
         let i = window_index(&window, column, 299);
-        let d = surface.points[i][0] * 2f32.sqrt();
+        let d = surface.point(i)[0] * 2f32.sqrt();
         let expected = 0.5 * (1.0 - d / (d * d + far * far).sqrt());
         let fraction = got.per_albedo[i];
         assert!((fraction - expected).abs() < 0.06 * expected + 0.005, "{column}: {fraction} {expected}");

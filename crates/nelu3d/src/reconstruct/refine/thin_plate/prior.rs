@@ -1,5 +1,7 @@
 //! The prior itself: second differences of the surface and their weights.
 
+use std::ops::Range;
+
 use nelu3d_field::plate::PlateSystem;
 use nelu3d_scan::image::box_mean;
 use rayon::prelude::*;
@@ -34,6 +36,25 @@ impl ThinPlatePrior {
         let ring = |i: usize| [0, width - 1].contains(&(i % width)) || [0, height - 1].contains(&(i / width));
         assert!((0..n).all(|i| !(active[i] && ring(i))), "the outermost ring of the prior must be free");
         Self { width, height, active, wxx: vec![0.0; n], wyy: vec![0.0; n], wxy: vec![0.0; n] }
+    }
+
+    /// Returns the prior of some rows of its window, as if there were no others: the first and the last of them take no
+    /// part.
+    pub(in crate::reconstruct::refine) fn of_rows(&self, rows: Range<usize>) -> Self {
+        let (w, h, start) = (self.width, rows.len(), rows.start * self.width);
+        let mut active = vec![false; w * h];
+        active[w..(h - 1) * w].copy_from_slice(&self.active[start + w..start + (h - 1) * w]);
+        // Differences that reach into those two rows are missing.
+        let weights = |of: &[f32], first: usize, end: usize| {
+            let mut some = vec![0.0; w * h];
+            if first < end {
+                some[first * w..end * w].copy_from_slice(&of[start + first * w..start + end * w]);
+            }
+            some
+        };
+        let (wxx, wyy) = (weights(&self.wxx, 1, h - 1), weights(&self.wyy, 2, h.saturating_sub(2)));
+        let wxy = weights(&self.wxy, 1, h.saturating_sub(2));
+        Self { width: w, height: h, active, wxx, wyy, wxy }
     }
 
     /// Returns which of the three second differences exist at pixel `i`.
