@@ -3,7 +3,8 @@
 use nelu3d_scan::rig::{PatternSet, RigError, Shot};
 use nelu3d_scan::{Image, Rig};
 
-use super::MAX_CAPTURE_WIDTH;
+/// Maximum width of pictures of captures, px.
+pub(super) const MAX_CAPTURE_WIDTH: usize = 320;
 
 /// The captures of a scene, reduced to about the size at which a page shows them.
 #[derive(Clone, Debug)]

@@ -13,14 +13,12 @@ use nelu3d_scan::Image;
 use nelu3d_scan::statistics::percentile;
 
 pub use captures::Captures;
+use captures::MAX_CAPTURE_WIDTH;
 
 use super::html::{thumbnail, tiles};
 use super::number::{grouped, percent, with_unit};
 use super::page;
 use super::viewer::{Coloring, viewer};
-
-/// Maximum width of pictures of captures, px.
-const MAX_CAPTURE_WIDTH: usize = 320;
 
 /// The page of a result.
 pub struct ResultReport<'a> {
