@@ -119,7 +119,7 @@ fn improve(a: &Level, b: &Level, u: &mut [[f32; 2]], noise: &[f32]) {
 }
 
 /// Returns where pixel `i` of an image of width `width` lies after a motion `u`, px.
-pub(super) fn warped_position(i: usize, width: usize, u: [f32; 2]) -> [f64; 2] {
+fn warped_position(i: usize, width: usize, u: [f32; 2]) -> [f64; 2] {
     [f64::from((i % width) as f32 + u[0]), f64::from((i / width) as f32 + u[1])]
 }
 

@@ -54,7 +54,7 @@ impl Pyramid {
 pub(super) struct Level {
     /// Width and height, px.
     pub(super) size: [usize; 2],
-    /// Its channels, `height × width` values each.
+    /// The channels of the image, each `height × width` values, row by row.
     pub(super) channels: Vec<Vec<f32>>,
 }
 

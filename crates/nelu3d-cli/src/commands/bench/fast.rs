@@ -68,7 +68,7 @@ pub(super) struct FastReport {
 /// A reconstruction, measured.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct WorkResult {
-    /// Its stages.
+    /// Stages of the reconstruction: elapsed and processor time of each, s.
     stages: Vec<StageTime>,
     /// Parts of the stages whose operations and bytes are counted.
     parts: Vec<PartResult>,
@@ -90,6 +90,25 @@ impl WorkResult {
             }
         };
         Self { stages, parts: heard.take().into_iter().map(part).collect() }
+    }
+
+    /// Writes the stages in one line, and the parts as a table.
+    fn write(&self, f: &mut fmt::Formatter, what: &str) -> fmt::Result {
+        write_stages(f, what, &self.stages)?;
+        writeln!(f, "  {:16} {:>8} {:>8} {:>8}  {:12} {:>7}", "", "CPU s", "GFLOP", "GB", "limit", "reached")?;
+        for p in &self.parts {
+            writeln!(
+                f,
+                "  {:16} {:8.3} {:8.2} {:8.2}  {:12} {:6.0}%",
+                p.name,
+                p.cpu_secs,
+                p.flops * 1e-9,
+                p.bytes * 1e-9,
+                p.bound,
+                100.0 * p.share_of_ceiling
+            )?;
+        }
+        Ok(())
     }
 }
 
@@ -198,26 +217,6 @@ fn spec() -> Result<Spec> {
 fn write_stages(f: &mut fmt::Formatter, what: &str, stages: &[StageTime]) -> fmt::Result {
     let each: Vec<String> = stages.iter().map(|s| format!("{} {:.2}", s.name, s.cpu_secs)).collect();
     writeln!(f, "  {what} {:.2}: {}", total(stages), each.join(", "))
-}
-
-impl WorkResult {
-    fn write(&self, f: &mut fmt::Formatter, what: &str) -> fmt::Result {
-        write_stages(f, what, &self.stages)?;
-        writeln!(f, "  {:16} {:>8} {:>8} {:>8}  {:12} {:>7}", "", "CPU s", "GFLOP", "GB", "limit", "reached")?;
-        for p in &self.parts {
-            writeln!(
-                f,
-                "  {:16} {:8.3} {:8.2} {:8.2}  {:12} {:6.0}%",
-                p.name,
-                p.cpu_secs,
-                p.flops * 1e-9,
-                p.bytes * 1e-9,
-                p.bound,
-                100.0 * p.share_of_ceiling
-            )?;
-        }
-        Ok(())
-    }
 }
 
 impl fmt::Display for FastReport {

@@ -102,33 +102,34 @@ fn propagate(decoder: &Decoder<'_>, m: &Measurements, previous: &[f32], step: f3
 }
 
 /// Searches around the inverse depths `near`, 1/mm, at the pixels `on`, by the mean χ² over squares of every offset:
-/// what moves together has one offset. Every second pixel is compared: the squares have enough of them.
+/// what moves together has one offset.
 fn best_offsets(decoder: &Decoder<'_>, m: &Measurements, near: &[f32], on: &[bool], step: f32) -> Offsets {
     let (w, h, n, k) = (m.width, m.height, m.n(), m.k);
     let s = &decoder.settings.propagation;
     let (rays, valid) = (decoder.rays, &decoder.field.validity);
     let prior = decoder.settings.light_fractions.weights(m);
     let radius = s.radius.max(decoder.noise_reduction(m));
-    let compared: Vec<usize> = (0..n).filter(|i| on[*i]).collect();
-    let mut count = vec![0.0; n];
-    compared.iter().for_each(|i| count[*i] = 1.0);
+    let mut count: Vec<f32> = on.iter().map(|on| if *on { 1.0 } else { 0.0 }).collect();
     box_mean(&mut count, w, h, radius);
     let costs: Vec<Vec<f32>> = (-s.search_range..=s.search_range)
         .into_par_iter()
         .map(|offset| {
             let mut c = vec![0.0; k];
-            let of = |i: usize, c: &mut [f32]| {
-                let t = 1.0 / ((near[i] + offset as f32 * step) * rays.dir_z(i));
-                let q = rays.in_frame(i).at(f64::from(t)).q;
-                let [close, far] = rays.range[i];
-                if !(t >= close && t <= far && rays.is_calibrated(i, q, valid)) {
-                    return saturation(m);
-                }
-                decoder.spline.eval(q, c);
-                chi2_of_codeword(m, i, c, prior)
-            };
-            let mut cost = vec![0.0; n];
-            compared.iter().for_each(|i| cost[*i] = of(*i, &mut c));
+            let mut cost: Vec<f32> = (0..n)
+                .map(|i| {
+                    if !on[i] {
+                        return 0.0;
+                    }
+                    let t = 1.0 / ((near[i] + offset as f32 * step) * rays.dir_z(i));
+                    let q = rays.in_frame(i).at(f64::from(t)).q;
+                    let [close, far] = rays.range[i];
+                    if !(t >= close && t <= far && rays.is_calibrated(i, q, valid)) {
+                        return saturation(m);
+                    }
+                    decoder.spline.eval(q, &mut c);
+                    chi2_of_codeword(m, i, &c, prior)
+                })
+                .collect();
             box_mean(&mut cost, w, h, radius);
             cost
         })
@@ -146,9 +147,8 @@ fn best_offsets(decoder: &Decoder<'_>, m: &Measurements, near: &[f32], on: &[boo
             }
         }
         out.offset[i] = offset;
-        // At either end the minimum may lie beyond; and where nothing near was compared, nothing is known.
-        let known = best > 0 && best < last && count[i] > 1e-4;
-        out.chi2[i] = if known { at(best) / count[i] / m.independent } else { f32::INFINITY };
+        // At either end the minimum may lie beyond.
+        out.chi2[i] = if best == 0 || best == last { f32::INFINITY } else { at(best) / count[i] / m.independent };
     }
     out
 }

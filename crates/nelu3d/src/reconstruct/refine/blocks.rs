@@ -14,7 +14,7 @@ pub(super) struct Blocks {
     height: usize,
     /// Per column of pixels, the blocks whose middles are beside it, and how much of the way lies behind it.
     columns: Vec<Between>,
-    /// The same per row.
+    /// Per row of pixels, the blocks whose middles are above and below it, and how much of the way lies behind it.
     rows: Vec<Between>,
 }
 

@@ -46,7 +46,7 @@ pub(super) struct LightFractions<'a> {
     prior: [f32; 2],
     /// Radius over which fractions are smooth, px.
     radius: usize,
-    /// The squares of pixels in which they are estimated.
+    /// The squares of pixels in which fractions are estimated.
     blocks: Blocks,
     /// Median of white − black over the window, per channel.
     reference: Vec<f32>,

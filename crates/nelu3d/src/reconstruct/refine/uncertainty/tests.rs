@@ -59,6 +59,37 @@ fn shared_errors_are_told_from_noise() {
     }
 }
 
+/// Uncertainties of some rows are those of the whole surface, but near the rows that are missing.
+#[test]
+fn strips_of_a_surface_have_its_uncertainties() {
+    let (w, h, k) = (60, 200, 3);
+    let (n, active) = (w * h, window(60, 200));
+    let random = normals(n * (2 * k + 2), 5);
+    let x: Vec<f32> = (0..n).map(|i| ((i % w) as f32 * 0.1).sin() + 0.02 * random[i]).collect();
+    let information: Vec<Information> = (0..n)
+        .map(|i| Information {
+            h: if active[i] { 0.5 + random[n + i].abs() } else { 0.0 },
+            chi2: 1.0 + 0.1 * random[i],
+        })
+        .collect();
+    let (residuals, slopes) = random[2 * n..].split_at(n * k);
+    let mut whole = ThinPlatePrior::new(w, h, active);
+    whole.reweight(&x, 0.1, 0.5, 3);
+    let of = |prior: &ThinPlatePrior, rows: std::ops::Range<usize>| {
+        let (from, to) = (rows.start * w, rows.end * w);
+        let shared =
+            systematic(&residuals[from * k..to * k], &slopes[from * k..to * k], k, &prior.active, w, rows.len());
+        sigma(prior, &x[from..to], &information[from..to], &shared)
+    };
+    let (all, strip) = (of(&whole, 0..h), of(&whole.of_rows(55..145), 55..145));
+    for i in (95 * w..105 * w).filter(|i| whole.active[*i]) {
+        let (expected, found) = (all[i], strip[i - 55 * w]);
+        assert!((found - expected).abs() < 1e-5 * expected, "{i}: {found} {expected}");
+    }
+    let (expected, found) = (all[58 * w + 30], strip[3 * w + 30]);
+    assert!((found - expected).abs() > 1e-3 * expected, "rows that are missing matter beside them: {found} {expected}");
+}
+
 /// For surfaces of known roughness under known noise, errors of the solution are as large as σ says, whether the
 /// surface is as rough as the prior allows, smoother, or flat.
 #[test]
