@@ -51,7 +51,8 @@ def profile(chosen: argparse.Namespace) -> tuple[str, str]:
 def build(chosen: argparse.Namespace) -> None:
     """Builds the extension module."""
     # Tests have dependencies that change what all is built from: with them, this is the build of the tests.
-    all_of_it = ["--workspace", "--features", "nelu3d-cli/gpu,nelu3d-cli/gige,nelu3d-cli/usb3,nelu3d-capture/gige-emulator", "--all-targets"]
+    all_of_it = ["--workspace", "--features", "nelu3d-cli/gpu,nelu3d-cli/gige,nelu3d-cli/usb3,nelu3d-capture/gige-emulator"]
+    all_of_it += ["--lib", "--bins", "--tests"]
     module = ["-p", "nelu3d-py"]
     if not chosen.manylinux:
         run("cargo", "build", *profile(chosen), "--locked", *(all_of_it if chosen.workspace else module))
