@@ -20,14 +20,16 @@ use super::excluded::ExcludedBlocks;
 use super::views::Views;
 use crate::progress::Progress;
 pub(super) use center::LightCenter;
-use center::{Chart, HOME};
+use center::{Chart, HOME, State};
 use disagreement::disagreeing_blocks;
 use refine::{Held, Refined, Steps, refine};
 use search::{search_levels, starts};
-use transport::{PULL, Transport, disagreement, seeds};
+use transport::{PULL, Seed, Transport, disagreement, seeds};
 
 /// Numbers of a sweep that the last refinement looks at: samples times channels.
 const MEASUREMENTS: usize = 720_000;
+/// Fraction of them, inverted, that the refinements before it look at.
+const FEWER: usize = 4;
 /// Factor by which residuals may rise where the center is moved along the line that codes of one axis leave open.
 const MAX_WORSE: f64 = 1.02;
 /// Disagreement with the other positions beyond which a position has no consensus with them.
@@ -74,7 +76,7 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
     let finest = levels.first()?;
     let (n, k) = (t.views.len(), t.views.k);
     let last = (n / 3).max(3.min(n - 1));
-    let mut candidates = starts(t, &levels);
+    let mut candidates = different(starts(t, &levels));
     candidates.push(HOME);
     let scored = candidates.into_par_iter().map(|start| {
         let arms = [1, 2, 4].into_iter().filter(|arm| *arm <= last);
@@ -85,6 +87,8 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
     let (score, state) = scored.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
     tracing::debug!(score, ?state, "best start of the light");
     let all = seeds(t.camera, t.views, finest.level, MEASUREMENTS / t.views.k.max(6));
+    // What short arms find is where longer ones begin.
+    let few: Vec<Seed> = all.iter().step_by(FEWER).copied().collect();
     let how = Steps { arm: last, count: 12, min_scale: 0.1 * finest.spread(k), pull: PULL, held: None };
     let (mut best, mut arm) = (Refined::at(state), 2);
     loop {
@@ -92,8 +96,8 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
             return None;
         }
         // The longest arms decide; along what the patterns hardly tell, that takes more steps.
-        let count = if arm >= last { 20 } else { 6 };
-        best = refine(t, finest.level, &all, best.state, Steps { arm: arm.min(last), count, ..how });
+        let (seeds, count) = if arm >= last { (&all, 20) } else { (&few, 6) };
+        best = refine(t, finest.level, seeds, best.state, Steps { arm: arm.min(last), count, ..how });
         if arm >= last {
             break;
         }
@@ -105,6 +109,20 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
         best = nearer;
     }
     best.scale.is_finite().then_some(best)
+}
+
+/// Returns those of some states that differ from all before them: most starts end in the same place.
+fn different(states: Vec<State>) -> Vec<State> {
+    /// Largest difference of what is the same.
+    const SAME: f64 = 1e-3;
+    let mut kept: Vec<State> = Vec::new();
+    for s in states {
+        if kept.iter().all(|k| (0..3).any(|i| (k[i] - s[i]).abs() > SAME)) {
+            kept.push(s);
+        }
+    }
+    tracing::debug!(states = ?kept, "starts of the light");
+    kept
 }
 
 /// Moves a center that codes along one axis leave open along its line, as near to the camera as the codewords do not
