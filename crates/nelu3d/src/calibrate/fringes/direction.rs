@@ -1,6 +1,7 @@
 //! The direction of a code's stripes in the light's frame.
 
 use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
 
 use super::columns::Columns;
 
@@ -10,7 +11,7 @@ const MIN_COHERENCE: f64 = 0.6;
 /// Cosine of the angle up to which channels share a direction: stripes of one axis may converge by perspective.
 const SAME_DIRECTION: f64 = 0.94;
 /// Block sizes over which gradients are taken: fine stripes need small ones, coarse stripes are seen over noise in
-/// large ones.
+/// large ones. The first one is a single column.
 const BLOCKS: [usize; 5] = [1, 2, 4, 8, 16];
 /// Fraction of a channel's variance that means over blocks must keep: what little is left of stripes that are finer
 /// than the blocks has another direction.
@@ -117,7 +118,7 @@ impl Axis {
             axis.slope[0] -= m;
         }
         let middle = |i: usize| axis.direction([(i % n[0]) as f32 + 0.5, (i / n[0]) as f32 + 0.5]);
-        axis.directions = (0..n[0] * n[1]).map(middle).collect();
+        axis.directions = (0..n[0] * n[1]).into_par_iter().map(middle).collect();
         axis
     }
 }
@@ -126,7 +127,8 @@ impl Axis {
 /// more than two. Channels that show none by themselves (stripes nearly as fine as the columns, or a bit that hardly
 /// changes) go with the axis along which they change least.
 pub(super) fn axes(columns: &Columns) -> Option<Vec<Axis>> {
-    let found: Vec<Directed> = (0..columns.k).map(|channel| of_channel(columns, channel)).collect::<Option<_>>()?;
+    let found = (0..columns.k).into_par_iter().map(|channel| of_channel(columns, channel));
+    let found: Vec<Directed> = found.collect::<Option<_>>()?;
     let mut groups: Vec<(Vec<usize>, [f64; 2])> = Vec::new();
     for (channel, of) in found.iter().enumerate().filter(|(_, of)| of.coherence > MIN_COHERENCE) {
         match groups.iter_mut().find(|g| dot(g.1, of.tangent).abs() > SAME_DIRECTION) {
@@ -139,7 +141,7 @@ pub(super) fn axes(columns: &Columns) -> Option<Vec<Axis>> {
         return None;
     }
     let fit = |(channels, tangent)| Axis::fit(channels, tangent, &found, columns.n);
-    let mut axes: Vec<Axis> = groups.into_iter().map(fit).collect();
+    let mut axes: Vec<Axis> = groups.into_par_iter().map(fit).collect();
     for (channel, of) in found.iter().enumerate().filter(|(_, of)| of.coherence <= MIN_COHERENCE) {
         let nearest = axes.iter_mut().min_by(|a, b| a.change(of).total_cmp(&b.change(of)));
         nearest?.channels.push(channel);
@@ -150,9 +152,12 @@ pub(super) fn axes(columns: &Columns) -> Option<Vec<Axis>> {
 /// The gradients of a channel, at the block size at which they tell most about its direction.
 fn of_channel(columns: &Columns, channel: usize) -> Option<Directed> {
     let mut best: Option<(f64, Directed)> = None;
-    let whole = variance(&block_means(columns, channel, 1));
+    let mut whole = 0.0;
     for block in BLOCKS {
         let means = block_means(columns, channel, block);
+        if block == 1 {
+            whole = variance(&means);
+        }
         let gradients = gradients(&means, block, columns);
         if gradients.len() < MIN_GRADIENTS || variance(&means) < MIN_KEPT * whole {
             continue;

@@ -13,7 +13,7 @@ const SKIPPED: usize = 2;
 const SAME_STRIPE: f32 = 0.1;
 /// Fewest comparisons that tell how good carried samples are, and how many are made at most.
 const MIN_COMPARED: usize = 200;
-const MAX_COMPARED: usize = 30_000;
+const MAX_COMPARED: usize = 10_000;
 /// How far beyond a way columns may be that are compared over it, columns.
 const COMPARED_BEYOND: f32 = 40.0;
 
@@ -43,6 +43,8 @@ pub(super) struct Reach {
 pub(super) struct Known<'a> {
     columns: &'a Columns,
     axes: &'a [Axis],
+    /// Indices of the columns that are known.
+    known: Vec<usize>,
 }
 
 impl Fill {
@@ -88,7 +90,8 @@ impl Fill {
 impl<'a> Known<'a> {
     /// Joins columns with the directions of their stripes.
     pub(super) fn new(columns: &'a Columns, axes: &'a [Axis]) -> Self {
-        Self { columns, axes }
+        let known = (0..columns.is_known.len()).filter(|i| columns.is_known[*i]).collect();
+        Self { columns, axes, known }
     }
 
     /// Finds donors for dark columns, no further away than each axis reaches, if it does at all; columns that have none
@@ -143,7 +146,7 @@ impl<'a> Known<'a> {
     /// Mean square error of samples carried along the stripes of an axis, per channel of the axis, measured on known
     /// columns from known columns `way` columns away and beyond. `None` where too few can be compared.
     pub(super) fn variance(&self, axis: &Axis, way: f32) -> Option<Vec<f32>> {
-        let known: Vec<usize> = (0..self.columns.is_known.len()).filter(|i| self.columns.is_known[*i]).collect();
+        let known = &self.known;
         let one = |i: usize| {
             let column = known[i * 7919 % known.len()];
             let own = self.columns.places[column];
