@@ -1,6 +1,7 @@
 //! The penalty on second differences of the spline's coefficients, Σ over axes of λ DᵀD, and on first differences along
 //! w.
 
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::smoothness::Smoothness;
@@ -59,31 +60,13 @@ impl Penalty {
 
     /// Computes y = Σ λ DᵀD x.
     pub(super) fn apply(&self, x: &[f32], y: &mut [f32]) {
-        let [na, nb, nw] = self.nodes;
-        let column = nw * self.k;
-        let row = na * column;
-        let stencil_of = |b: usize| self.stencils[1][b];
-        y.par_chunks_mut(row).enumerate().for_each(|(b, y)| {
-            // Neighbors two steps away at most, none beyond the ends: their coefficients are 0 there, and clamping
-            // keeps the slice in range.
-            let rows: [&[f32]; 5] = std::array::from_fn(|o| {
-                let at = (b + o).saturating_sub(2).min(nb - 1);
-                &x[at * row..][..row]
-            });
-            let mut first = 0;
-            while first < na {
-                let n = BLOCK.min(na - first);
-                let y = &mut y[first * column..][..n * column];
-                weighed_sum(y, rows.map(|r| &r[first * column..][..n * column]), &stencil_of(b));
-                self.add_across_a(rows[2], y, first);
-                self.add_along(&rows[2][first * column..][..n * column], y);
-                y.iter_mut().zip(&self.lambda).for_each(|(y, l)| *y *= l);
-                first += n;
-            }
-        });
+        let row = self.nodes[0] * self.nodes[2] * self.k;
+        let arch = Arch::new();
+        y.par_chunks_mut(row).enumerate().for_each(|(b, y)| arch.dispatch(Row { penalty: self, x, b, y }));
     }
 
     /// Adds what neighbors along a give to the columns of a row from `first` on.
+    #[inline(always)]
     fn add_across_a(&self, row: &[f32], y: &mut [f32], first: usize) {
         let (na, column) = (self.nodes[0], self.nodes[2] * self.k);
         let n = y.len() / column;
@@ -100,6 +83,7 @@ impl Penalty {
     }
 
     /// Adds what neighbors along w give to columns.
+    #[inline(always)]
     fn add_along(&self, x: &[f32], y: &mut [f32]) {
         let k = self.k;
         for (o, coeffs) in self.along.iter().enumerate() {
@@ -112,7 +96,44 @@ impl Penalty {
     }
 }
 
+/// Row b of the operator's product with x.
+struct Row<'a> {
+    penalty: &'a Penalty,
+    x: &'a [f32],
+    b: usize,
+    /// Where the row goes, `[a][w][channel]`.
+    y: &'a mut [f32],
+}
+
+impl WithSimd for Row<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { penalty, x, b, y } = self;
+        let ([na, nb, nw], row) = (penalty.nodes, y.len());
+        let column = nw * penalty.k;
+        // Neighbors two steps away at most, none beyond the ends: their coefficients are 0 there, and clamping keeps
+        // the slice in range.
+        let rows: [&[f32]; 5] = std::array::from_fn(|o| {
+            let at = (b + o).saturating_sub(2).min(nb - 1);
+            &x[at * row..][..row]
+        });
+        let mut first = 0;
+        while first < na {
+            let n = BLOCK.min(na - first);
+            let y = &mut y[first * column..][..n * column];
+            weighed_sum(y, rows.map(|r| &r[first * column..][..n * column]), &penalty.stencils[1][b]);
+            penalty.add_across_a(rows[2], y, first);
+            penalty.add_along(&rows[2][first * column..][..n * column], y);
+            y.iter_mut().zip(&penalty.lambda).for_each(|(y, l)| *y *= l);
+            first += n;
+        }
+    }
+}
+
 /// Writes the sum of five slices, weighed.
+#[inline(always)]
 fn weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 5]) {
     for ((((y, x0), x1), x2), (x3, x4)) in y.iter_mut().zip(x0).zip(x1).zip(x2).zip(x3.iter().zip(x4)) {
         *y = c[0] * x0 + c[1] * x1 + c[2] * x2 + c[3] * x3 + c[4] * x4;
@@ -120,6 +141,7 @@ fn weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 5]) {
 }
 
 /// Adds the sum of five slices, weighed.
+#[inline(always)]
 fn add_weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 5]) {
     for ((((y, x0), x1), x2), (x3, x4)) in y.iter_mut().zip(x0).zip(x1).zip(x2).zip(x3.iter().zip(x4)) {
         *y += c[0] * x0 + c[1] * x1 + c[2] * x2 + c[3] * x3 + c[4] * x4;
