@@ -4,6 +4,7 @@ use nelu3d::result::picture::{DEPTH_COLORS, Picture, limits, map_color, status_c
 use nelu3d::{PixelStatus, Surface};
 use nelu3d_evaluate::GroundTruth;
 use nelu3d_scan::statistics::percentile;
+use rayon::prelude::*;
 
 use crate::html::{MAX_MAP_WIDTH, color_bar, figure, img, legend};
 
@@ -11,10 +12,10 @@ use crate::html::{MAX_MAP_WIDTH, color_bar, figure, img, legend};
 pub(super) fn maps(surface: &Surface, truth: Option<&GroundTruth>) -> String {
     let r = surface;
     let (w, h) = (r.width, r.height);
-    let mut html = String::new();
-    let mut add = |name: &str, note: &str, picture: Picture, legend: String| {
-        html += &figure(name, note, &(img(&picture.at_most(MAX_MAP_WIDTH), name) + &legend));
-    };
+    let mut maps: Vec<(&str, &str, Picture, String)> = Vec::new();
+    // One after the other as large as the sensor; what is long is to compress what is left of them.
+    let mut add =
+        |name, note, picture: Picture, legend| maps.push((name, note, picture.at_most(MAX_MAP_WIDTH), legend));
 
     // Near is bright, as in the preview.
     let [near, far] = limits(&r.depth, 1.0, 99.0);
@@ -53,7 +54,10 @@ pub(super) fn maps(surface: &Surface, truth: Option<&GroundTruth>) -> String {
         add(name, note, Picture::of_map(map, w, h, range, colors), color_bar(colors, range, unit));
     }
     add("Pixel status", "valid, or why the pixel has no depth", Picture::of_status(&r.status, w, h), status_legend());
-    html
+    let figure = |(name, note, picture, legend): &(&str, &str, Picture, String)| {
+        figure(name, note, &(img(picture, name) + legend))
+    };
+    maps.par_iter().map(figure).collect()
 }
 
 /// Shows the colors of the pixel status.

@@ -11,6 +11,7 @@ use nelu3d::result::picture::Picture;
 use nelu3d_evaluate::{GroundTruth, Metrics, TracePoint};
 use nelu3d_scan::Image;
 use nelu3d_scan::statistics::percentile;
+use rayon::prelude::*;
 
 pub use captures::Captures;
 use captures::MAX_CAPTURE_WIDTH;
@@ -88,7 +89,7 @@ impl ResultReport<'_> {
     fn captures(&self) -> String {
         let thumbnail =
             |(name, capture): &(String, Image)| thumbnail(&Picture::of_image(capture).at_most(MAX_CAPTURE_WIDTH), name);
-        self.captures.images.iter().map(thumbnail).collect()
+        self.captures.images.par_iter().map(thumbnail).collect()
     }
 
     /// Shows the normalized images, (pattern − black) / (white − black), where white − black is bright enough.
@@ -113,7 +114,7 @@ impl ResultReport<'_> {
             })
         };
         let pictures: String =
-            patterns.iter().map(|(name, p)| thumbnail(&picture(p).at_most(MAX_CAPTURE_WIDTH), name)).collect();
+            patterns.par_iter().map(|(name, p)| thumbnail(&picture(p).at_most(MAX_CAPTURE_WIDTH), name)).collect();
         let formula = if black.is_some() { "(pattern − black) / (white − black)" } else { "pattern / white" };
         let note =
             format!("<p class=note>{formula}, black = 0 and white = 1; dark where white (flash) is too dim.</p>");

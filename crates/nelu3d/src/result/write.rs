@@ -63,6 +63,18 @@ pub fn write_into(dir: &Path, r: &Surface, summary: &Summary, extra: ExtraFiles)
     let (w, h) = (r.width, r.height);
     let lengths = [r.depth.len(), r.normals.len(), r.sigma.len(), r.status.len(), r.residual.len(), r.ambient.len()];
     assert!(lengths.iter().all(|&n| n == w * h), "maps of {lengths:?} values for {w} × {h} pixels");
+    let preview = preview(r);
+    let compressed = || write_atomic(&dir.join("preview.png"), |w| w.write_all(&preview.png()));
+    let (others, compressed) = rayon::join(|| write_others(dir, r, summary, extra), compressed);
+    others?;
+    compressed?;
+    write_atomic(&dir.join("result.json"), |w| Ok(serde_json::to_writer_pretty(w, summary)?))?;
+    Ok(())
+}
+
+/// Writes what a result has but for its preview and its summary.
+fn write_others(dir: &Path, r: &Surface, summary: &Summary, extra: ExtraFiles) -> Result<(), WriteError> {
+    let (w, h) = (r.width, r.height);
     npy::write(&dir.join("depth.npy"), &[h, w], &r.depth)?;
     npy::write(&dir.join("normals.npy"), &[h, w, 3], r.normals.as_flattened())?;
     npy::write(&dir.join("sigma.npy"), &[h, w], &r.sigma)?;
@@ -77,8 +89,6 @@ pub fn write_into(dir: &Path, r: &Surface, summary: &Summary, extra: ExtraFiles)
     r.mesh.write(&dir.join("mesh.ply"))?;
     let camera = summary.camera.camera().expect("made from a camera");
     extra.write(dir, r, &camera)?;
-    write_atomic(&dir.join("preview.png"), |w| w.write_all(&preview(r).png()))?;
-    write_atomic(&dir.join("result.json"), |w| Ok(serde_json::to_writer_pretty(w, summary)?))?;
     Ok(())
 }
 
