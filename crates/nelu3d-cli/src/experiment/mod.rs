@@ -18,8 +18,9 @@ mod plot;
 mod rig;
 mod step;
 mod table;
+mod usage;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use nelu3d_scan::output::{create_dir, write_atomic};
 
 use crate::args::ExperimentArgs;
@@ -37,6 +38,7 @@ pub(crate) fn run(args: &ExperimentArgs, context: &CommandContext) -> Result<()>
     if let Some(seeds) = &args.seeds {
         experiment.seeds.clone_from(seeds);
     }
+    usage::check(&experiment).with_context(|| format!("experiment {name}"))?;
     if args.output.to_str().is_none() {
         // Commands and their records are text.
         anyhow::bail!("{}: is no UTF-8, which a study needs; give another folder with -o", shown(&args.output));

@@ -195,7 +195,9 @@ fn what_is_wrong_with_an_experiment_is_said() {
     let out = dir.path().join("out");
     let wrong = nelu3d(&["experiment", file.to_str().unwrap(), "-o", out.to_str().unwrap(), "--quiet"]);
     assert_eq!(code(&wrong), 1);
-    assert!(stderr(&wrong).contains("hasty"), "{}", stderr(&wrong));
+    let said = stderr(&wrong);
+    assert!(said.contains("hasty") && said.contains("method `fast`") && said.contains("correct its `run`"), "{said}");
+    assert!(!out.exists(), "it is said before anything is made");
     let list = nelu3d(&["experiment"]);
     assert!(stdout(&list).contains("table1") && stdout(&list).contains("limits"), "{}", stdout(&list));
 }
