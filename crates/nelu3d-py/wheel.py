@@ -52,7 +52,7 @@ def build(chosen: argparse.Namespace) -> None:
     """Builds the extension module."""
     # Tests have dependencies that change what all is built from: with them, this is the build of the tests.
     all_of_it = ["--workspace", "--features", "nelu3d-cli/gpu,nelu3d-cli/gige,nelu3d-cli/usb3,nelu3d-capture/gige-emulator"]
-    all_of_it += ["--lib", "--bins", "--tests"]
+    all_of_it += ["--lib", "--bins", "--tests", "--config", "profile.release.package.nelu3d-cli.opt-level=0"]
     module = ["-p", "nelu3d-py"]
     if not chosen.manylinux:
         run("cargo", "build", *profile(chosen), "--locked", *(all_of_it if chosen.workspace else module))
