@@ -99,8 +99,8 @@ fn a_file_becomes_tables_and_a_page_and_nothing_is_computed_twice() {
     let number = |entry: usize, column: usize| entries[entry]["numbers"][column]["mean"].as_f64();
     for entry in [0, 1, 3, 4] {
         let (mae, cad) = (number(entry, 0).unwrap(), number(entry, 2).unwrap());
-        // Distances to a surface are no longer than errors along a ray to it, but for the few pixels beside it. LookUp3D
-        // rejects no pixel by default, so that a few percent are far off.
+        // Distances to a surface are no longer than errors along a ray to it, but for the few pixels beside it.
+        // LookUp3D rejects no pixel by default, so that a few percent are far off.
         assert!(mae > 0.0 && mae < 12.0 && cad > 0.0 && cad < mae + 0.5, "{entry}: {mae} {cad}");
     }
     assert!(number(0, 0) < number(1, 0), "fast is better than LookUp3D");
