@@ -286,6 +286,12 @@ mod tests {
     }
 
     #[test]
+    fn starts_that_end_in_the_same_place_are_one() {
+        let states = [[0.1, 0.2, 0.3], [0.1004, 0.2, 0.2998], [0.1, 0.21, 0.3], [0.1, 0.2101, 0.3]];
+        assert_eq!(different(states.to_vec()), [states[0], states[2]]);
+    }
+
+    #[test]
     fn carried_codewords_have_the_slopes_of_differences() {
         let mut camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
         camera.distortion = nelu3d_scan::camera::Distortion::new(&[-0.2, 0.1, 1e-3, -2e-3, 0.0]).unwrap();
