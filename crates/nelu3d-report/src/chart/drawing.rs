@@ -10,15 +10,15 @@ use crate::html::escape;
 const SIZE: [f64; 2] = [460.0, 250.0];
 /// Margins left, top, right and below, for labels.
 const MARGIN: [f64; 4] = [52.0, 12.0, 14.0, 40.0];
-/// Room for the names of series, at the right of a file of its own.
-const LEGEND_PX: f64 = 150.0;
+/// Legend of a file of its own, at its right: height of a line, room before a name, and widest letter of it.
+const LEGEND_PX: [f64; 3] = [18.0, 24.0, 6.6];
 /// Colors of a file of its own; in a page the style sheet rules.
 const FILE_STYLE: &str = "text{font:12px sans-serif;fill:#5d6673}line,.frame{stroke:#dfe3e8;fill:none}\
                           polyline{fill:none;stroke-width:1.6}.s0{stroke:#1f6f8b;fill:#1f6f8b}\
                           .s1{stroke:#d55e00;fill:#d55e00}.s2{stroke:#7a8b2f;fill:#7a8b2f}.s3{stroke:#8a4f9e;fill:#8a4f9e}\
                           .s4{stroke:#8a8f98;fill:#8a8f98}.s5{stroke:#56b4e9;fill:#56b4e9}.s6{stroke:#e69f00;fill:#e69f00}\
                           polyline.s0,polyline.s1,polyline.s2,polyline.s3,polyline.s4,polyline.s5,polyline.s6{fill:none}\
-                          rect.s0{stroke:none}.ideal{stroke:#8a8f98;stroke-dasharray:4 4}";
+                          polyline.d1{stroke-dasharray:7 3}polyline.d2{stroke-dasharray:2 3}rect.s0{stroke:none}.ideal{stroke:#8a8f98;stroke-dasharray:4 4}";
 
 /// A chart: series over two axes.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,31 +46,34 @@ impl Chart {
 
     /// Draws the chart for a page.
     pub fn svg(&self) -> String {
-        self.draw("", 0.0)
+        self.draw("", SIZE)
     }
 
     /// Draws the chart as a file of its own, with the names of its series if there are several.
     pub fn as_file(&self) -> String {
         let mut before = format!("<style>{FILE_STYLE}</style><rect width='100%' height='100%' fill='#fff'/>");
         if self.series.len() < 2 {
-            return with_namespace(&self.draw(&before, 0.0));
+            return with_namespace(&self.draw(&before, SIZE));
         }
+        let [line, before_name, letter] = LEGEND_PX;
         for (i, series) in self.series.iter().enumerate() {
-            let (x, y) = (SIZE[0] + 4.0, 24.0 + 18.0 * i as f64);
+            let (x, y) = (SIZE[0] + 4.0, 24.0 + line * i as f64);
             let class = series.class(i);
             let _ = write!(before, "<polyline class='{class}' points='{x},{y} {},{y}'/>", x + 16.0);
             let _ = write!(before, "<text x='{}' y='{}'>{}</text>", x + 20.0, y + 4.0, escape(&series.label));
         }
-        with_namespace(&self.draw(&before, LEGEND_PX))
+        let longest = self.series.iter().map(|s| s.label.chars().count()).max().unwrap_or(0);
+        let right = SIZE[0] + before_name + letter * longest as f64;
+        let low = 24.0 + line * self.series.len() as f64;
+        with_namespace(&self.draw(&before, [right.ceil(), SIZE[1].max(low)]))
     }
 
-    /// Draws the chart after the elements `before`, with room at its right.
-    fn draw(&self, before: &str, right_of_it: f64) -> String {
+    /// Draws the chart after the elements `before`, in the upper left of a picture of a size.
+    fn draw(&self, before: &str, [width, height]: [f64; 2]) -> String {
         let Some(plot) = Plot::new(self) else {
             return "<p class=note>There is nothing to draw.</p>".to_owned();
         };
-        let mut s =
-            format!("<svg class='chart' viewBox='0 0 {} {}' role='img'>{before}", SIZE[0] + right_of_it, SIZE[1]);
+        let mut s = format!("<svg class='chart' viewBox='0 0 {width} {height}' role='img'>{before}");
         plot.grid(&mut s);
         for (i, series) in self.series.iter().enumerate() {
             plot.series(series, &series.class(i), &mut s);
@@ -296,5 +299,25 @@ mod tests {
             assert!(svg.contains(">plane<") && svg.contains(">a &amp; b<") && !svg.contains("NaN"), "{svg}");
             assert!(!svg.contains("second") && chart.as_file().contains(">second</text>"));
         }
+    }
+
+    #[test]
+    fn many_series_are_told_apart_and_have_room_for_their_names() {
+        let series = |i: usize| ChartSeries {
+            label: format!("a method with a long name under pattern {i}"),
+            points: vec![[0.0, 1.0], [1.0, i as f64]],
+            spread: Vec::new(),
+            mark: ChartMark::Line,
+        };
+        let (x, y) = (ChartAxis::linear("x"), ChartAxis::linear("y"));
+        let chart = Chart { x, y, series: (0..16).map(series).collect() };
+        let classes: std::collections::HashSet<String> = (0..16).map(|i| chart.series[i].class(i)).collect();
+        assert_eq!(classes.len(), 16);
+        let file = chart.as_file();
+        // 42 letters, 16 lines.
+        let size = file.split("viewBox='0 0 ").nth(1).unwrap().split('\'').next().unwrap();
+        let size: Vec<f64> = size.split(' ').map(|n| n.parse().unwrap()).collect();
+        assert!(size[0] >= SIZE[0] + 42.0 * 6.0 && size[1] >= 24.0 + 16.0 * 18.0, "{size:?}");
+        assert!(chart.svg().contains(&format!("viewBox='0 0 {} {}'", SIZE[0], SIZE[1])));
     }
 }

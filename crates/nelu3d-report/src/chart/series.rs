@@ -2,6 +2,8 @@
 
 /// Number of colors, after which they repeat (Okabe and Ito, Color Universal Design, 2008, and two grays).
 const N_COLORS: usize = 7;
+/// Number of kinds of dashes, which tell series of the same color apart.
+const N_DASHES: usize = 2;
 
 /// How a series is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,8 +34,12 @@ pub struct ChartSeries {
 }
 
 impl ChartSeries {
-    /// Returns the class that gives the i-th series its color.
+    /// Returns the classes that give the i-th series its color and, where colors repeat, its dashes.
     pub(super) fn class(&self, i: usize) -> String {
-        if self.mark == ChartMark::Ideal { "ideal".to_owned() } else { format!("s{}", i % N_COLORS) }
+        match (self.mark, i / N_COLORS) {
+            (ChartMark::Ideal, _) => "ideal".to_owned(),
+            (_, 0) => format!("s{i}"),
+            (_, round) => format!("s{} d{}", i % N_COLORS, (round - 1) % N_DASHES + 1),
+        }
     }
 }
