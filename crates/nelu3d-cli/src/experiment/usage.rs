@@ -36,7 +36,7 @@ fn commands(method: &Method, placeholders: &Placeholders<'_>) -> Vec<(&'static s
         words.extend(placeholders.words(options));
         words
     };
-    let (name, options) = method.run.split_once(char::is_whitespace).unwrap_or((&method.run, ""));
+    let (name, options) = method.run.trim().split_once(char::is_whitespace).unwrap_or((method.run.trim(), ""));
     let mut all = vec![
         ("run", command(&[name, "rig", "scene"], options)),
         ("calibrate", command(&["calibrate", "rig"], &method.calibrate)),

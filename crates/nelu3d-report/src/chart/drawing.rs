@@ -18,7 +18,8 @@ const FILE_STYLE: &str = "text{font:12px sans-serif;fill:#5d6673}line,.frame{str
                           .s1{stroke:#d55e00;fill:#d55e00}.s2{stroke:#7a8b2f;fill:#7a8b2f}.s3{stroke:#8a4f9e;fill:#8a4f9e}\
                           .s4{stroke:#8a8f98;fill:#8a8f98}.s5{stroke:#56b4e9;fill:#56b4e9}.s6{stroke:#e69f00;fill:#e69f00}\
                           polyline.s0,polyline.s1,polyline.s2,polyline.s3,polyline.s4,polyline.s5,polyline.s6{fill:none}\
-                          polyline.d1{stroke-dasharray:7 3}polyline.d2{stroke-dasharray:2 3}rect.s0{stroke:none}.ideal{stroke:#8a8f98;stroke-dasharray:4 4}";
+                          polyline.d1{stroke-dasharray:7 3}polyline.d2{stroke-dasharray:2 3}rect.s0{stroke:none}\
+                          .ideal{stroke:#8a8f98;stroke-dasharray:4 4}";
 
 /// A chart: series over two axes.
 #[derive(Clone, Debug, PartialEq)]
