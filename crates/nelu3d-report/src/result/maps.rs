@@ -13,7 +13,7 @@ pub(super) fn maps(surface: &Surface, truth: Option<&GroundTruth>) -> String {
     let r = surface;
     let (w, h) = (r.width, r.height);
     let mut maps: Vec<(&str, &str, Picture, String)> = Vec::new();
-    // One after the other as large as the sensor; what is long is to compress what is left of them.
+    // Drawn one after the other: each is as large as the sensor until it is reduced. Compressing them takes longest.
     let mut add =
         |name, note, picture: Picture, legend| maps.push((name, note, picture.at_most(MAX_MAP_WIDTH), legend));
 

@@ -28,8 +28,9 @@ use transport::{PULL, Seed, Transport, disagreement, seeds};
 
 /// Numbers of a sweep that the last refinement looks at: samples times channels.
 const MEASUREMENTS: usize = 720_000;
-/// Fraction of them, inverted, that the refinements before it look at.
-const FEWER: usize = 4;
+/// Samples that the refinements with shorter arms, before it, look at: every so many-th, but no fewer than these if
+/// there are as many.
+const FEWER: (usize, usize) = (4, 5000);
 /// Factor by which residuals may rise where the center is moved along the line that codes of one axis leave open.
 const MAX_WORSE: f64 = 1.02;
 /// Disagreement with the other positions beyond which a position has no consensus with them.
@@ -88,7 +89,7 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
     tracing::debug!(score, ?state, "best start of the light");
     let all = seeds(t.camera, t.views, finest.level, MEASUREMENTS / t.views.k.max(6));
     // What short arms find is where longer ones begin.
-    let few: Vec<Seed> = all.iter().step_by(FEWER).copied().collect();
+    let few: Vec<Seed> = all.iter().step_by((all.len() / FEWER.1).clamp(1, FEWER.0)).copied().collect();
     let how = Steps { arm: last, count: 12, min_scale: 0.1 * finest.spread(k), pull: PULL, held: None };
     let (mut best, mut arm) = (Refined::at(state), 2);
     loop {
