@@ -9,6 +9,8 @@ use super::placed_sweep::PlacedSweep;
 use super::predictor::Predictor;
 use super::resolution::{is_limited, resolution, spline_cells};
 use super::shared_displacement::GrossSquares;
+use super::smoothing::{Aside, smoothness};
+use super::spline_fit::{OF_FEW, OF_MANY, Schedule, fit_spline};
 use super::support::Support;
 use crate::color_field::bins::{Bins, Gathered};
 use crate::color_field::fit::{Smoothness, fit};
@@ -28,24 +30,6 @@ const MIN_GAPS: usize = 4;
 const CELLS_ALONG_VALIDITY: usize = 32;
 /// Shortfall of the held-out PSNR against what the noise allows, beyond which a field is not good, dB.
 pub(super) const MAX_SHORTFALL_DB: f64 = 3.0;
-/// How a spline is fitted from nothing.
-#[derive(Clone, Copy)]
-struct Schedule {
-    /// Fits before that of all cells, the coarsest last: by what the cells across are divided, and the steps.
-    coarse: &'static [(usize, usize)],
-    /// Steps of the fit of all cells.
-    steps: usize,
-}
-
-/// A fit that measures, without the held-out positions. The coarsest level leaves next to nothing undetermined, and what
-/// it does is smooth: from a quarter of the cells alone, the field of a rig of another renderer was off by 0.01 at its
-/// nearest board; from here, by the noise. More fine steps follow the noise: 20 instead of 8 predict held-out positions
-/// of two rigs of other renderers worse, by 0.15 dB.
-const OF_MANY: Schedule = Schedule { coarse: &[(4, 10), (8, 20), (16, 60)], steps: 8 };
-/// The schedule where few positions are held out in turn: a ray that one board has met says nothing of how its codeword
-/// changes along it, and steps that are not taken keep it constant. Solved from the coarsest on, end positions were
-/// predicted 3 dB worse from the others.
-const OF_FEW: Schedule = Schedule { coarse: &[(4, 30)], steps: 10 };
 /// Steps of the final fit from the one without the held-out positions.
 const FINAL_STEPS: usize = 8;
 /// Steps of the final fit where much is new to it: the last position that was held out in turn, or samples that were
@@ -93,6 +77,8 @@ pub(super) struct Candidate {
     pub(super) is_limited: bool,
     /// How it was fitted.
     schedule: Schedule,
+    /// How smooth it is.
+    smooth: Smoothness,
     /// Steps that the final fit takes.
     final_steps: usize,
     /// The part along the light's rays that holds, in unit coordinates.
@@ -123,17 +109,27 @@ impl Candidate {
         let schedule = if in_turn { OF_FEW } else { OF_MANY };
         let first: Vec<usize> = (0..placed.n_positions()).filter(|p| in_turn || !folds[0].contains(p)).collect();
         let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
-        let mut usable = pass.gather(&first, Some(&mut support))?;
+        let mut aside = (opts.form == FormKind::Grid).then(|| Aside::new(&first, cells));
+        let mut usable = pass.gather(&first, Some(&mut support), aside.as_mut())?;
         // With so few that the held-out ones decide whether there are enough, they are looked at first.
         if usable < MIN_SAMPLES && !in_turn {
             let (mut bins, mut validity) =
                 (empty_bins(placed, cells, center, opts.form), empty_validity(placed, cells));
             let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
-            usable += pass.gather(&folds[0], None)?;
+            usable += pass.gather(&folds[0], None, None)?;
         }
         if usable < MIN_SAMPLES {
             return Err(no_samples(placed, opts));
         }
+        let k = placed.sweep.k;
+        let smooth = aside.map_or_else(
+            || smoothness(center, vec![1.0; k]),
+            |aside| {
+                aside.choose(&mut bins, cells, center, |bins, cells, smooth| {
+                    fit_spline(bins, cells, smooth, schedule, progress)
+                })
+            },
+        );
         let (mut errors, mut by_position, mut form, mut pixels) = (HeldOutErrors::default(), Vec::new(), None, None);
         for fold in folds {
             let mut others = None;
@@ -141,7 +137,7 @@ impl Candidate {
                 bins.remove_all(&gathered(placed, &frame, fold, &bins, progress)?);
                 others = (center == Center::Light).then(|| Others::add_carried(&mut bins, &validity));
             }
-            let (fitted, at_pixels) = fit_form(cx, &bins, &frame, cells, center, schedule);
+            let (fitted, at_pixels) = fit_form(cx, &bins, &frame, cells, (&smooth, schedule));
             pixels = at_pixels;
             let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
             // A position supports its own samples, too, where it was counted. From one other board alone nothing tells
@@ -201,6 +197,7 @@ impl Candidate {
             gross,
             is_limited: is_limited(placed, &frame, cells),
             schedule,
+            smooth,
             final_steps: if in_turn { STEPS_ANEW } else { FINAL_STEPS },
             reached,
             carried: None,
@@ -222,7 +219,7 @@ impl Candidate {
                 let mut validity = empty_validity(placed, self.cells);
                 let all: Vec<usize> = (0..placed.n_positions()).collect();
                 let frame = &self.frame;
-                Pass { placed, frame, progress, bins: &mut bins, validity: &mut validity }.gather(&all, None)?;
+                Pass { placed, frame, progress, bins: &mut bins, validity: &mut validity }.gather(&all, None, None)?;
                 bins
             }
         };
@@ -239,10 +236,10 @@ impl Candidate {
             find_ranges(placed, &self.frame, &mut self.validity);
             // From nothing: where carried samples lie there was nothing to go on from.
             let schedule = Schedule { steps: STEPS_ANEW, ..self.schedule };
-            return Ok(fit_form(cx, &bins, &self.frame, self.cells, self.center, schedule).0);
+            return Ok(fit_form(cx, &bins, &self.frame, self.cells, (&self.smooth, schedule)).0);
         }
         match &mut form {
-            Form::Grid(grid) => fit(grid, &bins, smoothness(self.center), self.final_steps, progress),
+            Form::Grid(grid) => fit(grid, &bins, &self.smooth, self.final_steps, progress),
             Form::Hash(hash) => {
                 hash.train(&bins, opts.seed.wrapping_add(1), cx.device, progress);
             }
@@ -348,32 +345,12 @@ fn fit_form(
     bins: &Bins,
     frame: &FieldFrame,
     cells: [usize; 3],
-    center: Center,
-    schedule: Schedule,
+    (smooth, schedule): (&Smoothness, Schedule),
 ) -> (Form, Option<PixelQuality>) {
     let FitContext { placed, opts, progress, .. } = *cx;
     let k = placed.sweep.k;
     let form = match opts.form {
-        FormKind::Grid => {
-            // Coarse to fine: the coarse fits fill what the fine one cannot see, and need no more bins than they have
-            // cells for.
-            let mut levels: Vec<(Bins, usize)> = Vec::with_capacity(schedule.coarse.len());
-            for (part, steps) in schedule.coarse {
-                let counts = [cells[0] / part + 1, cells[1] / part + 1, bins.counts()[2]];
-                let merged = levels.last().map_or(bins, |(finer, _)| finer).merged(counts);
-                levels.push((merged, *steps));
-            }
-            let mut grid: Option<Grid> = None;
-            while let Some((coarse, steps)) = levels.pop() {
-                let few = [coarse.counts()[0], coarse.counts()[1], cells[2]];
-                let mut next = grid.map_or_else(|| Grid::new(few, k), |grid| grid.resampled(few));
-                fit(&mut next, &coarse, smoothness(center), steps, progress);
-                grid = Some(next);
-            }
-            let mut grid = grid.expect("there are coarse levels").resampled(cells);
-            fit(&mut grid, bins, smoothness(center), schedule.steps, progress);
-            Form::Grid(grid)
-        }
+        FormKind::Grid => Form::Grid(fit_spline(bins, cells, smooth, schedule, progress)),
         FormKind::Hash => {
             let mut hash = HashForm::new(HashSettings::for_cells(cells), k, opts.seed);
             hash.train(bins, opts.seed, cx.device, progress);
@@ -411,13 +388,6 @@ fn no_samples(placed: &PlacedSweep<'_>, opts: &CalibrationOptions) -> Calibratio
         )
     };
     CalibrationError::NoSamples { path, reason }
-}
-
-fn smoothness(center: Center) -> Smoothness {
-    match center {
-        Center::Light => Smoothness { across: 3e-4, along: 3e-3, slope_along: 3e-4 },
-        Center::Camera => Smoothness { across: 3e-3, along: 1e-4, slope_along: 0.0 },
-    }
 }
 
 /// Two bins a cell along w, and three along the light's rays for the forms with a network, which are no splines and

@@ -21,6 +21,8 @@ mod predictor;
 mod report;
 mod resolution;
 mod shared_displacement;
+mod smoothing;
+mod spline_fit;
 mod support;
 mod sweep;
 mod views;

@@ -7,6 +7,7 @@ use super::held_out::HeldOutErrors;
 use super::placed_sweep::PlacedSweep;
 use super::predictor::Predictor;
 use super::shared_displacement::{CLASSES, DisplacementsBySupport};
+use super::smoothing::Aside;
 use super::support::Support;
 use super::sweep::Position;
 use crate::color_field::bins::{Bins, Gathered};
@@ -29,6 +30,7 @@ pub(super) struct Pass<'a, 'r> {
 
 /// What one position leaves: its samples on their way to the bins, and where they were.
 struct Passed {
+    position: usize,
     gathered: Gathered,
     validity: Validity,
     n: usize,
@@ -42,7 +44,7 @@ impl Passed {
         p: usize,
         read: &Position,
     ) -> Self {
-        let mut out = Self { gathered: into.0.clone(), validity: into.1.clone(), n: 0 };
+        let mut out = Self { position: p, gathered: into.0.clone(), validity: into.1.clone(), n: 0 };
         let width = placed.camera.width;
         let mut w = vec![0.0; placed.sweep.k];
         placed.for_each_usable(p, read, |i, t| {
@@ -67,12 +69,13 @@ impl Pass<'_, '_> {
         Validity::new(sensor.width, sensor.height, shape.tile_px, shape.cells)
     }
 
-    /// Adds positions to bins and validity, and to `support` where it is asked for. Returns the number of usable
-    /// samples.
+    /// Adds positions to bins and validity, and to `support` where it is asked for; what `aside` sets aside it gets,
+    /// too. Returns the number of usable samples.
     pub(super) fn gather(
         &mut self,
         which: &[usize],
         mut support: Option<&mut Support>,
+        mut aside: Option<&mut Aside>,
     ) -> Result<usize, CalibrationError> {
         let (placed, frame, empty, blank) = (self.placed, self.frame, self.bins.gathered(), self.blank());
         let map = |p: usize, (): (), read: &Position| Passed::of(placed, frame, (&empty, &blank), p, read);
@@ -83,6 +86,9 @@ impl Pass<'_, '_> {
                 self.validity.add_position(&p.validity);
                 if let Some(support) = &mut support {
                     support.add(&p.validity);
+                }
+                if let Some(aside) = &mut aside {
+                    aside.keep(p.position, &p.gathered);
                 }
             }
             self.bins.add_all(&wave.into_iter().map(|p| p.gathered).collect::<Vec<_>>());

@@ -19,6 +19,8 @@ use crate::sensor::{NoiseEstimator, quantization_step};
 const MAX_VIEWS: usize = 48;
 /// Most bytes of their images; larger ones are averaged over square blocks of pixels.
 const VIEWS_BUDGET: usize = 1 << 28;
+/// Validity of a sample of which more than half was usable.
+const MOSTLY: f32 = 0.51;
 /// Fewest samples along the shorter side of a level.
 const MIN_SIDE: usize = 12;
 
@@ -61,6 +63,19 @@ impl Level {
         Self { width, height, block, min_validity: 0.99, images: Vec::new() }
     }
 
+    /// Lets samples be used whose surroundings are usable in part, where hardly any are wholly: on a print whose details
+    /// are as fine as the kernel, ink is near everywhere.
+    fn relax(&mut self, k: usize) {
+        /// Part of the samples whose surroundings are mostly usable that has to be wholly so.
+        const ENOUGH: f64 = 0.1;
+        let beyond =
+            |least: f32| self.images.iter().flat_map(|i| i.chunks_exact(k + 1)).filter(|s| s[k] >= least).count();
+        tracing::debug!(wholly = beyond(self.min_validity), mostly = beyond(MOSTLY), "usable samples");
+        if (beyond(self.min_validity) as f64) < ENOUGH * beyond(MOSTLY) as f64 {
+            self.min_validity = MOSTLY;
+        }
+    }
+
     /// Pixel coordinates of the center of a sample's block.
     pub(super) fn px(&self, x: usize, y: usize) -> [f64; 2] {
         let half = (self.block as f64 - 1.0) / 2.0;
@@ -91,7 +106,7 @@ impl Level {
             image
         };
         let images = self.images.par_iter().map(halve).collect();
-        Self { width, height, block: self.block * 2, min_validity: 0.51, images }
+        Self { width, height, block: self.block * 2, min_validity: MOSTLY, images }
     }
 }
 
@@ -103,6 +118,7 @@ impl Views {
         order.sort_by(|a, b| depth(&boards[*a].1).total_cmp(&depth(&boards[*b].1)));
         let images = order.iter().map(|i| std::mem::take(&mut finest.images[*i])).collect();
         finest.images = images;
+        finest.relax(k);
         let mut levels = vec![finest];
         while let Some(last) = levels.last().filter(|l| l.width.min(l.height) >= 2 * MIN_SIDE) {
             levels.push(last.halved(k));

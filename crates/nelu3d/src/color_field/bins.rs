@@ -1,5 +1,7 @@
 //! The samples of a sweep, averaged in small bins, to which every form of the field is fitted.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 /// Samples of the field gathered in small bins: memory depends on the volume and its resolution, not on how many board
@@ -57,6 +59,22 @@ impl Gathered {
         stripe.extend_from_slice(&q);
         stripe.extend_from_slice(values);
         stripe.extend_from_slice(omegas);
+    }
+
+    /// Returns the samples of the stripes that have some of the rows `rows` alone.
+    pub(crate) fn around(&self, rows: &Range<usize>) -> Self {
+        let has_some = |stripe: usize| stripe * STRIPE < rows.end && rows.start < (stripe + 1) * STRIPE;
+        let kept = |(i, stripe): (usize, &Vec<f32>)| if has_some(i) { stripe.clone() } else { Vec::new() };
+        Self { stripes: self.stripes.iter().enumerate().map(kept).collect(), ..*self }
+    }
+
+    /// Calls `f(q, values, weights)` for every sample.
+    pub(crate) fn for_each(&self, mut f: impl FnMut([f32; 3], &[f32], &[f32])) {
+        for record in self.stripes.iter().flat_map(|s| s.chunks_exact(3 + 2 * self.k)) {
+            let (q, rest) = record.split_at(3);
+            let (values, omegas) = rest.split_at(self.k);
+            f([q[0], q[1], q[2]], values, omegas);
+        }
     }
 }
 
@@ -175,6 +193,13 @@ impl Bins {
                 f(s.q, &values, s.omegas);
             });
         }
+    }
+
+    /// Returns some rows of bins alone, whose unit cube is as high as they are.
+    pub(crate) fn window(&self, rows: &Range<usize>) -> Self {
+        let [na, _, nw] = self.counts;
+        let sums = self.sums[rows.start * self.per_row()..rows.end * self.per_row()].to_vec();
+        Self { counts: [na, rows.len(), nw], k: self.k, sums }
     }
 
     /// Returns the same samples in fewer, larger bins.

@@ -27,13 +27,16 @@ pub(super) struct Seed {
     pub(super) point: Point3<f64>,
 }
 
-/// An even selection of about `n` usable samples of a level over all views.
+/// An even selection of about `n` samples of a level over all views, as far as they are usable. Where less than a
+/// quarter of a view is, its samples are closer to each other.
 pub(super) fn seeds(camera: &Camera, views: &Views, level: &Level, n: usize) -> Vec<Seed> {
     let per_view = (n / views.len()).max(200);
-    let stride = (((level.width * level.height) / per_view) as f64).sqrt().max(1.0) as usize;
     let k = views.k;
     let mut out = Vec::new();
     for (view, (normal, offset)) in views.planes.iter().enumerate() {
+        let usable = level.images[view].chunks_exact(k + 1).filter(|s| s[k] >= level.min_validity).count();
+        let area = (4 * usable).min(level.width * level.height);
+        let stride = ((area / per_view) as f64).sqrt().max(1.0) as usize;
         for y in (stride / 2..level.height).step_by(stride) {
             for x in (stride / 2..level.width).step_by(stride) {
                 let index = y * level.width + x;

@@ -1,5 +1,5 @@
-//! Fitting the spline to the binned sweep: weighted least squares with a small second-difference penalty, by conjugate
-//! gradients with a diagonal preconditioner.
+//! Fitting the spline to the binned sweep: weighted least squares with a second-difference penalty, by conjugate
+//! gradients with a diagonal preconditioner. Channels are problems of their own, and each takes its own steps.
 //!
 //! A few steps from a coarser fit leave unsolved the combinations of coefficients that samples hardly determine: on the
 //! rigs of two other renderers 60 steps instead of 20 change held-out PSNR by +0.05 and −0.04 dB. A preconditioner of
@@ -21,40 +21,51 @@ pub use smoothness::Smoothness;
 
 /// Fits the spline to the binned samples, started from `grid`'s present coefficients. Deterministic for any number of
 /// threads.
-pub fn fit(grid: &mut Grid, bins: &Bins, smooth: Smoothness, iterations: usize, progress: &Progress) {
+pub fn fit(grid: &mut Grid, bins: &Bins, smooth: &Smoothness, iterations: usize, progress: &Progress) {
     let k = grid.k;
     assert_eq!(k, bins.k());
     let normal = Normal::new(grid, bins);
     let diag = normal.diagonal();
-    let lambda = mean_node_weight(&diag, k);
+    let mut lambda = mean_node_weight(&diag, k);
+    lambda.iter_mut().zip(&smooth.of_channels).for_each(|(lambda, factor)| *lambda *= factor);
     let penalty = Penalty::new(grid, smooth, &lambda);
     let inverse = inverse_diagonal(diag, smooth, &lambda);
 
-    let n = grid.coeffs.len();
     // The penalty overwrites, the samples add.
     let apply = |x: &[f32], y: &mut [f32]| {
         penalty.apply(x, y);
         normal.apply(x, y);
     };
+    let n = grid.coeffs.len();
     let mut r = written_zeros(n);
     normal.add_rhs(&mut r);
     let mut scratch = vec![0.0f32; n];
     apply(&grid.coeffs, &mut scratch);
     r.par_iter_mut().zip(&scratch).for_each(|(r, a)| *r -= a);
     let mut p: Vec<f32> = r.par_iter().zip(&inverse).map(|(r, i)| r * i).collect();
-    let mut rz = dot(&r, &p);
-    let first = rz;
+    let mut rz = dots(&r, &p, k);
+    let first = rz.clone();
     for _ in 0..iterations {
-        if rz <= 1e-9 * first || rz <= 0.0 || progress.cancelled() {
+        let is_solved = |c: usize| rz[c] <= 1e-9 * first[c] || rz[c] <= 0.0;
+        if (0..k).all(is_solved) || progress.cancelled() {
             break;
         }
         apply(&p, &mut scratch);
-        let step = (rz / dot(&p, &scratch)) as f32;
-        let next = descend(&mut grid.coeffs, &mut r, &p, &scratch, &inverse, step);
-        let beta = (next / rz) as f32;
-        p.par_chunks_mut(BLOCK).zip(r.par_chunks(BLOCK)).zip(inverse.par_chunks(BLOCK)).for_each(
+        let curvature = dots(&p, &scratch, k);
+        let steps: Vec<f32> = (0..k).map(|c| if is_solved(c) { 0.0 } else { (rz[c] / curvature[c]) as f32 }).collect();
+        let next = descend(&mut grid.coeffs, &mut r, &p, &scratch, &inverse, &steps);
+        let betas: Vec<f32> = (0..k).map(|c| if is_solved(c) { 0.0 } else { (next[c] / rz[c]) as f32 }).collect();
+        let betas = of_some_nodes(&betas);
+        p.par_chunks_mut(k * BLOCK).zip(r.par_chunks(k * BLOCK)).zip(inverse.par_chunks(k * BLOCK)).for_each(
             |((p, r), inverse)| {
-                p.iter_mut().zip(r.iter().zip(inverse)).for_each(|(p, (r, i))| *p = r * i + beta * *p);
+                for ((p, r), inverse) in
+                    p.chunks_mut(betas.len()).zip(r.chunks(betas.len())).zip(inverse.chunks(betas.len()))
+                {
+                    p.iter_mut()
+                        .zip(r.iter().zip(inverse))
+                        .zip(&betas)
+                        .for_each(|((p, (r, i)), b)| *p = r * i + b * *p);
+                }
             },
         );
         rz = next;
@@ -73,7 +84,7 @@ fn mean_node_weight(diag: &[f32], k: usize) -> Vec<f32> {
 }
 
 /// Returns one over the diagonal of the normal equations, from the samples' part of it.
-fn inverse_diagonal(mut diag: Vec<f32>, smooth: Smoothness, lambda: &[f32]) -> Vec<f32> {
+fn inverse_diagonal(mut diag: Vec<f32>, smooth: &Smoothness, lambda: &[f32]) -> Vec<f32> {
     let penalty = 6.0 * (2.0 * smooth.across + smooth.along) + 2.0 * smooth.slope_along + 1e-6;
     let k = lambda.len();
     diag.par_chunks_mut(k << 12).for_each(|diag| {
@@ -84,43 +95,64 @@ fn inverse_diagonal(mut diag: Vec<f32>, smooth: Smoothness, lambda: &[f32]) -> V
     diag
 }
 
-/// Numbers that are summed together, in the same order whatever the number of threads.
-const BLOCK: usize = 1 << 14;
+/// Nodes that are summed together, in the same order whatever the number of threads.
+const BLOCK: usize = 1 << 12;
+/// Nodes whose sums are kept apart, so that the processor adds several at once.
+const NODES: usize = 8;
 
-/// Returns the scalar product, summed in blocks of a fixed size.
-fn dot(a: &[f32], b: &[f32]) -> f64 {
-    let block = |(a, b): (&[f32], &[f32])| {
-        let mut lanes = [0.0f64; 8];
-        for (a, b) in a.chunks(8).zip(b.chunks(8)) {
-            for (lane, (a, b)) in lanes.iter_mut().zip(a.iter().zip(b)) {
-                *lane += f64::from(a * b);
-            }
-        }
-        lanes.iter().sum::<f64>()
-    };
-    a.par_chunks(BLOCK).zip(b.par_chunks(BLOCK)).map(block).collect::<Vec<_>>().iter().sum()
+/// Returns what is one value per channel for some nodes in a row.
+fn of_some_nodes(of_channels: &[f32]) -> Vec<f32> {
+    of_channels.repeat(NODES)
 }
 
-/// Goes a step along `p` with residuals `r`, of which a step of 1 takes `product` away; returns rᵀ D⁻¹ r. One pass over
-/// memory, which is what bounds it.
-fn descend(x: &mut [f32], r: &mut [f32], p: &[f32], product: &[f32], inverse: &[f32], step: f32) -> f64 {
-    let blocks = x.par_chunks_mut(BLOCK).zip(r.par_chunks_mut(BLOCK)).zip(p.par_chunks(BLOCK));
-    let sums: Vec<f64> = blocks
-        .zip(product.par_chunks(BLOCK))
-        .zip(inverse.par_chunks(BLOCK))
+/// Returns the sums of `values` of some nodes in a row, channel by channel.
+fn by_channel(values: &[f64], k: usize) -> Vec<f64> {
+    (0..k).map(|c| values.iter().skip(c).step_by(k).sum()).collect()
+}
+
+/// Returns the sums of what blocks have, channel by channel.
+fn sum_of_blocks(blocks: &[Vec<f64>], k: usize) -> Vec<f64> {
+    (0..k).map(|c| blocks.iter().map(|b| b[c]).sum()).collect()
+}
+
+/// Returns the scalar products channel by channel, summed in blocks of a fixed size.
+fn dots(a: &[f32], b: &[f32], k: usize) -> Vec<f64> {
+    let block = |(a, b): (&[f32], &[f32])| {
+        let mut sums = vec![0.0f64; NODES * k];
+        for (a, b) in a.chunks(NODES * k).zip(b.chunks(NODES * k)) {
+            for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+                *sum += f64::from(a * b);
+            }
+        }
+        by_channel(&sums, k)
+    };
+    let blocks: Vec<_> = a.par_chunks(k * BLOCK).zip(b.par_chunks(k * BLOCK)).map(block).collect();
+    sum_of_blocks(&blocks, k)
+}
+
+/// Goes steps along `p` with residuals `r`, of which steps of 1 take `product` away, one step per channel; returns
+/// rᵀ D⁻¹ r channel by channel. One pass over memory, which is what bounds it.
+fn descend(x: &mut [f32], r: &mut [f32], p: &[f32], product: &[f32], inverse: &[f32], steps: &[f32]) -> Vec<f64> {
+    let (k, steps) = (steps.len(), of_some_nodes(steps));
+    let n = steps.len();
+    let blocks = x.par_chunks_mut(k * BLOCK).zip(r.par_chunks_mut(k * BLOCK)).zip(p.par_chunks(k * BLOCK));
+    let blocks: Vec<Vec<f64>> = blocks
+        .zip(product.par_chunks(k * BLOCK))
+        .zip(inverse.par_chunks(k * BLOCK))
         .map(|((((x, r), p), product), inverse)| {
-            x.iter_mut().zip(p).for_each(|(x, p)| *x += step * p);
-            r.iter_mut().zip(product).for_each(|(r, a)| *r -= step * a);
-            let mut lanes = [0.0f64; 8];
-            for (r, i) in r.chunks(8).zip(inverse.chunks(8)) {
-                for (lane, (r, i)) in lanes.iter_mut().zip(r.iter().zip(i)) {
-                    *lane += f64::from(r * (r * i));
+            let mut sums = vec![0.0f64; n];
+            let nodes = x.chunks_mut(n).zip(r.chunks_mut(n)).zip(p.chunks(n)).zip(product.chunks(n));
+            for ((((x, r), p), product), inverse) in nodes.zip(inverse.chunks(n)) {
+                x.iter_mut().zip(p).zip(&steps).for_each(|((x, p), s)| *x += s * p);
+                r.iter_mut().zip(product).zip(&steps).for_each(|((r, a), s)| *r -= s * a);
+                for (sum, (r, i)) in sums.iter_mut().zip(r.iter().zip(inverse)) {
+                    *sum += f64::from(r * (r * i));
                 }
             }
-            lanes.iter().sum()
+            by_channel(&sums, k)
         })
         .collect();
-    sums.iter().sum()
+    sum_of_blocks(&blocks, k)
 }
 
 #[cfg(test)]
@@ -167,6 +199,16 @@ mod tests {
         sum
     }
 
+    /// Returns the scalar product.
+    fn dot(a: &[f32], b: &[f32]) -> f64 {
+        dots(a, b, 1)[0]
+    }
+
+    /// A smoothness that leaves samples of `k` channels as they are.
+    fn weak(k: usize) -> Smoothness {
+        Smoothness { across: 1e-4, along: 1e-4, slope_along: 0.0, of_channels: vec![1.0; k] }
+    }
+
     /// Samples of a steep wave, many to a bin, give the wave and not the blurred one that the bins' means are.
     #[test]
     fn bins_with_many_samples_do_not_blur() {
@@ -178,7 +220,7 @@ mod tests {
             bins.add(q, &[wave(q[0])], &[1.0]);
         }
         let mut grid = Grid::new([40, 4, 1], 1);
-        fit(&mut grid, &bins, Smoothness { across: 1e-4, along: 1e-4, slope_along: 0.0 }, 100, &Progress::none());
+        fit(&mut grid, &bins, &weak(1), 100, &Progress::none());
         let mut v = [0.0];
         // Its part of the wave, over the middle half.
         let (mut product, mut square) = (0.0, 0.0);
@@ -206,7 +248,7 @@ mod tests {
                 bins.add(q, &v, &vec![1.0; k]);
             }
             let mut grid = Grid::new([40, 30, 4], k);
-            fit(&mut grid, &bins, Smoothness { across: 1e-4, along: 1e-4, slope_along: 0.0 }, 60, &Progress::none());
+            fit(&mut grid, &bins, &weak(k), 60, &Progress::none());
             let (mut v, mut d) = (vec![0.0; k], vec![0.0; k]);
             for _ in 0..500 {
                 let q = [0.05 + 0.9 * unit(), 0.05 + 0.9 * unit(), 0.05 + 0.9 * unit()];
@@ -245,10 +287,10 @@ mod tests {
             };
             let (x, y) = (random(), random());
             let normal = Normal::new(&x, &bins);
-            let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2 };
+            let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels: vec![1.0; k] };
             let lambda: Vec<f32> = (0..k).map(|c| 1.0 + c as f32).collect();
             let mut ax = vec![0.0; x.coeffs.len()];
-            Penalty::new(&x, smooth, &lambda).apply(&x.coeffs, &mut ax);
+            Penalty::new(&x, &smooth, &lambda).apply(&x.coeffs, &mut ax);
             let (mut rhs, mut diag) = (vec![0.0; ax.len()], normal.diagonal());
             let penalty = dot(&y.coeffs, &ax);
             normal.apply(&x.coeffs, &mut ax);

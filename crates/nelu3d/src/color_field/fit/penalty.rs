@@ -48,7 +48,7 @@ fn add_slopes(rows: &mut [[f32; 5]], strength: f32) {
 
 impl Penalty {
     /// Prepares the penalty of a grid with `lambda` per channel.
-    pub(super) fn new(grid: &Grid, smooth: Smoothness, lambda: &[f32]) -> Self {
+    pub(super) fn new(grid: &Grid, smooth: &Smoothness, lambda: &[f32]) -> Self {
         let nodes @ [na, nb, nw] = grid.nodes();
         let mut stencils = [stencil(na, smooth.across), stencil(nb, smooth.across), stencil(nw, smooth.along)];
         add_slopes(&mut stencils[2], smooth.slope_along);
@@ -155,7 +155,6 @@ mod tests {
     /// Second differences along each axis, taken and put back one by one, and first differences along w.
     #[test]
     fn is_the_sum_of_squared_differences() {
-        let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2 };
         for (cells, k) in [([1, 2, 1], 1), ([18, 3, 2], 2), ([37, 5, 4], 3)] {
             let mut grid = Grid::new(cells, k);
             for (i, c) in grid.coeffs.iter_mut().enumerate() {
@@ -163,7 +162,8 @@ mod tests {
             }
             let lambda: Vec<f32> = (0..k).map(|c| 1.0 + c as f32).collect();
             let mut y = vec![f32::NAN; grid.coeffs.len()];
-            Penalty::new(&grid, smooth, &lambda).apply(&grid.coeffs, &mut y);
+            let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels: vec![1.0; k] };
+            Penalty::new(&grid, &smooth, &lambda).apply(&grid.coeffs, &mut y);
 
             let nodes @ [na, _, nw] = grid.nodes();
             let steps = [nw * k, na * nw * k, k];
