@@ -21,6 +21,8 @@ pub(super) struct Expected {
     pub(super) sag: f64,
     /// Relative change of the light per pixel along `normal`.
     pub(super) light: f64,
+    /// How far from it the bright side ends, where that is seen, too: it is dark beyond.
+    pub(super) next: Option<f64>,
 }
 
 /// How far the edge lies from where it was expected.
@@ -55,8 +57,8 @@ struct Sample {
 /// Fits the image of a step, blurred by a Gaussian and by the pixel's area, to the pixels within `half_width` of the
 /// part `range` of the expected edge.
 ///
-/// The model is symmetric about the edge and lives in linear light, so blur of any amount moves it nowhere. Offset,
-/// slope, blur and the levels of both sides (each linear along the edge, for uneven lighting) are free; `blur` is where
+/// The model is symmetric about the edge and lives in linear light, so blur of any amount moves it nowhere; where the
+/// bright side is narrow, its other edge is part of the model, in parallel to the first. Offset, slope, blur and the levels of both sides (each linear along the edge, for uneven lighting) are free; `blur` is where
 /// the blur starts. Returns `None` where there is no such edge, where it leaves the image, and where it is clipped.
 pub(super) fn fit(
     image: &Pixels,
@@ -96,6 +98,8 @@ type StepParameters = SVector<f64, 7>;
 struct StepFit<'a> {
     samples: &'a [Sample],
     half_width: f64,
+    /// Where the bright side ends.
+    next: Option<f64>,
     /// Middle of the range along the edge, and half its length, px.
     middle: f64,
     reach: f64,
@@ -118,6 +122,7 @@ impl<'a> StepFit<'a> {
         Self {
             samples,
             half_width,
+            next: edge.next,
             middle: 0.5 * (range[0] + range[1]),
             reach: 0.5 * (range[1] - range[0]),
             box_width: edge.normal[0].abs().max(edge.normal[1].abs()),
@@ -150,7 +155,12 @@ impl<'a> StepFit<'a> {
         let (mut a, mut g, mut cost) = (SMatrix::<f64, 7, 7>::zeros(), StepParameters::zeros(), 0.0);
         for q in self.samples {
             let u = (q.s - self.middle) / self.reach;
-            let (step, by_d, by_sigma) = blurred_step(q.d - p[0] - p[1] * u, self.box_width, p[2]);
+            let d = q.d - p[0] - p[1] * u;
+            let (mut step, mut by_d, mut by_sigma) = blurred_step(d, self.box_width, p[2]);
+            if let Some(next) = self.next {
+                let end = blurred_step(d - next, self.box_width, p[2]);
+                (step, by_d, by_sigma) = (step - end.0, by_d - end.1, by_sigma - end.2);
+            }
             let (lo, hi) = (p[3] + p[4] * u, p[5] + p[6] * u);
             let (contrast, r) = (hi - lo, q.value - (lo + (hi - lo) * step));
             let (fall, rise) = (1.0 - step, step);

@@ -125,12 +125,13 @@ fn measure(
     let sag = (0..2).map(|k| (middle[k] - 0.5 * (start[k] + end[k])) * normal[k]).sum();
     let slope = known.map_or([0.0; 2], |k| k.light.slope(middle));
     let light = slope[0] * normal[0] + slope[1] * normal[1];
-    let expected = Expected { start, along, normal, length, sag, light };
-
     let wanted = blur.map_or(FIRST_HALF_WIDTH, |b| (3.5 * b + 1.0).clamp(2.5, 20.0));
-    let half_width = wanted.min(CLEAR_FRACTION * clear);
-    // Around the corner the other edge rounds this one off, by as much as it is blurred.
-    let skip = blur.map_or(0.4 * length, |b| 3.0 * b + 0.7).min(0.4 * length).max(1.5);
+    // Where the clear strip is narrow, what bounds it is looked at, too, if it is known.
+    let next = (arm.has_marker && wanted > CLEAR_FRACTION * clear).then_some(clear);
+    let expected = Expected { start, along, normal, length, sag, light, next };
+    let half_width = wanted.min(if next.is_some() { clear } else { CLEAR_FRACTION * clear });
+    // Around the corner the other edge rounds this one off, by as much as it is blurred; a marker begins there.
+    let skip = blur.map_or(0.4 * length, |b| 3.0 * b + 0.7).min(0.4 * length).max(1.5).max(next.unwrap_or(0.0));
     let range = [skip, if ends { length - skip } else { length }];
     if !(half_width >= MIN_HALF_WIDTH && range[1] - range[0] >= 2.0) {
         return None;

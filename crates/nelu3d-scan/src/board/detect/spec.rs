@@ -23,6 +23,9 @@ pub(super) struct Arm {
     pub(super) length_mm: f64,
     /// How far nothing else is printed on both sides of it, mm.
     pub(super) clear_mm: f64,
+    /// Whether a marker's border runs along it there, on the white side: it is as dark as the dark side, and begins at
+    /// the corner no nearer than it is to the edge.
+    pub(super) has_marker: bool,
     /// Whether another edge crosses its far end, too.
     pub(super) ends: bool,
 }
@@ -32,7 +35,7 @@ pub(super) fn corners(layout: &Layout) -> Vec<CornerSpec> {
     match &layout.squares {
         Some(squares) => {
             let clear = layout.markers.first().map_or(0.5 * squares.side_mm, |m| m.corners_mm[0][0] % squares.side_mm);
-            inner_corners(squares, clear.min(0.5 * squares.side_mm))
+            inner_corners(squares, clear.min(0.5 * squares.side_mm), !layout.markers.is_empty())
         }
         None => {
             let bits = layout.dictionary.as_ref().map_or(4, |d| d.bits());
@@ -42,7 +45,7 @@ pub(super) fn corners(layout: &Layout) -> Vec<CornerSpec> {
     }
 }
 
-fn inner_corners(squares: &Squares, clear_mm: f64) -> Vec<CornerSpec> {
+fn inner_corners(squares: &Squares, clear_mm: f64, has_marker: bool) -> Vec<CornerSpec> {
     let side = squares.side_mm;
     let arm = |dir: [f64; 2], to: [f64; 2], white: bool| Arm {
         dir,
@@ -50,6 +53,7 @@ fn inner_corners(squares: &Squares, clear_mm: f64) -> Vec<CornerSpec> {
         // Half of the side: the other half is the neighbor's.
         length_mm: 0.5 * side,
         clear_mm,
+        has_marker,
         ends: false,
     };
     let mut corners = Vec::new();
@@ -78,7 +82,7 @@ fn marker_corners(markers: &[Marker], which: usize, bits: usize) -> Vec<CornerSp
         let dir = [(to[0] - from[0]) / l, (to[1] - from[1]) / l];
         // Corners go clockwise (x right, y down): outside is to the left of the way on, to the right of the way back.
         let bright = if forward { [dir[1], -dir[0]] } else { [-dir[1], dir[0]] };
-        vec![Arm { dir, bright, length_mm: l, clear_mm, ends: true }]
+        vec![Arm { dir, bright, length_mm: l, clear_mm, has_marker: false, ends: true }]
     };
     let spec = |i: usize| CornerSpec {
         board_mm: c[i],

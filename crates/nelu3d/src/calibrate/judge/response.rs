@@ -28,6 +28,10 @@ const MIN_BUMP: f64 = 0.02;
 /// The same in standard errors.
 const MIN_SIGMAS: f64 = 6.0;
 
+/// Part of what glare adds to ink's darkest codewords and takes from its brightest that a bump may be: glare is not the
+/// same everywhere, and paper's is more where ink's is.
+const OF_GLARE: f64 = 0.5;
+
 /// Growth of the variance of noise from dark to bright that sensors do not fall below: theirs is 1 at least, and sRGB has
 /// 0.5.
 const MIN_GROWTH: f64 = 0.7;
@@ -105,9 +109,9 @@ fn of_noise(growth: f64) -> Option<Finding> {
 }
 
 fn of_ink(all: &[InkSums]) -> Option<Finding> {
-    let (bump, sigma) = bump(all)?;
-    tracing::debug!(bump, sigma, samples = all.iter().map(|s| s.ink.n).sum::<usize>(), "mid intensities on ink");
-    (bump.abs() > MIN_BUMP.max(MIN_SIGMAS * sigma)).then(|| {
+    let (bump, sigma, glare) = bump(all)?;
+    tracing::debug!(bump, sigma, glare, samples = all.iter().map(|s| s.ink.n).sum::<usize>(), "mid intensities on ink");
+    (bump.abs() > MIN_BUMP.max(MIN_SIGMAS * sigma).max(OF_GLARE * glare)).then(|| {
         let sentence = format!(
             "mid intensities come out {:.2} {} on the board's ink than on its paper in the same light: images are not \
              linear in light",
@@ -120,9 +124,9 @@ fn of_ink(all: &[InkSums]) -> Option<Finding> {
     })
 }
 
-/// By how much ink's bump is higher than paper's, and its standard error, by leaving out one position at a time; `None`
-/// where too little ink is lit, or hardly any intensities lie between black and white.
-fn bump(all: &[InkSums]) -> Option<(f64, f64)> {
+/// By how much ink's bump is higher than paper's, its standard error, by leaving out one position at a time, and ink's
+/// glare, what it adds to the darkest and takes from the brightest codewords; `None` where too little ink is lit, or hardly any intensities lie between black and white.
+fn bump(all: &[InkSums]) -> Option<(f64, f64, f64)> {
     let used: Vec<&InkSums> = all.iter().filter(|s| s.ink.n >= MIN_SAMPLES).collect();
     let n = used.len();
     if n < MIN_POSITIONS {
@@ -135,17 +139,19 @@ fn bump(all: &[InkSums]) -> Option<(f64, f64)> {
                 kept.fold((Matrix3::zeros(), Vector3::zeros()), |(m, r), s| (m + s.matrix, r + s.right));
             height(&matrix, &right)
         };
-        Some(height_of(|s| &s.ink)? - height_of(|s| &s.paper).unwrap_or(0.0))
+        let (of_ink, glare) = height_of(|s| &s.ink)?;
+        Some((of_ink - height_of(|s| &s.paper).map_or(0.0, |(of_paper, _)| of_paper), glare))
     };
-    let left: Vec<f64> = (0..n).map(|i| without(Some(i))).collect::<Option<_>>()?;
+    let left: Vec<f64> = (0..n).map(|i| Some(without(Some(i))?.0)).collect::<Option<_>>()?;
     let mean = left.iter().sum::<f64>() / n as f64;
     let variance = left.iter().map(|q| (q - mean).powi(2)).sum::<f64>() * (n - 1) as f64 / n as f64;
-    Some((without(None)?, variance.sqrt()))
+    let (bump, glare) = without(None)?;
+    Some((bump, variance.sqrt(), glare))
 }
 
-/// Solves normal equations for the bump's height, with glare that is not negative: of the four choices of which of its
+/// Solves normal equations for the bump's height and glare, both parts of it together, with glare that is not negative: of the four choices of which of its
 /// parts are zero, the one that explains most.
-fn height(matrix: &Matrix3<f64>, right: &Vector3<f64>) -> Option<f64> {
+fn height(matrix: &Matrix3<f64>, right: &Vector3<f64>) -> Option<(f64, f64)> {
     let solve = |zero: usize| {
         let (mut m, mut r) = (*matrix, *right);
         for i in (0..2).filter(|i| zero >> i & 1 == 1) {
@@ -154,9 +160,9 @@ fn height(matrix: &Matrix3<f64>, right: &Vector3<f64>) -> Option<f64> {
             (m[(i, i)], r[i]) = (1.0, 0.0);
         }
         let x = m.cholesky()?.solve(&r);
-        (x.x >= 0.0 && x.y >= 0.0).then(|| (x.dot(&r), x.z))
+        (x.x >= 0.0 && x.y >= 0.0).then(|| (x.dot(&r), (x.z, x.x + x.y)))
     };
-    (0..4).filter_map(solve).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, height)| height)
+    (0..4).filter_map(solve).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, found)| found)
 }
 
 #[cfg(test)]

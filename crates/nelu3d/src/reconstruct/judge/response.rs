@@ -83,10 +83,13 @@ impl ResponseCurve {
         if last.0 - first.0 < 0.55 || last.0 < 0.7 {
             return None;
         }
-        // Single bins may be few pixels of one spot: a factor is what most bins agree on.
-        let mut ratios: Vec<f64> = known.iter().filter(|k| k.0 > 0.25).map(|k| k.1 / k.0).collect();
-        let factor = median(&mut ratios)?;
         let line = |x: f64| first.1 + (last.1 - first.1) * (x - first.0) / (last.0 - first.0);
+        // A factor is what most bins agree on (single ones may be few pixels of one spot), the brightest has it, too (at a
+        // code's edges, where what is between black and white lies, the field may be smoother than the code), and the
+        // middle (light from elsewhere takes from the bright what it gives to the dark).
+        let mut ratios: Vec<f64> = known.iter().filter(|k| k.0 > 0.25).map(|k| k.1 / k.0).collect();
+        let factors = [median(&mut ratios)?, last.1 / last.0, line(0.5) / 0.5];
+        let factor = factors.into_iter().min_by(|a, b| (a - 1.0).abs().total_cmp(&(b - 1.0).abs()))?;
         let mid: Vec<(f64, f64)> = known.iter().filter(|k| k.0 > 0.3 && k.0 < 0.7).copied().collect();
         let mean = |of: &dyn Fn(&(f64, f64)) -> f64| mid.iter().map(of).sum::<f64>() / mid.len().max(1) as f64;
         let (from_line, from_own) = (mean(&|k| k.1 - line(k.0)), mean(&|k| k.1 - k.0));
