@@ -39,8 +39,36 @@ impl Comparison<'_> {
         median(&mut all).unwrap_or(f64::INFINITY)
     }
 
-    /// Finds the motion that explains the samples best, as a turn about `about_mm` and a small shift.
+    /// Finds the motion that explains the samples best, as a turn about `about_mm` and a small shift, as far as the
+    /// samples tell it.
     pub(super) fn fit(&self, about_mm: [f64; 3]) -> LightMotion {
+        self.told(&self.best(about_mm))
+    }
+
+    /// Returns what of a motion the samples tell: its parts along the principal axes of what they tell (in units of
+    /// what is expected) that are significant. Patterns that vary along one axis leave the other open, and small
+    /// errors of the field look like motions along it.
+    fn told(&self, motion: &LightMotion) -> LightMotion {
+        /// Squared standard deviations.
+        const SIGNIFICANT: f64 = 9.0;
+        let sigma = |i: usize| if i < 3 { SIGMA_TURN } else { SIGMA_MOVE_MM };
+        let (a, _) = self.normal_equations(motion);
+        let eigen = Matrix6::from_fn(|i, j| a[(i, j)] * sigma(i) * sigma(j)).symmetric_eigen();
+        let [r, t] = [motion.rotation, motion.translation_mm];
+        let all = Vector6::from_fn(|i, _| if i < 3 { r[i] } else { t[i - 3] } / sigma(i));
+        let mut told = Vector6::zeros();
+        for (axis, information) in eigen.eigenvectors.column_iter().zip(eigen.eigenvalues.iter()) {
+            let along = axis.dot(&all);
+            if along * along * information > SIGNIFICANT {
+                told += along * axis;
+            }
+        }
+        let part = |first: usize| std::array::from_fn(|i| told[first + i] * sigma(first + i));
+        LightMotion { rotation: part(0), translation_mm: part(3), ..*motion }
+    }
+
+    /// Finds the motion that explains the samples best.
+    fn best(&self, about_mm: [f64; 3]) -> LightMotion {
         let from_rest = self.refine(LightMotion::none(about_mm));
         let chi2 = self.chi2(&from_rest);
         if chi2 < EXPLAINED {
