@@ -11,6 +11,8 @@ pub(crate) struct View<'a> {
     pub(crate) artwork: &'a Artwork,
     pub(crate) camera: &'a Camera,
     pub(crate) cam_from_board: Isometry3<f64>,
+    /// Outline (x0, y0, x1, y1) beyond which it is dark, mm; paper without end if there is none.
+    pub(crate) outline_mm: Option<[f64; 4]>,
     /// Optical blur (Gaussian σ), px.
     pub(crate) blur_px: f64,
     /// Noise (Gaussian σ), of full scale.
@@ -94,7 +96,9 @@ impl View<'_> {
                 (1.0 - v) * ((1.0 - u) * g(0, 0)[k] + u * g(1, 0)[k]) + v * ((1.0 - u) * g(0, 1)[k] + u * g(1, 1)[k])
             });
             let b = board_from_plane * Vector3::new(p[0], p[1], 1.0);
-            self.artwork.albedo(b.x / b.z, b.y / b.z)
+            let (x, y) = (b.x / b.z, b.y / b.z);
+            let is_beyond = |[x0, y0, x1, y1]: [f64; 4]| x < x0 || y < y0 || x > x1 || y > y1;
+            if self.outline_mm.is_some_and(is_beyond) { 0.0 } else { self.artwork.albedo(x, y) }
         };
         let step = 1.0 / CELLS as f64;
         let stride = w * CELLS + 1;

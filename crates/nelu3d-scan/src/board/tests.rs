@@ -67,8 +67,16 @@ fn truth(camera: &Camera, pose: &Isometry3<f64>, board_mm: [f64; 2]) -> [f64; 2]
 /// Renders a board and detects it: the corners, and how far the RMS and the worst one is off, px.
 fn seen(board: &Board, camera: &Camera, pose: &Isometry3<f64>, detector: &Detector) -> (Vec<Corner>, f64, f64) {
     let artwork = Artwork::new(board).unwrap();
-    let view =
-        View { artwork: &artwork, camera, cam_from_board: *pose, blur_px: 0.6, noise: 0.003, codes: 4095.0, seed: 1 };
+    let view = View {
+        artwork: &artwork,
+        camera,
+        cam_from_board: *pose,
+        outline_mm: None,
+        blur_px: 0.6,
+        noise: 0.003,
+        codes: 4095.0,
+        seed: 1,
+    };
     let corners = detector.detect(&view.render(), camera.width, camera.height).unwrap();
     let errors: Vec<f64> = corners
         .iter()
@@ -274,11 +282,14 @@ fn poses_have_no_depth_bias() {
     // More poses for a closer look: NELU3D_BIAS_POSES=20 cargo test ... -- --nocapture
     let n: usize = std::env::var("NELU3D_BIAS_POSES").ok().and_then(|v| v.parse().ok()).unwrap_or(4);
     let (dlp, film) = (dlp_camera(), film_camera());
+    let (few, margin) = (frame("DICT_4X4_50", 0, 72.0, 24.0, 3), [-74.0, -74.0, 74.0, 74.0]);
     let rigs = [
-        ("dlp (markers, 12 bit)", frame("DICT_4X4_50", 0, 121.0, 16.0, 11), &dlp, 0.003, 4031.0),
-        ("film (charuco, 8 bit)", charuco(20, 15, 18.0, "DICT_4X4_250", false), &film, 0.004, 255.0),
+        ("dlp (markers, 12 bit)", frame("DICT_4X4_50", 0, 121.0, 16.0, 11), &dlp, 0.003, 4031.0, None),
+        ("film (charuco, 8 bit)", charuco(20, 15, 18.0, "DICT_4X4_250", false), &film, 0.004, 255.0, None),
+        // Less paper around the markers than their border is wide, and darkness beyond.
+        ("small margin (markers)", Board { extent_mm: margin, ..few }, &dlp, 0.003, 4031.0, Some(margin)),
     ];
-    for (name, board, camera, noise, codes) in rigs {
+    for (name, board, camera, noise, codes, outline_mm) in rigs {
         let artwork = Artwork::new(&board).unwrap();
         let detector = Detector::new(&board).unwrap().with_camera(camera);
         let e = board.extent_mm;
@@ -292,7 +303,8 @@ fn poses_have_no_depth_bias() {
             let at = [between(-15.0, 15.0), between(-15.0, 15.0), between(600.0, 800.0)];
             let (tilt, blur_px) = ([between(-0.25, 0.25), between(-0.25, 0.25)], between(0.5, 0.8));
             let cam_from_board = pose(&board, at, between(-0.1, 0.1), tilt);
-            let view = View { artwork: &artwork, camera, cam_from_board, blur_px, noise, codes, seed: i as u64 };
+            let seed = i as u64;
+            let view = View { artwork: &artwork, camera, cam_from_board, outline_mm, blur_px, noise, codes, seed };
             let corners = detector.detect(&view.render(), camera.width, camera.height).unwrap();
             let fit = solve_pnp(&corners, camera).unwrap();
             rms += fit.rms_px / n as f64;

@@ -50,7 +50,7 @@ impl Detector {
     /// Prepares to find a board. Fails when it cannot be printed as described.
     pub fn new(board: &Board) -> Result<Self, BoardError> {
         let layout = Layout::new(board)?;
-        let corners = spec::corners(&layout);
+        let corners = spec::corners(&layout, board.extent_mm);
         let charuco = match &layout {
             Layout { squares: Some(_), dictionary: Some(_), .. } => Some(charuco::Finder::new(&layout)?),
             _ => None,

@@ -30,6 +30,8 @@ pub(super) struct Conditions {
 
 /// Fraction of the clear strip beside an edge that is looked at: what lies beyond may be blurred into it.
 const CLEAR_FRACTION: f64 = 0.6;
+/// The same of the strip up to the board's outline, beyond which it may be dark.
+const OUTLINE_FRACTION: f64 = 0.45;
 /// Strips narrower than this say nothing about levels, px on either side.
 const MIN_HALF_WIDTH: f64 = 1.5;
 /// Strip before the blur is known, px: wide enough to catch an edge that the coarse step misplaced.
@@ -129,7 +131,9 @@ fn measure(
     // Where the clear strip is narrow, what bounds it is looked at, too, if it is known.
     let next = (arm.has_marker && wanted > CLEAR_FRACTION * clear).then_some(clear);
     let expected = Expected { start, along, normal, length, sag, light, next };
-    let half_width = wanted.min(if next.is_some() { clear } else { CLEAR_FRACTION * clear });
+    // Beyond the outline is whatever there is.
+    let outline = (OUTLINE_FRACTION * clear * arm.outline_mm / arm.clear_mm).max(MIN_HALF_WIDTH);
+    let half_width = wanted.min(if next.is_some() { clear } else { CLEAR_FRACTION * clear }).min(outline);
     // Around the corner the other edge rounds this one off, by as much as it is blurred; a marker begins there.
     let skip = blur.map_or(0.4 * length, |b| 3.0 * b + 0.7).min(0.4 * length).max(1.5).max(next.unwrap_or(0.0));
     let range = [skip, if ends { length - skip } else { length }];

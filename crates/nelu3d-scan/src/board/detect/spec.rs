@@ -23,6 +23,9 @@ pub(super) struct Arm {
     pub(super) length_mm: f64,
     /// How far nothing else is printed on both sides of it, mm.
     pub(super) clear_mm: f64,
+    /// How far the board's outline is on the white side, where it is parallel to the edge, mm; infinite where it is not.
+    /// It may be drawn within the board, so that nothing may end there.
+    pub(super) outline_mm: f64,
     /// Whether a marker's border runs along it there, on the white side: it is as dark as the dark side, and begins at
     /// the corner no nearer than it is to the edge.
     pub(super) has_marker: bool,
@@ -30,8 +33,9 @@ pub(super) struct Arm {
     pub(super) ends: bool,
 }
 
-/// Returns the corners of a board: inner corners of its squares row by row, or those of its markers.
-pub(super) fn corners(layout: &Layout) -> Vec<CornerSpec> {
+/// Returns the corners of a board with the outline (x0, y0, x1, y1), mm: inner corners of its squares row by row, or
+/// those of its markers.
+pub(super) fn corners(layout: &Layout, outline_mm: [f64; 4]) -> Vec<CornerSpec> {
     match &layout.squares {
         Some(squares) => {
             let clear = layout.markers.first().map_or(0.5 * squares.side_mm, |m| m.corners_mm[0][0] % squares.side_mm);
@@ -39,7 +43,7 @@ pub(super) fn corners(layout: &Layout) -> Vec<CornerSpec> {
         }
         None => {
             let bits = layout.dictionary.as_ref().map_or(4, |d| d.bits());
-            let of = |i: usize| marker_corners(&layout.markers, i, bits);
+            let of = |i: usize| marker_corners(&layout.markers, i, bits, outline_mm);
             (0..layout.markers.len()).flat_map(of).collect()
         }
     }
@@ -53,6 +57,7 @@ fn inner_corners(squares: &Squares, clear_mm: f64, has_marker: bool) -> Vec<Corn
         // Half of the side: the other half is the neighbor's.
         length_mm: 0.5 * side,
         clear_mm,
+        outline_mm: f64::INFINITY,
         has_marker,
         ends: false,
     };
@@ -69,7 +74,7 @@ fn inner_corners(squares: &Squares, clear_mm: f64, has_marker: bool) -> Vec<Corn
     corners
 }
 
-fn marker_corners(markers: &[Marker], which: usize, bits: usize) -> Vec<CornerSpec> {
+fn marker_corners(markers: &[Marker], which: usize, bits: usize, outline_mm: [f64; 4]) -> Vec<CornerSpec> {
     let c = &markers[which].corners_mm;
     let length = |a: [f64; 2], b: [f64; 2]| (b[0] - a[0]).hypot(b[1] - a[1]);
     let shortest = (0..4).map(|i| length(c[i], c[(i + 1) % 4])).fold(f64::INFINITY, f64::min);
@@ -82,13 +87,24 @@ fn marker_corners(markers: &[Marker], which: usize, bits: usize) -> Vec<CornerSp
         let dir = [(to[0] - from[0]) / l, (to[1] - from[1]) / l];
         // Corners go clockwise (x right, y down): outside is to the left of the way on, to the right of the way back.
         let bright = if forward { [dir[1], -dir[0]] } else { [-dir[1], dir[0]] };
-        vec![Arm { dir, bright, length_mm: l, clear_mm, has_marker: false, ends: true }]
+        let outline_mm = to_outline(from, to, bright, outline_mm);
+        vec![Arm { dir, bright, length_mm: l, clear_mm, outline_mm, has_marker: false, ends: true }]
     };
     let spec = |i: usize| CornerSpec {
         board_mm: c[i],
         lines: [arm(c[i], c[(i + 1) % 4], true), arm(c[i], c[(i + 3) % 4], false)],
     };
     (0..4).map(spec).collect()
+}
+
+/// Returns how far the outline (x0, y0, x1, y1) is from an edge on its side `bright`; infinite where it is not parallel
+/// to it, or not on that side.
+fn to_outline(from: [f64; 2], to: [f64; 2], bright: [f64; 2], [x0, y0, x1, y1]: [f64; 4]) -> f64 {
+    let (lo, hi) = ([x0, y0], [x1, y1]);
+    let Some(axis) = (0..2).find(|axis| bright[*axis].abs() > 1.0 - 1e-6) else { return f64::INFINITY };
+    let room = |p: [f64; 2]| if bright[axis] > 0.0 { hi[axis] - p[axis] } else { p[axis] - lo[axis] };
+    let least = room(from).min(room(to));
+    if least > 0.0 { least } else { f64::INFINITY }
 }
 
 /// Returns the distance between two convex quadrilaterals that do not overlap: one end of it is a corner.
