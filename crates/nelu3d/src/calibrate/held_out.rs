@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use nelu3d_scan::statistics::median;
 
+use super::depth_noise::{DepthNoiseOfPosition, DepthNoiseTiles};
 use super::placed_sweep::PlacedSweep;
 use super::predictor::Predictor;
 use super::shared_displacement::{DisplacementsBySupport, FAR, GrossSquares, Sample, SharedSquare};
@@ -15,6 +16,10 @@ use crate::color_field::grid::Grid;
 /// differences): boards at other distances and angles show an edge in pixels of other size, and at other places within
 /// them. Measured on four boards of Gray code, held by hand: 0.08 to 0.14 where second differences exceed 0.1.
 const OF_BENDS: f64 = 0.1;
+
+/// Largest part of a codeword's variance that edges of ink beside it leave open, where the field's own errors are to be
+/// told: scenes have no print.
+const OF_EDGES: f32 = 0.1;
 
 /// The contrast (white − black) from which a sample is well lit: a tenth of full scale, or half of what the best tenth
 /// of the position's samples have where the exposure is short. Black ink is below it.
@@ -49,6 +54,8 @@ pub(super) struct HeldOutErrors {
     depth: Vec<f32>,
     /// By how much each position seems to be displaced along the rays.
     displacements: Vec<Displacement>,
+    /// Scatter in depth, where the field is a spline.
+    depth_noise: DepthNoiseTiles,
     /// Displacements by the number of boards that support the field, where positions are held out in turn.
     pub(super) by_support: DisplacementsBySupport,
 }
@@ -78,6 +85,9 @@ impl HeldOutErrors {
         let (k, channels) = (placed.sweep.k, placed.sweep.channels);
         let mut s = Self { codewords: vec![[0.0; 3]; k], ..Self::default() };
         let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
+        let mut tiles = field
+            .spline()
+            .map(|_| DepthNoiseOfPosition::new([placed.camera.width, placed.camera.height], p, stride / 4));
         let mut beside = [vec![0.0; k], vec![0.0; k], vec![0.0; k], vec![0.0; k]];
         let predicted = field.predict(k, stride, |f| {
             placed.for_each_usable(p, position, |i, t| {
@@ -97,7 +107,8 @@ impl HeldOutErrors {
             }
             n += 1;
             let with_depth = n.is_multiple_of(stride);
-            predicted.eval(n - 1, m, with_depth, &mut c, &mut d);
+            let in_tile = tiles.as_mut().filter(|tiles| tiles.wants(i));
+            predicted.eval(n - 1, m, with_depth || in_tile.is_some(), &mut c, &mut d);
             let bends = with_depth
                 && field.spline().is_some_and(|grid| evaluate_beside(placed, frame, grid, (p, i), &mut beside));
             let (mut h, mut g) = (0.0, 0.0);
@@ -127,6 +138,12 @@ impl HeldOutErrors {
                 h += w[j] * d[j] * d[j];
                 g += w[j] * d[j] * e;
             }
+            if let Some(tiles) = in_tile
+                && position.contrast[i * channels..][..channels].iter().all(|contrast| *contrast >= lit)
+                && w.iter().all(|w| w * position.edge[i] < OF_EDGES)
+            {
+                tiles.add(i, |j| c[j] - v[j], &d, w);
+            }
             if with_depth && h > 0.0 {
                 s.depth.push((g / h).abs());
                 let dir = &placed.dirs[i];
@@ -135,6 +152,7 @@ impl HeldOutErrors {
             }
         });
         s.displacements.extend(Displacement::of(p, &signed));
+        s.depth_noise = tiles.map(DepthNoiseOfPosition::finish).unwrap_or_default();
         s
     }
 
@@ -147,6 +165,7 @@ impl HeldOutErrors {
         self.codewords.as_flattened_mut().iter_mut().zip(s.codewords.as_flattened()).for_each(|(a, b)| *a += b);
         self.depth.extend(s.depth);
         self.displacements.extend(s.displacements);
+        self.depth_noise.add(s.depth_noise);
         self.by_support.add(&s.by_support);
     }
 
@@ -191,6 +210,7 @@ impl HeldOutErrors {
             gross = ?self.by_support.gross(),
             "displacements, mm"
         );
+        let model_sigma = (10f64.powf(-lit / 10.0) - 10f64.powf(-noise / 10.0)).max(0.0).sqrt() as f32;
         Quality {
             held_out,
             n: self.all.1,
@@ -202,6 +222,7 @@ impl HeldOutErrors {
             pose_covariance: (!self.displacements.is_empty()).then(|| covariance.into()),
             depth_by_support: self.by_support.sigma_mm(),
             gross: self.by_support.gross().map(|gross| gross.share),
+            depth_noise: self.depth_noise.depth_noise(model_sigma),
             pixels: None,
         }
     }

@@ -4,6 +4,7 @@
 mod binning;
 mod board_poses;
 mod candidate;
+mod depth_noise;
 mod drawn;
 mod error;
 mod excluded;

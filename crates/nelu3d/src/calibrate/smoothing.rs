@@ -75,11 +75,7 @@ impl Aside {
             let grid = fit(&strip, cells, &smoothness(center, vec![factor; k]));
             self.squared_errors(&grid, bins.n_rows(), &known)
         });
-        let best = |c: usize| {
-            let at = (0..FACTORS.len()).min_by(|i, j| errors[*i][c].total_cmp(&errors[*j][c]));
-            FACTORS[at.expect("some strength was tried")]
-        };
-        let of_channels: Vec<f32> = (0..k).map(best).collect();
+        let of_channels: Vec<f32> = (0..k).map(|c| best_factor(&errors.each_ref().map(|e| e[c]))).collect();
         tracing::debug!(?of_channels, ?errors, "smoothness");
         smoothness(center, of_channels)
     }
@@ -108,6 +104,23 @@ impl Aside {
     }
 }
 
+/// Returns the strength at which the squared error is least, from that of each of [`FACTORS`]: at the vertex of the
+/// parabola through the least one and its neighbors, in logarithms of both. Factors are far apart, and one that is five
+/// times too strong for a code hardly shows where paper is bright, but bends the field where samples are dim.
+fn best_factor(errors: &[f64; FACTORS.len()]) -> f32 {
+    let at = (0..FACTORS.len()).min_by(|i, j| errors[*i].total_cmp(&errors[*j])).expect("some strength was tried");
+    if at == 0 || at + 1 == FACTORS.len() || errors[at] <= 0.0 {
+        return FACTORS[at];
+    }
+    let x: [f64; 3] = std::array::from_fn(|i| f64::from(FACTORS[at + i - 1]).ln());
+    let y: [f64; 3] = std::array::from_fn(|i| errors[at + i - 1].ln());
+    let (before, after) = ((y[1] - y[0]) / (x[1] - x[0]), (y[2] - y[1]) / (x[2] - x[1]));
+    let middles = [0.5 * (x[0] + x[1]), 0.5 * (x[1] + x[2])];
+    // The slope goes from `before`, which is not positive, to `after`, which is not negative.
+    let part = if after > before { -before / (after - before) } else { 0.5 };
+    (middles[0] + part * (middles[1] - middles[0])).exp() as f32
+}
+
 /// Which columns of bins have a sample.
 fn columns_with_samples(bins: &Bins) -> Vec<bool> {
     let [na, nb, _] = bins.counts();
@@ -123,6 +136,18 @@ mod tests {
     use super::*;
     use crate::calibrate::spline_fit::{OF_MANY, fit_spline};
     use crate::progress::Progress;
+
+    /// The strength lies where the error has its minimum, between those that were tried, or at the end where it falls to.
+    #[test]
+    fn the_best_strength_lies_between_those_that_are_tried() {
+        for best in [60.0f64, 300.0, 3000.0] {
+            let error = |factor: f32| 7.0 * (0.1 * (f64::from(factor) / best).ln().powi(2)).exp();
+            let found = best_factor(&FACTORS.map(error));
+            assert!((f64::from(found) / best - 1.0).abs() < 1e-3, "{best}: {found}");
+        }
+        assert_eq!(best_factor(&FACTORS.map(f64::from)), FACTORS[0]);
+        assert_eq!(best_factor(&FACTORS.map(|f| 1.0 / f64::from(f))), FACTORS[3]);
+    }
 
     /// Of a channel of slow waves and one of fast ones under the same noise, the slow one is smoothed more; what was
     /// set aside is in the bins again.

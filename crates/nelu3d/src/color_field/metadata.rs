@@ -4,9 +4,14 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use nelu3d_scan::pose::Bend;
 use serde::{Deserialize, Serialize};
 
+use super::depth_noise::DepthNoise;
 use super::frame::Center;
 use super::motion::LightMotion;
 use crate::sensor::{CrosstalkMatrix, DarkLevel, NoiseModel};
+
+/// Least standard deviation of a color field's own error, normalized intensity: interreflection, nonlinearity of the
+/// sensor and the like never vanish.
+pub(crate) const LEAST_MODEL_SIGMA: f32 = 0.005;
 
 /// Metadata of a color field, stored with it: what it was made from, and how good it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,6 +71,11 @@ pub struct FieldMetadata {
 }
 
 impl FieldMetadata {
+    /// Returns the factor of the noise's variance for depths that average over so many pixels; see [`DepthNoise`].
+    pub fn depth_noise_factor(&self, pixels: f32) -> f32 {
+        self.quality.as_ref().and_then(|q| q.depth_noise).map_or(1.0, |noise| noise.factor(pixels))
+    }
+
     /// Returns the variances of the field's errors, noise included, and of noise alone, normalized intensity squared:
     /// at held-out positions, or on the scenes that a field from a projector was fitted to; `None` where neither is
     /// known.
@@ -175,6 +185,10 @@ pub struct Quality {
     /// `None` as above.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gross: Option<f64>,
+    /// How much more depths scatter than noise makes them. `None` where too little of the held-out positions tells, for
+    /// fields that are networks, and in fields of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_noise: Option<DepthNoise>,
     /// Quality at random held-out samples of the other positions; form `published` alone has it, which is trained for
     /// that.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -11,6 +11,7 @@ pub mod bins;
 mod camera_rays;
 pub mod checkpoint;
 mod compatibility;
+mod depth_noise;
 mod field;
 pub mod fit;
 pub mod frame;
@@ -26,7 +27,9 @@ pub mod validity;
 
 pub use camera_rays::CameraRays;
 pub use compatibility::{FieldMismatch, camera_key, check_field, check_mono};
+pub use depth_noise::DepthNoise;
 pub use field::{ColorField, Form};
+pub(crate) use metadata::LEAST_MODEL_SIGMA;
 pub use metadata::{BoardPlace, FieldMetadata, PixelQuality, ProjectorResidual, Quality};
 pub use motion::LightMotion;
 pub use spline_evaluator::SplineEvaluator;

@@ -9,6 +9,7 @@ use super::initialize::{CrosstalkSettings, PropagationSettings};
 use super::light_fractions::LightFractionPrior;
 use super::options::ReconstructionOptions;
 use super::refine::RefineSettings;
+use crate::color_field::LEAST_MODEL_SIGMA;
 
 /// Settings of recipe `fast`, resolved from [`ReconstructionOptions`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -39,7 +40,7 @@ impl FastSettings {
     pub fn new(opts: &ReconstructionOptions) -> Self {
         let EffortSettings { decoded_pixels, steps, fine_steps, gathers, patches } = opts.effort.settings();
         Self {
-            min_model_sigma: 0.005,
+            min_model_sigma: LEAST_MODEL_SIGMA,
             max_decoded_pixels: decoded_pixels,
             min_component: opts.min_component,
             cost_volume: CostVolumeSettings { max_hypotheses: opts.max_labels.max(16), p_jump: 0.01, p_step: 0.2 },

@@ -121,6 +121,7 @@ mod tests {
             pose_covariance: None,
             depth_by_support: off_mm.map(|mm| [2.0 * mm, mm, mm, mm]),
             gross: gross.map(|g| g[0]),
+            depth_noise: None,
             pixels: None,
         };
         let gross = gross.map(|[share, of_position]| ("003", GrossSquares { share, position: 3, of_position }));

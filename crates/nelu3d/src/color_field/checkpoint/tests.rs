@@ -6,6 +6,7 @@ use nelu3d_scan::Camera;
 use super::error::CheckpointError;
 use super::header::FORMAT;
 use crate::color_field::compatibility::camera_key;
+use crate::color_field::depth_noise::DepthNoise;
 use crate::color_field::field::{ColorField, Form};
 use crate::color_field::frame::{Center, FieldFrame};
 use crate::color_field::frequency::{FrequencyForm, FrequencySettings, Octaves};
@@ -51,6 +52,7 @@ fn field(form: Form) -> ColorField {
             pose_covariance: None,
             depth_by_support: None,
             gross: None,
+            depth_noise: Some(DepthNoise { by_side: [1.0, 1.5, 2.0, 2.5] }),
             pixels: None,
         }),
         residual: None,

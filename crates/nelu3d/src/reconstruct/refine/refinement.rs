@@ -257,7 +257,8 @@ impl<'a> Refinement<'a> {
             }
         }
         let systematic = systematic(&whitened, &slopes, k, &prior.active, w, rows.len());
-        uncertainty::sigma(&prior, &self.x[start..start + n], &information, &systematic)
+        let factor = |pixels: f32| self.scene.field.metadata.depth_noise_factor(pixels);
+        uncertainty::sigma(&prior, &self.x[start..start + n], &information, &systematic, factor)
     }
 
     /// Returns the maps of the refined surface.

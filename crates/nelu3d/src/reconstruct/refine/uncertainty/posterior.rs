@@ -24,6 +24,8 @@ pub(super) struct Posterior {
     pub(super) noise: Vec<f32>,
     /// Variance from what the prior smooths away of a surface that is as rough as the prior allows.
     pub(super) prior: Vec<f32>,
+    /// Number of pixels that the solution averages over.
+    pub(super) pixels: Vec<f32>,
     /// Energy of the noise.
     noise_energy: Vec<f32>,
     /// Energy of a surface that is as rough as the prior allows.
@@ -47,7 +49,7 @@ impl Posterior {
         box_mean(&mut support, w, h, EDGE_RADIUS);
         box_mean(&mut has_weight, w, h, LOCAL_RADIUS);
         let zero = || vec![0.0f32; n];
-        let mut out = Self { noise: zero(), prior: zero(), noise_energy: zero(), prior_energy: zero() };
+        let mut out = Self { noise: zero(), prior: zero(), pixels: zero(), noise_energy: zero(), prior_energy: zero() };
         for i in (0..n).filter(|i| prior.active[*i]) {
             // A pixel that measures nothing has a hundredth of the information around it.
             let h = near[i].max(0.01 * far[i]).max(1e-12);
@@ -56,6 +58,7 @@ impl Posterior {
             let edge = 1.0 + EDGE * (2.0 * (1.0 - support[i]).max(0.0)).sqrt();
             out.noise[i] = edge * means.noise / h;
             out.prior[i] = edge * means.prior / h;
+            out.pixels[i] = 1.0 / means.noise.max(1e-6);
             out.noise_energy[i] = means.prior;
             out.prior_energy[i] = means.noise;
         }
@@ -65,15 +68,18 @@ impl Posterior {
     /// Returns the variance of the surface's true second differences around each pixel, relative to the prior's.
     ///
     /// With H the data's information, Q = DᵀWD and Σ = (H + Q)⁻¹, the solution for a true surface of covariance γ Q⁻¹
-    /// has the expected energy E = tr(QΣHΣ) + γ tr(HΣHΣ). That is solved for γ.
-    pub(super) fn prior_scale(&self, prior: &ThinPlatePrior, x: &[f32]) -> Vec<f32> {
+    /// has the expected energy E = f tr(QΣHΣ) + γ tr(HΣHΣ), where f, `noise_ratio`, is the noise's variance over that
+    /// of its model. That is solved for γ.
+    pub(super) fn prior_scale(&self, prior: &ThinPlatePrior, x: &[f32], noise_ratio: &[f32]) -> Vec<f32> {
         let around = |mut v: Vec<f32>| {
             box_mean(&mut v, prior.width, prior.height, ROUGHNESS_RADIUS);
             v
         };
         let found = around(prior.energy(x));
         let (noise, rough) = (around(self.noise_energy.clone()), around(self.prior_energy.clone()));
-        let scale = |i: usize| if rough[i] > 0.0 { ((found[i] - noise[i]) / rough[i]).clamp(0.0, 1.0) } else { 1.0 };
+        let scale = |i: usize| {
+            if rough[i] > 0.0 { ((found[i] - noise_ratio[i] * noise[i]) / rough[i]).clamp(0.0, 1.0) } else { 1.0 }
+        };
         (0..found.len()).map(scale).collect()
     }
 }

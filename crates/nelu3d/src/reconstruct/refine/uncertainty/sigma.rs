@@ -13,20 +13,23 @@ const POOL_RADIUS: usize = 2;
 const NOISE_RADIUS: usize = 8;
 
 /// Returns one standard deviation of the unknown per pixel of the prior's window; NaN where there is no surface. `x` is
-/// the solution, `systematic` the variance that [`super::systematic()`] estimates.
+/// the solution, `systematic` the variance that [`super::systematic()`] estimates; `factor` tells how much more depths
+/// that average over so many pixels scatter than their χ² says.
 pub(in crate::reconstruct::refine) fn sigma(
     prior: &ThinPlatePrior,
     x: &[f32],
     information: &[Information],
     systematic: &[f32],
+    factor: impl Fn(f32) -> f32,
 ) -> Vec<f32> {
     let (w, h, n) = (prior.width, prior.height, information.len());
     let posterior = Posterior::new(prior, information);
-    let scale = posterior.prior_scale(prior, x);
     let pooled = |v: &[f32]| masked_mean(v, &prior.active, w, h, POOL_RADIUS);
     let (noise, smoothing) = (pooled(&posterior.noise), pooled(&posterior.prior));
     let chi2: Vec<f32> = information.iter().map(|i| i.chi2).collect();
-    let noise_ratio = masked_mean(&chi2, &prior.active, w, h, NOISE_RADIUS);
+    let mut noise_ratio = masked_mean(&chi2, &prior.active, w, h, NOISE_RADIUS);
+    noise_ratio.iter_mut().zip(&posterior.pixels).for_each(|(ratio, pixels)| *ratio *= factor(*pixels));
+    let scale = posterior.prior_scale(prior, x, &noise_ratio);
     (0..n)
         .into_par_iter()
         .with_min_len(w)

@@ -1,0 +1,224 @@
+//! How far off, in depth, single pixels of a held-out board are: by what noise gives them, and by what it does not.
+//!
+//! Residuals of a scan do not show errors that a change of depth explains. Where one channel at a time tells depth, as
+//! in a Gray code, these are all errors there are. On a board, whose depth is known, they can be measured.
+
+use std::collections::BTreeMap;
+
+use nelu3d_scan::statistics::median;
+
+use super::shared_displacement::FAR;
+use crate::color_field::{DepthNoise, LEAST_MODEL_SIGMA};
+
+/// Side of a tile, px. What all of a tile shares is not counted: it is a displacement.
+const TILE: usize = 16;
+/// Number of sides of squares of pixels that are told apart: 1, 2, 4, 8 px.
+const LEVELS: usize = DepthNoise::SIDES;
+/// Standard deviations of the field's own error that are tried, as multiples of the least: which it is, is known only
+/// when all positions have been compared.
+const MODELS: [f32; 6] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
+/// Tiles that are looked at, about: of all held-out positions together.
+const TILES: usize = 600;
+/// Fewest tiles that tell.
+const MIN_TILES: usize = 20;
+/// Part of a square's pixels, or of a tile's, that has to be measured.
+const MIN_PART: f32 = 0.15;
+
+/// The normal equation of one pixel, h · displacement = g, for each of [`MODELS`].
+#[derive(Clone, Copy, Default)]
+struct Pixel {
+    g: [f32; MODELS.len()],
+    h: [f32; MODELS.len()],
+}
+
+/// Sums over the pixels of a tile.
+#[derive(Clone)]
+struct TileSums {
+    pixels: Vec<Pixel>,
+    chi2: [f64; MODELS.len()],
+    measurements: f64,
+}
+
+/// What a tile tells: χ² per measurement, and that of displacements of squares of pixels, per degree of freedom.
+#[derive(Clone, Copy, Debug)]
+struct Tile {
+    chi2: [f32; MODELS.len()],
+    along: [[f32; LEVELS]; MODELS.len()],
+}
+
+/// Errors in depth of pixels of held-out boards, tile by tile.
+#[derive(Clone, Debug, Default)]
+pub(super) struct DepthNoiseTiles {
+    tiles: Vec<Tile>,
+}
+
+/// Collects what a held-out position tells.
+pub(super) struct DepthNoiseOfPosition {
+    width: usize,
+    position: usize,
+    one_of: usize,
+    sums: BTreeMap<[usize; 2], TileSums>,
+}
+
+impl DepthNoiseOfPosition {
+    /// Starts with position `position` of `positions` that are held out, whose images have `size`, width and height.
+    pub(super) fn new([width, height]: [usize; 2], position: usize, positions: usize) -> Self {
+        let one_of = width * height * positions / (TILE * TILE) / TILES;
+        Self { width, position, one_of: one_of.max(1), sums: BTreeMap::new() }
+    }
+
+    /// Returns whether pixel `i` is looked at.
+    pub(super) fn wants(&self, i: usize) -> bool {
+        let [x, y] = self.tile_of(i);
+        // Tiles here and there, others at every position.
+        let at = (self.position.wrapping_mul(40_503) ^ (y * 2_053 + x)).wrapping_mul(2_654_435_761);
+        (at >> 12).is_multiple_of(self.one_of)
+    }
+
+    fn tile_of(&self, i: usize) -> [usize; 2] {
+        [i % self.width / TILE, i / self.width / TILE]
+    }
+
+    /// Adds pixel `i`: errors, slopes and weights (one over the variance from noise; 0: not measured) of its channels.
+    pub(super) fn add(&mut self, i: usize, errors: impl Fn(usize) -> f32, slopes: &[f32], weights: &[f32]) {
+        let empty =
+            || TileSums { pixels: vec![Pixel::default(); TILE * TILE], chi2: [0.0; MODELS.len()], measurements: 0.0 };
+        let sums = self.sums.entry(self.tile_of(i)).or_insert_with(empty);
+        let pixel = &mut sums.pixels[i / self.width % TILE * TILE + i % self.width % TILE];
+        for (j, w) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
+            let (e, d) = (errors(j), slopes[j]);
+            sums.measurements += 1.0;
+            for (m, model) in MODELS.iter().enumerate() {
+                let w = 1.0 / (1.0 / w + (model * LEAST_MODEL_SIGMA).powi(2));
+                pixel.h[m] += w * d * d;
+                pixel.g[m] += w * d * e;
+                sums.chi2[m] += f64::from(w * e * e);
+            }
+        }
+    }
+
+    /// Sums up.
+    pub(super) fn finish(self) -> DepthNoiseTiles {
+        DepthNoiseTiles { tiles: self.sums.values().filter_map(TileSums::tile).collect() }
+    }
+}
+
+impl TileSums {
+    fn tile(&self) -> Option<Tile> {
+        let measured = self.pixels.iter().filter(|p| p.h[0] > 0.0).count();
+        if (measured as f32) < MIN_PART * (TILE * TILE) as f32 {
+            return None;
+        }
+        let mut out = Tile { chi2: [0.0; MODELS.len()], along: [[0.0; LEVELS]; MODELS.len()] };
+        for m in 0..MODELS.len() {
+            let sum = |of: fn(&Pixel, usize) -> f32| self.pixels.iter().map(|p| f64::from(of(p, m))).sum::<f64>();
+            let (g, h) = (sum(|p, m| p.g[m]), sum(|p, m| p.h[m]));
+            let shared = (g / h) as f32;
+            out.chi2[m] = ((self.chi2[m] - g * g / h) / self.measurements) as f32;
+            for level in 0..LEVELS {
+                let side = 1 << level;
+                let (mut sum, mut n) = (0.0f32, 0usize);
+                let starts = |at: &usize| (at % TILE).is_multiple_of(side) && (at / TILE).is_multiple_of(side);
+                for at in (0..TILE * TILE).filter(starts) {
+                    let (mut g, mut h, mut pixels) = (0.0, 0.0, 0usize);
+                    for beside in 0..side * side {
+                        let p = &self.pixels[at + beside / side * TILE + beside % side];
+                        (g, h) = (g + p.g[m] - p.h[m] * shared, h + p.h[m]);
+                        pixels += usize::from(p.h[m] > 0.0);
+                    }
+                    if h > 0.0 && pixels as f32 >= MIN_PART * (side * side) as f32 {
+                        (sum, n) = (sum + g * g / h, n + 1);
+                    }
+                }
+                if n < 2 {
+                    return None;
+                }
+                out.along[m][level] = sum / (n - 1) as f32;
+            }
+        }
+        Some(out)
+    }
+}
+
+impl DepthNoiseTiles {
+    /// Joins what another position tells.
+    pub(super) fn add(&mut self, other: Self) {
+        self.tiles.extend(other.tiles);
+    }
+
+    /// Returns the variance of errors in depth over what the noise model gives, which has a standard deviation of
+    /// `model_sigma` beside noise, per χ² per measurement: of single pixels, and of squares of 2, 4, and 8 pixels, beside
+    /// what squares of 16 share. `None` where too few tiles tell.
+    pub(super) fn depth_noise(&self, model_sigma: f32) -> Option<DepthNoise> {
+        if self.tiles.len() < MIN_TILES {
+            return None;
+        }
+        let at = (model_sigma / LEAST_MODEL_SIGMA).max(1.0).log2().min((MODELS.len() - 1) as f32);
+        let (m, part) = ((at as usize).min(MODELS.len() - 2), at - (at as usize).min(MODELS.len() - 2) as f32);
+        let between = |of: &dyn Fn(&Tile, usize) -> f32, t: &Tile| (1.0 - part) * of(t, m) + part * of(t, m + 1);
+        let all = |of: &dyn Fn(&Tile, usize) -> f32| -> Option<f64> {
+            let mut values: Vec<f32> = self.tiles.iter().map(|t| between(of, t)).collect();
+            let limit = FAR * median(&mut values)?;
+            let near: Vec<f64> = values.iter().filter(|v| **v <= limit).map(|v| f64::from(*v)).collect();
+            Some(near.iter().sum::<f64>() / near.len() as f64)
+        };
+        let chi2 = all(&|t, m| t.chi2[m])?;
+        let mut by_side = [0.0; LEVELS];
+        for (level, out) in by_side.iter_mut().enumerate() {
+            *out = all(&|t, m| t.along[m][level])? / chi2;
+        }
+        by_side.iter().all(|v| v.is_finite()).then_some(DepthNoise { by_side })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+
+    /// Noise that pixels do not share scatters depth by as much as its level says, whatever that is; displacements that
+    /// squares of 4 × 4 pixels share, by more the more pixels are averaged; and what all pixels share, not at all.
+    #[test]
+    fn what_neighbors_share_is_told_from_noise() {
+        let (size, k) = ([480, 320], 3);
+        let mut rng = rand::rngs::StdRng::seed_from_u64(5);
+        let mut normal = move || -> f32 { StandardNormal.sample(&mut rng) };
+        // Noise that is modeled, its level, displacements of squares, and of all.
+        let mut measured = |sigma: f32, level: f32, of_squares: f32, of_all: f32| {
+            let mut tiles = DepthNoiseOfPosition::new(size, 0, 1);
+            let squares: Vec<f32> = (0..120 * 80).map(|_| of_squares * normal()).collect();
+            for i in 0..size[0] * size[1] {
+                assert!(tiles.wants(i));
+                let moved = squares[i / size[0] / 4 * 120 + i % size[0] / 4] + of_all;
+                // One channel after the other has a slope, as in a Gray code.
+                let slopes: Vec<f32> = (0..k).map(|j| if j == i % k { 0.5 } else { 0.0 }).collect();
+                let errors: Vec<f32> = slopes.iter().map(|d| d * moved + level * sigma * normal()).collect();
+                tiles.add(i, |j| errors[j], &slopes, &vec![1.0 / (sigma * sigma); k]);
+            }
+            tiles.finish().depth_noise(LEAST_MODEL_SIGMA).unwrap().by_side
+        };
+        for level in [1.0, 2.0] {
+            let noise = measured(0.02, level, 0.0, 3.0);
+            // Of few squares in a tile, the largest are taken for gross errors.
+            assert!(noise.iter().all(|v| (0.8..1.1).contains(v)), "{level}: {noise:?}");
+        }
+        // Displacements as large as a pixel's noise in depth.
+        let shared = measured(0.02, 1.0, 0.04, 0.0);
+        let chi2 = 1.0 + 1.0 / 3.0;
+        for (found, expected) in shared.iter().zip([2.0, 5.0, 17.0, 17.0]) {
+            assert!((0.75..1.15).contains(&(found * chi2 / expected)), "{shared:?}");
+        }
+    }
+
+    #[test]
+    fn too_few_tiles_tell_nothing_and_no_errors_neither() {
+        let mut tiles = DepthNoiseOfPosition::new([64, 32], 0, 1);
+        (0..64 * 32).for_each(|i| tiles.add(i, |_| 0.01, &[1.0, 0.5], &[100.0, 100.0]));
+        assert!(tiles.finish().depth_noise(0.01).is_none());
+        let mut tiles = DepthNoiseOfPosition::new([480, 320], 0, 1);
+        (0..480 * 320).for_each(|i| tiles.add(i, |_| 0.0, &[1.0, 0.5], &[100.0, 100.0]));
+        assert!(tiles.finish().depth_noise(0.01).is_none());
+    }
+}
