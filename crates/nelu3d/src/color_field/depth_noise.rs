@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 /// neighbors share them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DepthNoise {
-    /// Of single pixels, and of means over squares of 2, 4, and 8 pixels, beside what squares of 16 share.
+    /// Ratio of variances of depth errors of single pixels, and of means over squares of 2, 4, and 8 pixels, beside what
+    /// squares of 16 share.
     pub by_side: [f64; DepthNoise::SIDES],
 }
 

@@ -30,7 +30,7 @@ pub(super) struct Conditions {
 
 /// Fraction of the clear strip beside an edge that is looked at: what lies beyond may be blurred into it.
 const CLEAR_FRACTION: f64 = 0.6;
-/// The same of the strip up to the board's outline, beyond which it may be dark.
+/// Fraction of the strip up to the board's outline that is looked at beside an edge: it may be dark beyond.
 const OUTLINE_FRACTION: f64 = 0.45;
 /// Strips narrower than this say nothing about levels, px on either side.
 const MIN_HALF_WIDTH: f64 = 1.5;
