@@ -42,8 +42,8 @@ pub(crate) struct SequenceArgs {
     #[cfg(feature = "capture")]
     #[arg(long, conflicts_with_all = ["shard", "slurm"])]
     pub follow: bool,
-    /// With --follow: when no frame has arrived for so many seconds, stop, and compute and write all frames of the
-    /// folder, as without --follow.
+    /// With --follow: after so many seconds with nothing to do but to wait for a frame, stop, and compute and write all
+    /// frames of the folder, as without --follow.
     #[cfg(feature = "capture")]
     #[arg(long, value_name = "SECS", requires = "follow", value_parser = seconds)]
     pub idle: Option<f64>,

@@ -61,7 +61,8 @@ impl Follower {
         let begun = Instant::now();
         let mut seen: Vec<Value> = Vec::new();
         while begun.elapsed() < Duration::from_secs(60) {
-            let (_, body) = self.get(&format!("surface?after={after}"));
+            let (status, body) = self.get(&format!("surface?after={after}"));
+            assert_eq!(status, 200, "the program waits no longer; frame {frame} was not {stage}, but {:?}", stages(&seen));
             let answer: Value = serde_json::from_str(&body).unwrap();
             *after = answer["published"].as_u64().unwrap();
             let surface = answer["surface"].clone();
@@ -95,7 +96,8 @@ fn arrive(frames: &Path, name: &str) {
 fn frames_are_shown_as_they_arrive_and_all_are_computed_in_the_end() {
     let dir = tempfile::tempdir().unwrap();
     let (frames, out) = (dir.path().join("ball"), dir.path().join("out"));
-    let mut program = Follower::start(&frames, &out, "3");
+    // Long enough for a busy machine to stop for seconds between two lines of this test.
+    let mut program = Follower::start(&frames, &out, "8");
     let (_, page) = program.get("");
     assert!(page.contains("<h1>ball</h1>"), "{page}");
     for file in ["style.css", "viewer.js", "live.js"] {

@@ -29,7 +29,7 @@ use crate::paths::{default_field, load_field, shown};
 /// Time between two looks at the folder.
 const LOOK: Duration = Duration::from_millis(25);
 
-/// Follows a folder until Ctrl-C, or until no frame has arrived for as long as was asked for. Returns whether its
+/// Follows a folder until Ctrl-C, or until it has waited for the next frame for as long as was asked for. Returns whether its
 /// frames are to be computed and written now.
 pub(super) fn run(args: &SequenceArgs, rig: &Rig, set: &PatternSet, context: &CommandContext) -> Result<bool> {
     context.open_device(args.options.device)?;
@@ -48,10 +48,13 @@ pub(super) fn run(args: &SequenceArgs, rig: &Rig, set: &PatternSet, context: &Co
     while !context.progress.cancelled() {
         if let Some(newest) = arrivals.newest(seen.as_deref())? {
             context.progress.stage(&format!("frame {}", newest.frame.name));
-            (seen, since) = (Some(newest.frame.name.clone()), Instant::now());
+            seen = Some(newest.frame.name.clone());
             view.show(newest, &context.silent());
+            // From here: a machine that takes longer for a frame than `--idle` is busy, not idle.
+            since = Instant::now();
         } else if refine(&mut view, &mut arrivals, seen.as_deref(), context)? {
             // Then there may be a newer frame.
+            since = Instant::now();
         } else if idle.is_some_and(|idle| since.elapsed() > idle) {
             break;
         } else {
