@@ -62,7 +62,12 @@ impl Follower {
         let mut seen: Vec<Value> = Vec::new();
         while begun.elapsed() < Duration::from_secs(60) {
             let (status, body) = self.get(&format!("surface?after={after}"));
-            assert_eq!(status, 200, "the program waits no longer; frame {frame} was not {stage}, but {:?}", stages(&seen));
+            assert_eq!(
+                status,
+                200,
+                "the program waits no longer; frame {frame} was not {stage}, but {:?}",
+                stages(&seen)
+            );
             let answer: Value = serde_json::from_str(&body).unwrap();
             *after = answer["published"].as_u64().unwrap();
             let surface = answer["surface"].clone();
