@@ -29,8 +29,8 @@ use crate::paths::{default_field, load_field, shown};
 /// Time between two looks at the folder.
 const LOOK: Duration = Duration::from_millis(25);
 
-/// Follows a folder until Ctrl-C, or until it has waited for the next frame for as long as was asked for. Returns whether its
-/// frames are to be computed and written now.
+/// Follows a folder until Ctrl-C, or until it has waited for the next frame for as long as was asked for. Returns
+/// whether its frames are to be computed and written now.
 pub(super) fn run(args: &SequenceArgs, rig: &Rig, set: &PatternSet, context: &CommandContext) -> Result<bool> {
     context.open_device(args.options.device)?;
     let path = args.field.clone().unwrap_or_else(|| default_field(rig, &set.name));
