@@ -8,8 +8,7 @@
 //! 3. what is systematic: light that no part of the model explains (crosstalk, errors of the color field,
 //!    interreflection). It differs from noise in that neighbors share it, so averaging over the prior does not remove
 //!    it. It shows in the directions of code space that depth cannot explain, channel by channel, and is taken to be as
-//!    large along the one that depth can. What held-out boards have told of the field's errors along that one is in the
-//!    first part, and is not counted again.
+//!    large along the one that depth can.
 //!
 //! The first two are diagonals of matrices of the size of the image. A pixel's are taken from a uniform plate of
 //! infinite extent with the pixel's own weight and information, for which they are integrals over spatial frequencies;

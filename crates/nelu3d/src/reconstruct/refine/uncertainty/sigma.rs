@@ -28,8 +28,7 @@ pub(in crate::reconstruct::refine) fn sigma(
     let (noise, smoothing) = (pooled(&posterior.noise), pooled(&posterior.prior));
     let chi2: Vec<f32> = information.iter().map(|i| i.chi2).collect();
     let mut noise_ratio = masked_mean(&chi2, &prior.active, w, h, NOISE_RADIUS);
-    let factors: Vec<f32> = posterior.pixels.iter().map(|pixels| factor(*pixels)).collect();
-    noise_ratio.iter_mut().zip(&factors).for_each(|(ratio, factor)| *ratio *= factor);
+    noise_ratio.iter_mut().zip(&posterior.pixels).for_each(|(ratio, pixels)| *ratio *= factor(*pixels));
     let scale = posterior.prior_scale(prior, x, &noise_ratio);
     (0..n)
         .into_par_iter()
@@ -38,9 +37,7 @@ pub(in crate::reconstruct::refine) fn sigma(
             if !prior.active[i] {
                 return f32::NAN;
             }
-            // The field's errors are told twice: along the slope by held-out boards, across it by this scene.
-            let of_field = noise[i] * noise_ratio[i] * (1.0 - 1.0 / factors[i]);
-            (noise[i] * noise_ratio[i] + scale[i] * smoothing[i] + (systematic[i] - of_field).max(0.0)).sqrt()
+            (noise[i] * noise_ratio[i] + scale[i] * smoothing[i] + systematic[i]).sqrt()
         })
         .collect()
 }

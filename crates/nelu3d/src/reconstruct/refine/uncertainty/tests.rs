@@ -134,23 +134,3 @@ fn sigma_is_that_of_the_errors_whatever_the_roughness() {
         assert!((fraction - 0.683).abs() < 0.1, "{part}: {fraction}");
     }
 }
-
-/// The field's errors count once: the part of what is systematic that held-out boards have told adds nothing.
-#[test]
-fn errors_of_the_field_count_once() {
-    let (w, h) = (40, 40);
-    let n = w * h;
-    let mut prior = ThinPlatePrior::new(w, h, window(w, h));
-    prior.reweight(&vec![0.0; n], 0.1, 0.5, 3);
-    let info = vec![Information { h: 0.5, chi2: 1.0 }; n];
-    let variance = |systematic: f32, factor: f32| -> f32 {
-        let s = sigma(&prior, &vec![0.0; n], &info, &vec![systematic; n], |_| factor);
-        s[20 * w + 20].powi(2)
-    };
-    let (noise, of_boards) = (variance(0.0, 1.0), variance(0.0, 3.0));
-    let extra = of_boards - noise;
-    assert!(extra > 1.5 * noise, "{of_boards} {noise}");
-    assert!((variance(0.5 * extra, 3.0) - of_boards).abs() < 1e-4 * of_boards);
-    assert!((variance(1.5 * extra, 3.0) - (of_boards + 0.5 * extra)).abs() < 1e-3 * of_boards);
-    assert!((variance(extra, 1.0) - (noise + extra)).abs() < 1e-4 * of_boards);
-}
