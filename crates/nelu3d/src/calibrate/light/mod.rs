@@ -90,7 +90,7 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
     let all = seeds(t.camera, t.views, finest.level, MEASUREMENTS / t.views.k.max(6));
     // What short arms find is where longer ones begin.
     let few: Vec<Seed> = all.iter().step_by((all.len() / FEWER.1).clamp(1, FEWER.0)).copied().collect();
-    let how = Steps { arm: last, count: 12, min_scale: 0.1 * finest.spread(k), pull: PULL, held: None };
+    let how = Steps { arm: last, count: 12, min_scale: 0.1 * finest.spread(k), pull: PULL, far: false, held: None };
     let (mut best, mut arm) = (Refined::at(state), 2);
     loop {
         if progress.cancelled() {
@@ -169,8 +169,7 @@ fn open_direction(found: &Refined) -> Vector3<f64> {
 }
 
 /// Ratio of the information on the light's two tangents below which the codes leave one of them open: its standard
-/// deviation is more than three times the other's. Noise on the codewords' slopes is mistaken for information; under
-/// three patterns without fine detail along one axis, it was a twentieth.
+/// deviation is more than three times the other's.
 const MAX_OPEN_RATIO: f64 = 0.1;
 
 /// Whether the codes vary along one axis only: of the light's direction, they hardly tell one tangent.
@@ -320,16 +319,40 @@ mod tests {
                     let both = t.carry(level, &seed, &at(i, H), to, &mut more)
                         && t.carry(level, &seed, &at(i, -H), to, &mut less);
                     for (c, row) in rows.iter().enumerate().filter(|_| both) {
-                        assert_eq!(row[3], here[c]);
+                        assert_eq!(row.difference, here[c]);
                         let slope = (more[c] - less[c]) / (2.0 * H);
                         n += 1;
                         // Where the step crosses into the next pixel, there are two slopes.
-                        apart += usize::from((row[i] - slope).abs() > 1e-5 * (1.0 + slope.abs()));
+                        apart += usize::from((row.there[i] - slope).abs() > 1e-5 * (1.0 + slope.abs()));
                     }
                 }
             }
         }
         assert!(n > 10_000 && apart * 1000 < n, "{apart} of {n}");
+    }
+
+    #[test]
+    fn slopes_here_and_there_are_the_same_under_the_right_light() {
+        let camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
+        let center = Point3::new(-60.0, 140.0, 55.0);
+        let wave = |v: f64| (20.0 * v).sin() as f32;
+        let views = views(&camera, &poses(), center, |x, y| vec![wave(x), wave(y)]);
+        let chart = Chart::new(Point3::new(5.0, -3.0, 700.0));
+        let t = Transport { camera: &camera, views: &views, chart: &chart };
+        let state = chart.state(&center).unwrap();
+        let mut rows = Vec::new();
+        for seed in seeds(&camera, &views, &views.levels[0], 4000) {
+            let to = (seed.view + 1) % views.len();
+            t.carry_with_slopes(&views.levels[0], &seed, (&chart.center(state), &chart.slopes(state)), to, &mut rows);
+        }
+        let both: Vec<_> = rows.iter().filter_map(|r| Some((r.there, r.here?))).collect();
+        assert!(both.len() > 2000, "{}", both.len());
+        for i in 0..3 {
+            let sum = |f: &dyn Fn(f64, f64) -> f64| both.iter().map(|(t, h)| f(t[i], h[i])).sum::<f64>();
+            let (there, here, product) = (sum(&|t, _| t * t), sum(&|_, h| h * h), sum(&|t, h| t * h));
+            assert!(product > 0.99 * (there * here).sqrt(), "{i}: {there} {here} {product}");
+            assert!((product / there - 1.0).abs() < 0.03, "{i}: {there} {here} {product}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::super::views::Level;
 use super::center::{HOME, State};
-use super::transport::{Seed, Transport, partner};
+use super::transport::{Row, Seed, Transport, partner};
 
 /// What a refinement found.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +13,7 @@ pub(super) struct Refined {
     pub(super) state: State,
     /// Robust residual of the normalized intensity; infinite where too few samples could be carried.
     pub(super) scale: f64,
-    /// Mean information of a measurement on the state, squared slopes.
+    /// Mean information of a measurement on the state: products of its two slopes, whose noise has no mean.
     pub(super) information: Matrix3<f64>,
 }
 
@@ -36,9 +36,15 @@ pub(super) struct Steps {
     pub(super) min_scale: f64,
     /// Strength of the pull towards the camera, as a fraction of the best determined direction's information.
     pub(super) pull: f64,
+    /// Whether the center may be far away, so that slopes here and there have little to do with each other yet.
+    pub(super) far: bool,
     /// Where the state is held along a direction that the codes leave open.
     pub(super) held: Option<Held>,
 }
+
+/// Part of the slopes' squares, noise included, that is added to their products, times the root of the number of
+/// measurements: what products with noise may be off by.
+const TRUST: f64 = 3.0;
 
 /// A state that is held along one direction.
 #[derive(Clone, Copy)]
@@ -58,18 +64,24 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
         if rows.len() < 100 {
             return Refined { scale: f64::INFINITY, ..out };
         }
-        let mut abs: Vec<f64> = rows.iter().map(|r| r[3].abs()).collect();
+        let mut abs: Vec<f64> = rows.iter().map(|r| r.difference.abs()).collect();
         let mid = abs.len() / 2;
         out.scale = (abs.select_nth_unstable_by(mid, f64::total_cmp).1.max(1e-6)) * 1.4826;
-        let (mut a, mut b, mut weights) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
+        let (mut noisy, mut a, mut b, mut weights) = (Matrix3::zeros(), Matrix3::zeros(), Vector3::zeros(), 0.0);
         for row in &rows {
-            let j = Vector3::new(row[0], row[1], row[2]);
-            let w = 1.0 / (1.0 + (row[3] / (2.0 * out.scale.max(how.min_scale))).powi(2));
-            a += j * j.transpose() * w;
-            b += j * (row[3] * w);
+            let w = 1.0 / (1.0 + (row.difference / (2.0 * out.scale.max(how.min_scale))).powi(2));
+            let j = row.here.map_or(row.there, |here| 0.5 * (row.there + here));
+            noisy += j * j.transpose() * w;
+            // The noise of one is not the noise of the other. Squares of slopes have their noise in them: of three
+            // patterns without fine detail, under which the light's distance and direction are hardly told apart, it
+            // was most of what seemed to be known, and steps were a small part of what they should have been.
+            let product = row.here.map_or(row.there * row.there.transpose(), |here| row.there * here.transpose());
+            a += (product + product.transpose()) * (0.5 * w);
+            b += j * (row.difference * w);
             weights += w;
         }
         out.information = a / weights;
+        a = if how.far { noisy } else { a + noisy * (TRUST / (rows.len() as f64).sqrt()) };
         // Patterns that vary along one axis only leave the center free along the other: a faint pull to the camera
         // decides there, and is not felt elsewhere.
         let pull = a.diagonal().max() * how.pull;
@@ -95,12 +107,13 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
     out
 }
 
-/// Slopes by the state and residual of every measurement that lands.
+/// Slopes by the state and difference of every measurement that lands.
 ///
-/// The slopes are those of the interpolated codewords. One-sided differences would share their noise with the residual
-/// they are multiplied with, and that product has a mean, which pushes the center away along everything that the
-/// patterns hardly tell; here its mean over all places between the samples is zero.
-fn linearize(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, arm: usize) -> Vec<[f64; 4]> {
+/// The slopes are those of the interpolated codewords where it lands, and central differences where it comes from.
+/// One-sided differences would share their noise with the residual they are multiplied with, and that product has a
+/// mean, which pushes the center away along everything that the patterns hardly tell; here its mean over all places
+/// between the samples is zero.
+fn linearize(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, arm: usize) -> Vec<Row> {
     let (light, slopes) = (t.chart.center(s), t.chart.slopes(s));
     seeds
         .par_chunks(512)

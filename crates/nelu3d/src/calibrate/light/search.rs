@@ -45,7 +45,7 @@ impl SearchLevel<'_> {
 
     /// Steps of a refinement from afar.
     pub(super) fn steps(&self, k: usize, arm: usize) -> Steps {
-        Steps { arm, count: 6, min_scale: 0.3 * self.spread(k), pull: PULL, held: None }
+        Steps { arm, count: 6, min_scale: 0.3 * self.spread(k), pull: PULL, far: true, held: None }
     }
 }
 

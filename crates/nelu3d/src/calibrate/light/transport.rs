@@ -1,6 +1,6 @@
 //! Carrying codewords along rays of light from board to board.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix2x3, Point3, Vector3};
 use nelu3d_scan::Camera;
 
 use super::super::views::{Level, Views};
@@ -72,6 +72,29 @@ pub(super) fn partner(seed: &Seed, arm: usize, n: usize) -> usize {
     if pick < before { view - least - pick } else { view + least + pick - before }
 }
 
+/// A channel of a carried sample.
+#[derive(Clone, Copy)]
+pub(super) struct Row {
+    /// Derivative of the difference by the light's state, from slopes of codewords where the sample lands.
+    pub(super) there: Vector3<f64>,
+    /// The same from slopes of codewords where it comes from, whose noise is neither that of `there` nor that of the
+    /// difference; `None` beside what is not usable.
+    pub(super) here: Option<Vector3<f64>>,
+    /// Normalized intensity where it lands less that where it comes from.
+    pub(super) difference: f64,
+}
+
+/// The samples before and behind a sample along x and along y; `None` where one of them is not usable.
+fn differences<'a>(level: &'a Level, seed: &Seed, k: usize) -> Option<[[&'a [f32]; 2]; 2]> {
+    let (x, y, w) = (seed.index % level.width, seed.index / level.width, level.width);
+    if x == 0 || y == 0 || x + 1 == w || y + 1 == level.height {
+        return None;
+    }
+    let at = |i: usize| &level.images[seed.view][i * (k + 1)..][..k + 1];
+    let both = [[at(seed.index - 1), at(seed.index + 1)], [at(seed.index - w), at(seed.index + w)]];
+    both.iter().flatten().all(|s| s[k] >= level.min_validity).then_some(both)
+}
+
 /// Where a carried sample comes out in a view: four samples of a level, and their shares by distance and validity.
 struct Landing<'a> {
     /// The view's image: `[pixel][channel, …, validity]`.
@@ -138,40 +161,54 @@ impl Transport<'_> {
         true
     }
 
-    /// Carries a sample like [`Self::carry`] and appends a row for each channel: derivatives of the difference by the
-    /// light's state, whose slopes are given, and the difference.
+    /// Carries a sample like [`Self::carry`] and appends a row for each channel. The light's slopes by its state are
+    /// given.
     pub(super) fn carry_with_slopes(
         &self,
         level: &Level,
         seed: &Seed,
         (light, slopes): (&LightCenter, &[Slope; 3]),
         to: usize,
-        rows: &mut Vec<[f64; 4]>,
+        rows: &mut Vec<Row>,
     ) {
         let k = self.views.k;
         let Some((point, v, length)) = self.meet(seed, light, to) else { return };
         let Some((px, j)) = self.camera.project_with_jacobian(&point) else { return };
         let Some(landing) = Landing::at(px, level, to, k) else { return };
-        let normal = self.views.planes[to].0;
         let by_block = 1.0 / level.block as f64;
-        // The point moves with the direction, and along it as far as the board asks for.
-        let moved = slopes.map(|slope| {
-            let dv = (seed.point - light.origin) * slope.kappa + slope.along;
-            let by_state = (dv - v * (normal.dot(&dv) / normal.dot(&v))) * length;
-            j * by_state * by_block
-        });
+        // A point moves with the direction in which it is seen, and along it as far as the board asks for.
+        let moves = |normal: &Vector3<f64>, from: &Point3<f64>, v: &Vector3<f64>, length: f64, j: &Matrix2x3<f64>| {
+            slopes.map(|slope| {
+                let dv = (from - light.origin) * slope.kappa + slope.along;
+                j * ((dv - v * (normal.dot(&dv) / normal.dot(v))) * (length * by_block))
+            })
+        };
+        let moved = moves(&self.views.planes[to].0, &seed.point, &v, length, &j);
+        // Where it landed seen as the sample, and the sample as where it lands: what moves one way there moves the
+        // other way here.
+        let back = (point - light.origin) * light.kappa + light.along;
+        let size = (seed.point - point).dot(&back) / back.norm_squared();
+        let here = self.camera.project_with_jacobian(&seed.point);
+        let moved_here = here.map(|(_, j)| moves(&self.views.planes[seed.view].0, &point, &back, -size, &j));
+        // Not where the light grazes the board.
+        let moved_here = moved_here.filter(|moved| moved.iter().all(|m| m.iter().all(|m| m.is_finite())));
+        let differences = differences(level, seed, k).zip(moved_here);
         let by_place = landing.weight_slopes(k);
         let sums = by_place.map(|w| w.iter().sum::<f64>());
         let own = &level.images[seed.view][seed.index * (k + 1)..];
         rows.extend((0..k).map(|c| {
-            let there = landing.corners.map(|i| f64::from(landing.image[i + c]));
+            let corners = landing.corners.map(|i| f64::from(landing.image[i + c]));
             let value = landing.value(c);
             let [gx, gy] = [0, 1].map(|axis| {
-                let rise: f64 = (0..4).map(|i| by_place[axis][i] * there[i]).sum();
+                let rise: f64 = (0..4).map(|i| by_place[axis][i] * corners[i]).sum();
                 (rise - value * sums[axis]) / landing.sum
             });
-            let slope = |i: usize| gx * moved[i][0] + gy * moved[i][1];
-            [slope(0), slope(1), slope(2), value - f64::from(own[c])]
+            let there = moved.map(|m| gx * m[0] + gy * m[1]).into();
+            let here = differences.as_ref().map(|(d, moved)| {
+                let [gx, gy] = d.map(|at| f64::from(at[1][c] - at[0][c]) / 2.0);
+                moved.map(|m| gx * m[0] + gy * m[1]).into()
+            });
+            Row { there, here, difference: value - f64::from(own[c]) }
         }));
     }
 
@@ -190,8 +227,9 @@ impl Transport<'_> {
     }
 
     /// Disagreement of codewords carried over `arm` steps, 0 to 1 (chance): mean truncated squared difference as a
-    /// share of `by_chance`. A score that is sure to be worse than `give_up` is not worked out; too few hits are worse
-    /// than chance.
+    /// share of `by_chance`, of few hits drawn towards what nobody knows. A score that is sure to be worse than
+    /// `give_up` is not worked out; too few hits are worse than chance. Boards that are held by hand far from each
+    /// other share few rays of light, under the right light as well.
     pub(super) fn score(
         &self,
         level: &Level,
@@ -201,6 +239,10 @@ impl Transport<'_> {
         by_chance: f64,
         give_up: f64,
     ) -> f64 {
+        /// Part of the seeds that have to hit: one of so many.
+        const RARE: usize = 32;
+        /// Hits that are made up, and their disagreement.
+        const UNKNOWN: (f64, f64) = (10.0, 0.5);
         let light = self.chart.center(s);
         let mut r = vec![0.0; self.views.k];
         let (mut sum, mut hits) = (0.0, 0usize);
@@ -209,12 +251,13 @@ impl Transport<'_> {
                 sum += disagreement(&r, by_chance);
                 hits += 1;
             }
-            if i == 63 && (hits < 4 || sum > (give_up + 0.15) * hits as f64) {
+            if i == 63 && (hits * RARE < 64 || sum > (give_up + 0.15) * hits as f64) {
                 return 2.0;
             }
         }
         let far = (0..3).map(|i| (s[i] - HOME[i]).powi(2)).sum::<f64>();
-        if hits * 8 < seeds.len() { 2.0 } else { sum / hits as f64 + 10.0 * PULL * far }
+        let mean = (sum + UNKNOWN.0 * UNKNOWN.1) / (hits as f64 + UNKNOWN.0);
+        if hits * RARE < seeds.len() { 2.0 } else { mean + 10.0 * PULL * far }
     }
 }
 
