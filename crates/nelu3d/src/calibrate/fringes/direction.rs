@@ -10,6 +10,10 @@ use super::columns::Columns;
 const MIN_COHERENCE: f64 = 0.6;
 /// Cosine of the angle up to which channels share a direction: stripes of one axis may converge by perspective.
 const SAME_DIRECTION: f64 = 0.94;
+/// Coherence from which a channel says for itself that it has the direction of others, within an angle of this cosine:
+/// noise hides the direction of coarse stripes, but does not turn it. Isotropic patterns that agree by chance are found
+/// out on known rays.
+const AGREES: (f64, f64) = (0.1, 0.985);
 /// Block sizes over which gradients are taken: fine stripes need small ones, coarse stripes are seen over noise in
 /// large ones. The first one is a single column.
 const BLOCKS: [usize; 5] = [1, 2, 4, 8, 16];
@@ -137,7 +141,11 @@ pub(super) fn axes(columns: &Columns) -> Option<Vec<Axis>> {
         }
     }
     let n_clear: usize = groups.iter().map(|g| g.0.len()).sum();
-    if 2 * n_clear < columns.k || groups.len() > 2 {
+    let agrees = |of: &&Directed| {
+        let weak = of.coherence > AGREES.0 && of.coherence <= MIN_COHERENCE;
+        weak && groups.iter().any(|g| dot(g.1, of.tangent).abs() > AGREES.1)
+    };
+    if 2 * (n_clear + found.iter().filter(agrees).count()) < columns.k || groups.len() > 2 {
         return None;
     }
     let fit = |(channels, tangent)| Axis::fit(channels, tangent, &found, columns.n);
