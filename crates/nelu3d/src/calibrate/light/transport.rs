@@ -77,8 +77,8 @@ pub(super) fn partner(seed: &Seed, arm: usize, n: usize) -> usize {
 pub(super) struct Row {
     /// Derivative of the difference by the light's state, from slopes of codewords where the sample lands.
     pub(super) there: Vector3<f64>,
-    /// The same from slopes of codewords where it comes from, whose noise is neither that of `there` nor that of the
-    /// difference; `None` beside what is not usable.
+    /// Derivative of the difference by the light's state, from slopes of codewords where the sample comes from. Their
+    /// noise is neither that of the slopes where it lands nor that of the difference. `None` beside what is not usable.
     pub(super) here: Option<Vector3<f64>>,
     /// Normalized intensity where it lands less that where it comes from.
     pub(super) difference: f64,
