@@ -3,7 +3,7 @@
 
     python3 crates/nelu3d-py/wheel.py [--manylinux | --workspace] [-o DIR]
 
-Needs Rust, and nothing else of Python. With --workspace the build is the one that `.ci/run` makes (all crates, with
+Needs Rust, and nothing else of Python. With --workspace the build is the one that `.ci/run --all` makes (all crates, with
 the kernels for GPUs), so that nothing is built twice. With --manylinux the module is linked for glibc 2.17
 (manylinux2014) by zig (`pip install ziglang cargo-zigbuild`): only the last step differs.
 
