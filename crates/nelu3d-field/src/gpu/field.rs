@@ -193,7 +193,7 @@ mod tests {
         let field = field(config);
         let points = points::<D>(n);
         let (mut a, mut b) = (vec![0.0; n * k], vec![0.0; n * k]);
-        field.query(&points, &mut b);
+        field.query_points(&points, &mut b);
         field.query_on(&gpu, &points, &mut a).unwrap();
         // Three layers of sums of up to 80 terms.
         assert_close(&a, &b, 3.0 * 80.0 * f32::EPSILON);
@@ -214,7 +214,7 @@ mod tests {
         let targets = uniform_f32(11, n * k, 0.0, 1.0);
         let weights = uniform_f32(12, n, 0.5, 1.5);
         let (mut slow, mut fast) = (start.clone(), start.clone());
-        let expected = slow.train_step(&points, &targets, &weights);
+        let expected = slow.regress(&points, &targets, &weights);
         let samples = Samples { points: &points, targets: &targets, weights: &weights };
         let loss = fast.train_on(gpu, &samples, n, 1, |_| true).unwrap();
         assert!((loss - expected).abs() < 1e-5 * expected.abs(), "{loss} {expected}");
@@ -234,10 +234,10 @@ mod tests {
         }
         // And what was trained is what is asked.
         let mut out = vec![0.0; n * k];
-        fast.query(&points, &mut out);
+        fast.query_points(&points, &mut out);
         let again = HashField::from_params(config, fast.params().to_vec()).unwrap();
         let mut out_again = out.clone();
-        again.query(&points, &mut out_again);
+        again.query_points(&points, &mut out_again);
         assert_eq!(out, out_again);
     }
 

@@ -3,6 +3,7 @@
 mod config;
 mod encoder;
 mod field;
+mod kernels;
 mod query;
 mod state;
 mod train;

@@ -12,22 +12,15 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 impl<const D: usize> HashField<D> {
-    /// Writes the outputs of many points, in parallel: `out[point][output]`. Points outside [0, 1]^D are clamped to it.
-    ///
-    /// # Panics
-    /// If `out` does not hold `n_outputs` values per point.
-    pub fn query(&self, points: &[[f32; D]], out: &mut [f32]) {
+    /// [`HashField::query`] in any dimension.
+    pub(crate) fn query_points(&self, points: &[[f32; D]], out: &mut [f32]) {
         let table = &self.params[..self.grid.n_params()];
         let encoder = HashEncoder { grid: &self.grid, table, append: self.config.append_position };
         Network { encoder: &encoder, mlp: &self.mlp, packed: &self.packed }.query(points, out);
     }
 
-    /// Writes the outputs and their derivatives by the point, in parallel: `out[point][output]`,
-    /// `jacobian[point][output][axis]` per unit of [0, 1]. Along an axis where a point is clamped the derivative is 0.
-    ///
-    /// # Panics
-    /// If `out` or `jacobian` do not hold `n_outputs` values per point.
-    pub fn query_with_jacobian(&self, points: &[[f32; D]], out: &mut [f32], jacobian: &mut [[f32; D]]) {
+    /// [`HashField::query_with_jacobian`] in any dimension.
+    pub(super) fn query_points_with_jacobian(&self, points: &[[f32; D]], out: &mut [f32], jacobian: &mut [[f32; D]]) {
         let k = self.n_outputs();
         assert_eq!(out.len(), points.len() * k);
         assert_eq!(jacobian.len(), points.len() * k);

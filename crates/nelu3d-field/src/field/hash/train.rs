@@ -11,27 +11,16 @@ use super::encoder::HashEncoder;
 use super::field::HashField;
 
 impl<const D: usize> HashField<D> {
-    /// Takes one step of weighted regression; returns the loss before it, (1 / n k) Σ_i w_i Σ_o ρ(out_io − target_io),
-    /// with ρ of [`TrainConfig::loss`](crate::field::TrainConfig::loss).
-    ///
-    /// `targets[point][output]`, `weights[point]` (empty: all 1). The schedule counts the calls. A loss that is not
-    /// finite means a target or weight is not, and the field is lost. No points: nothing happens, loss 0.
-    ///
-    /// # Panics
-    /// If a length does not fit.
-    pub fn train_step(&mut self, points: &[[f32; D]], targets: &[f32], weights: &[f32]) -> f64 {
+    /// [`HashField::train_step`] in any dimension.
+    pub(crate) fn regress(&mut self, points: &[[f32; D]], targets: &[f32], weights: &[f32]) -> f64 {
         assert!(weights.is_empty() || weights.len() == points.len());
         let loss = self.config.training.loss;
         let scale = 1.0 / (points.len() * self.n_outputs()).max(1) as f32;
         self.step(points, targets, Objective::Regression { loss, weights, scale }) * scale as f64
     }
 
-    /// Takes one step of the optimizer for a loss that is the caller's, given its gradient by the outputs,
-    /// `[point][output]`. No points: nothing happens.
-    ///
-    /// # Panics
-    /// If a length does not fit.
-    pub fn descend(&mut self, points: &[[f32; D]], d_outputs: &[f32]) {
+    /// [`HashField::descend`] in any dimension.
+    pub(super) fn descend_along(&mut self, points: &[[f32; D]], d_outputs: &[f32]) {
         self.step(points, d_outputs, Objective::Given);
     }
 
