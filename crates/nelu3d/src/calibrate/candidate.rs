@@ -123,7 +123,7 @@ impl Candidate {
         }
         let k = placed.sweep.k;
         let smooth = aside.map_or_else(
-            || smoothness(center, vec![1.0; k]),
+            || smoothness(center, vec![[1.0; 3]; k]),
             |aside| {
                 aside.choose(&mut bins, cells, center, |bins, cells, smooth| {
                     fit_spline(bins, cells, smooth, schedule, progress)

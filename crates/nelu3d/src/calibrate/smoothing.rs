@@ -13,8 +13,16 @@ use crate::color_field::fit::Smoothness;
 use crate::color_field::frame::Center;
 use crate::color_field::grid::Grid;
 
-/// Strengths that are tried.
-const FACTORS: [f32; 4] = [1.0, 30.0, 1e3, 1e4];
+/// Factor between strengths that are tried.
+const RATIO: f32 = 30.0;
+/// Strengths that are tried, at most: powers of [`RATIO`] below this one.
+const MAX_POWER: i32 = 6;
+/// What is tried in turn: more smoothness along all axes, across, along w, along b, and along a. Most codes are stripes,
+/// along which they do not change.
+const LINES: [[i32; 3]; 5] = [[1, 1, 1], [1, 1, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0]];
+/// Part by which the squared error has to fall for more smoothness. Noise is most of it, and what the field itself is off
+/// by counts where scenes are smooth.
+const WORTH: f64 = 1e-3;
 /// One of so many positions is set aside.
 const EVERY: usize = 4;
 /// Part of the field's rows that the strip has.
@@ -23,7 +31,7 @@ const PART_OF_ROWS: usize = 8;
 const MIN_ROWS: usize = 48;
 
 /// The penalties of a frame at strength 1.
-pub(super) fn smoothness(center: Center, of_channels: Vec<f32>) -> Smoothness {
+pub(super) fn smoothness(center: Center, of_channels: Vec<[f32; 3]>) -> Smoothness {
     match center {
         Center::Light => Smoothness { across: 3e-4, along: 3e-3, slope_along: 3e-4, of_channels },
         Center::Camera => Smoothness { across: 3e-3, along: 1e-4, slope_along: 0.0, of_channels },
@@ -71,12 +79,16 @@ impl Aside {
         let cells = [cells[0], self.rows.len(), cells[2]];
         let k = bins.k();
         let known = columns_with_samples(&strip);
-        let errors = FACTORS.map(|factor| {
-            let grid = fit(&strip, cells, &smoothness(center, vec![factor; k]));
-            self.squared_errors(&grid, bins.n_rows(), &known)
-        });
-        let of_channels: Vec<f32> = (0..k).map(|c| best_factor(&errors.each_ref().map(|e| e[c]))).collect();
-        tracing::debug!(?of_channels, ?errors, "smoothness");
+        let mut searches = vec![Search::default(); k];
+        while searches.iter().any(|s| !s.is_done()) {
+            let factors = searches.iter().map(Search::next).collect();
+            let grid = fit(&strip, cells, &smoothness(center, factors));
+            let errors = self.squared_errors(&grid, bins.n_rows(), &known);
+            tracing::debug!(factors = ?searches.iter().map(Search::next).collect::<Vec<_>>(), ?errors, "smoothness");
+            searches.iter_mut().zip(errors).for_each(|(search, error)| search.take(error));
+        }
+        let of_channels: Vec<[f32; 3]> = searches.iter().map(Search::best).collect();
+        tracing::debug!(?of_channels, "smoothness");
         smoothness(center, of_channels)
     }
 
@@ -104,21 +116,70 @@ impl Aside {
     }
 }
 
-/// Returns the strength at which the squared error is least, from that of each of [`FACTORS`]: at the vertex of the
-/// parabola through the least one and its neighbors, in logarithms of both. Factors are far apart, and one that is five
-/// times too strong for a code hardly shows where paper is bright, but bends the field where samples are dim.
-fn best_factor(errors: &[f64; FACTORS.len()]) -> f32 {
-    let at = (0..FACTORS.len()).min_by(|i, j| errors[*i].total_cmp(&errors[*j])).expect("some strength was tried");
-    if at == 0 || at + 1 == FACTORS.len() || errors[at] <= 0.0 {
-        return FACTORS[at];
+/// The search for a channel's strengths: along each of [`LINES`] for as long as the error falls.
+#[derive(Clone, Debug, Default)]
+struct Search {
+    /// Where the line begins: powers of [`RATIO`] along a, b and w.
+    start: [i32; 3],
+    /// Which of [`LINES`] is searched.
+    line: usize,
+    /// Errors at the line's start and after it.
+    errors: Vec<f64>,
+    /// By what the strengths differ from powers, in powers.
+    between: [f32; 3],
+}
+
+impl Search {
+    fn is_done(&self) -> bool {
+        self.line == LINES.len()
     }
-    let x: [f64; 3] = std::array::from_fn(|i| f64::from(FACTORS[at + i - 1]).ln());
-    let y: [f64; 3] = std::array::from_fn(|i| errors[at + i - 1].ln());
-    let (before, after) = ((y[1] - y[0]) / (x[1] - x[0]), (y[2] - y[1]) / (x[2] - x[1]));
-    let middles = [0.5 * (x[0] + x[1]), 0.5 * (x[1] + x[2])];
-    // The slope goes from `before`, which is not positive, to `after`, which is not negative.
-    let part = if after > before { -before / (after - before) } else { 0.5 };
-    (middles[0] + part * (middles[1] - middles[0])).exp() as f32
+
+    /// Returns the powers of [`RATIO`] after so many steps of the line.
+    fn after(&self, steps: usize) -> [i32; 3] {
+        let line = LINES.get(self.line).copied().unwrap_or_default();
+        [0, 1, 2].map(|i| self.start[i] + line[i] * steps as i32)
+    }
+
+    /// Returns the factors to try next; the best ones where the search is done.
+    fn next(&self) -> [f32; 3] {
+        if self.is_done() { self.best() } else { self.after(self.errors.len()).map(|power| RATIO.powi(power)) }
+    }
+
+    /// Returns the best factors.
+    fn best(&self) -> [f32; 3] {
+        [0, 1, 2].map(|i| RATIO.powf(self.start[i] as f32 + self.between[i]))
+    }
+
+    /// Takes the squared error at what was tried. Where the line has its least error between others, the best strength
+    /// is that of the parabola through the three, in logarithms of both: strengths are far apart, and one that is five
+    /// times too strong for a code hardly shows where paper is bright, but bends the field where samples are dim.
+    fn take(&mut self, error: f64) {
+        if self.is_done() {
+            return;
+        }
+        self.errors.push(error);
+        let n = self.errors.len();
+        let falls = n < 2 || error < (1.0 - WORTH) * self.errors[n - 2];
+        if falls && self.after(n).into_iter().all(|power| power < MAX_POWER) {
+            return;
+        }
+        let best = if falls { n - 1 } else { n - 2 };
+        if !falls && best > 0 && self.errors[best] > 0.0 {
+            let [before, here, after] = [best - 1, best, best + 1].map(|i| self.errors[i].max(f64::MIN_POSITIVE).ln());
+            let bend = (before - here) + (after - here);
+            let vertex = if bend > 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
+            for (between, line) in self.between.iter_mut().zip(LINES[self.line]) {
+                *between += vertex as f32 * line as f32;
+            }
+        }
+        self.start = self.after(best);
+        self.errors = vec![self.errors[best]];
+        self.line += 1;
+        // At the end of the strengths nothing is left to try.
+        while !self.is_done() && self.after(1).into_iter().any(|power| power >= MAX_POWER) {
+            self.line += 1;
+        }
+    }
 }
 
 /// Which columns of bins have a sample.
@@ -137,16 +198,32 @@ mod tests {
     use crate::calibrate::spline_fit::{OF_MANY, fit_spline};
     use crate::progress::Progress;
 
-    /// The strength lies where the error has its minimum, between those that were tried, or at the end where it falls to.
+    /// The strengths lie where the error has its minimum, between those that are tried, or at the end to which it falls.
     #[test]
     fn the_best_strength_lies_between_those_that_are_tried() {
-        for best in [60.0f64, 300.0, 3000.0] {
-            let error = |factor: f32| 7.0 * (0.1 * (f64::from(factor) / best).ln().powi(2)).exp();
-            let found = best_factor(&FACTORS.map(error));
-            assert!((f64::from(found) / best - 1.0).abs() < 1e-3, "{best}: {found}");
+        let found = |error: &dyn Fn([f64; 3]) -> f64| {
+            let mut search = Search::default();
+            let mut tried = 0;
+            while !search.is_done() {
+                search.take(error(search.next().map(f64::from)));
+                tried += 1;
+                assert!(tried < 30);
+            }
+            search.best()
+        };
+        let off = |factor: f64, best: f64| 0.1 * (factor / best).ln().powi(2);
+        for best in [60.0f64, 300.0, 3e4] {
+            for found in found(&|f| 7.0 * f.map(|f| off(f, best)).iter().sum::<f64>().exp()) {
+                assert!((f64::from(found) / best - 1.0).abs() < 1e-3, "{best}: {found}");
+            }
         }
-        assert_eq!(best_factor(&FACTORS.map(f64::from)), FACTORS[0]);
-        assert_eq!(best_factor(&FACTORS.map(|f| 1.0 / f64::from(f))), FACTORS[3]);
+        // Each has its own.
+        let [a, b, w] = found(&|[a, b, w]| 7.0 * (off(a, 900.0) + off(b, 3e5) + off(w, 900.0)).exp());
+        let near = |found: f32, best: f32| (found / best).ln().abs() < f32::ln(RATIO);
+        assert!(near(a, 900.0) && near(b, 3e5) && near(w, 900.0) && a < b && w < b, "{a} {b} {w}");
+        assert_eq!(found(&|f| f.iter().product()), [1.0; 3]);
+        assert_eq!(found(&|f| 1.0 / f.iter().product::<f64>()), [RATIO.powi(MAX_POWER - 1); 3]);
+        assert_eq!(found(&|_| 0.0), [1.0; 3]);
     }
 
     /// Of a channel of slow waves and one of fast ones under the same noise, the slow one is smoothed more; what was
@@ -186,7 +263,7 @@ mod tests {
             fit_spline(bins, cells, smooth, OF_MANY, &Progress::none())
         };
         let chosen = aside.choose(&mut bins, cells, Center::Light, fit).of_channels;
-        assert!(chosen[0] >= 1e3 && chosen[1] <= 30.0, "{chosen:?}");
+        assert!(chosen[0][0] >= 1e3 && chosen[1][0] <= 30.0, "{chosen:?}");
         assert!((count(&bins) / before - 1.0).abs() < 1e-6);
     }
 }

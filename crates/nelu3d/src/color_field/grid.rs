@@ -50,20 +50,28 @@ impl Grid {
         assert_eq!(values.len(), self.coeffs.len());
         self.coeffs.copy_from_slice(values);
         for _ in 0..5 {
-            let smooth = self.resampled(self.cells);
+            let smooth = self.with_taps(self.cells, Tap::of_own_node);
             for (c, (v, s)) in self.coeffs.iter_mut().zip(values.iter().zip(&smooth.coeffs)) {
                 *c += v - s;
             }
         }
     }
 
-    /// Returns the same function on a grid with other numbers of cells, sampled at the new nodes: a start for a fit.
+    /// Returns the same function on a grid with other numbers of cells, as many or more along each axis: a start for a
+    /// fit. Polynomials up to cubic ones stay as they are, and what has as many cells, its coefficients.
     pub fn resampled(&self, cells: [usize; 3]) -> Self {
+        self.with_taps(cells, Tap::of_finer_node)
+    }
+
+    /// Returns a grid whose coefficients are sums of this one's: along an axis of `from` cells, of `to` cells then, node
+    /// n has `tap(from, to, n)`.
+    fn with_taps(&self, cells: [usize; 3], tap: impl Fn(usize, usize, usize) -> Tap) -> Self {
         let mut out = Self::new(cells, self.k);
         let (from, to, k) = (self.nodes(), out.nodes(), self.k);
-        let taps: [Vec<Tap>; 3] = std::array::from_fn(|i| Tap::of_nodes(self.cells[i], cells[i]));
+        let taps: [Vec<Tap>; 3] =
+            std::array::from_fn(|i| (0..to[i]).map(|n| tap(self.cells[i], cells[i], n)).collect());
         let column = from[2] * k;
-        // Axis by axis: four rows to one, in that four columns to one, in that four nodes to one.
+        // Axis by axis: some rows to one, in that some columns to one, in that some nodes to one.
         out.coeffs.par_chunks_mut(to[0] * to[2] * k).zip(&taps[1]).for_each(|(out, tap)| {
             let (mut row, mut values) = (vec![0.0; from[0] * column], vec![0.0; column]);
             tap.sum(&self.coeffs, &mut row);
@@ -76,29 +84,46 @@ impl Grid {
     }
 }
 
-/// Where a spline is evaluated along one of its axes: the first of four nodes, and their weights.
+/// A weighed sum of neighboring nodes along one of a spline's axes.
 struct Tap {
     first: usize,
-    weights: [f32; 4],
+    weights: Vec<f32>,
 }
 
 impl Tap {
-    /// Returns the places of the nodes of `to` cells in `from` cells, clamped to these.
-    fn of_nodes(from: usize, to: usize) -> Vec<Self> {
-        let at = |node: usize| {
-            let (cell, position) = lattice::locate([from; 3], [(node as f32 - 1.0) / to as f32; 3]);
-            Self { first: cell[0], weights: lattice::weights(position[0]) }
-        };
-        (0..to + 3).map(at).collect()
+    /// The value of a spline of `from` cells at one of its nodes, or at its end for one beyond.
+    fn of_own_node(from: usize, _: usize, node: usize) -> Self {
+        let (cell, position) = lattice::locate([from; 3], [(node as f32 - 1.0) / from as f32; 3]);
+        Self { first: cell[0], weights: lattice::weights(position[0]).to_vec() }
     }
 
-    /// Writes the weighed sum of four runs of the length of `to`.
+    /// The coefficient of a node of `to` cells: of values v at distances of a cell, v − v″/6, which is the inverse of the
+    /// spline's values at its nodes for cubic functions. Beyond the ends the last pieces go on.
+    fn of_finer_node(from: usize, to: usize, node: usize) -> Self {
+        if from == to {
+            return Self { first: node, weights: vec![1.0] };
+        }
+        let cell_of = from as f64 / to as f64;
+        let places = [-1.0, 0.0, 1.0].map(|d| (node as f64 - 1.0 + d) * cell_of);
+        let cells = places.map(|x| (x.max(0.0) as usize).min(from - 1));
+        let mut weights = vec![0.0; cells[2] - cells[0] + 4];
+        for ((x, cell), part) in places.into_iter().zip(cells).zip([-1.0 / 6.0, 8.0 / 6.0, -1.0 / 6.0]) {
+            for (sum, weight) in weights[cell - cells[0]..].iter_mut().zip(lattice::weights(x - cell as f64)) {
+                *sum += part * weight;
+            }
+        }
+        Self { first: cells[0], weights: weights.into_iter().map(|w| w as f32).collect() }
+    }
+
+    /// Writes the weighed sum of runs of the length of `to`.
     fn sum(&self, from: &[f32], to: &mut [f32]) {
         let n = to.len();
-        let [x0, x1, x2, x3] = std::array::from_fn(|i| &from[(self.first + i) * n..][..n]);
-        let [w0, w1, w2, w3] = self.weights;
-        for ((((to, x0), x1), x2), x3) in to.iter_mut().zip(x0).zip(x1).zip(x2).zip(x3) {
-            *to = w0 * x0 + w1 * x1 + w2 * x2 + w3 * x3;
+        let mut terms = self.weights.iter().zip(from[self.first * n..].chunks_exact(n));
+        if let Some((weight, run)) = terms.next() {
+            to.iter_mut().zip(run).for_each(|(to, x)| *to = weight * x);
+        }
+        for (weight, run) in terms {
+            to.iter_mut().zip(run).for_each(|(to, x)| *to += weight * x);
         }
     }
 }
@@ -107,18 +132,53 @@ impl Tap {
 mod tests {
     use super::*;
 
+    /// A finer spline is the same cubic, in and beyond its cells; along an axis with as many cells it is the same whatever
+    /// it was.
     #[test]
-    fn resampled_has_the_values_at_the_new_nodes() {
-        let (from, to, k) = ([3, 5, 2], [7, 4, 3], 3);
-        let mut grid = Grid::new(from, k);
-        grid.coeffs.iter_mut().enumerate().for_each(|(i, c)| *c = ((i * 7919) % 1000) as f32 * 1e-3);
-        let out = grid.resampled(to);
-        let ([na, nb, nw], mut expected) = (out.nodes(), vec![0.0; k]);
+    fn resampled_is_the_same_function() {
+        let (from, to, k) = ([3, 5, 2], [7, 5, 3], 2);
+        let of = |x: f64, c: f64| 0.3 + x * (0.7 - c) - x * x * (1.1 + c) + 0.9 * x.powi(3);
+        let any = |i: usize| ((i * 7919) % 1000) as f32 * 1e-3;
+        // A cubic's coefficients are v − h² v″/6 of its values v at nodes h apart.
+        let coeff = |cells: usize, node: usize, c: f64| {
+            let (h, x) = (1.0 / cells as f64, (node as f64 - 1.0) / cells as f64);
+            of(x, c) - (of(x - h, c) - 2.0 * of(x, c) + of(x + h, c)) / 6.0
+        };
+        let make = |cells: [usize; 3]| {
+            let mut grid = Grid::new(cells, k);
+            let [na, _, nw] = grid.nodes();
+            for (i, value) in grid.coeffs.iter_mut().enumerate() {
+                let (c, at) = ((i % k) as f64, [i / k / nw % na, i / k / nw / na, i / k % nw]);
+                let cubics = coeff(cells[0], at[0], c) * coeff(cells[2], at[2], 0.5 * c);
+                *value = any(at[1]) * cubics as f32;
+            }
+            grid
+        };
+        let (found, expected) = (make(from).resampled(to), make(to));
+        for (i, (found, expected)) in found.coeffs.iter().zip(&expected.coeffs).enumerate() {
+            assert!((found - expected).abs() < 1e-5, "{i}: {found} {expected}");
+        }
+    }
+
+    /// The coefficients that interpolate give their values back at the nodes inside, away from the ends.
+    #[test]
+    fn interpolated_values_are_had_at_nodes() {
+        let (cells, k) = ([6, 8, 7], 2);
+        let mut grid = Grid::new(cells, k);
+        let [na, nb, nw] = grid.nodes();
+        let smooth =
+            |at: [usize; 3], c: usize| (0.2 * at[0] as f32 + 0.3 * at[1] as f32 - 0.1 * at[2] as f32 + c as f32).sin();
+        let at = |node: usize| [node / nw % na, node / nw / na, node % nw];
+        let values: Vec<f32> = (0..na * nb * nw * k).map(|i| smooth(at(i / k), i % k)).collect();
+        grid.interpolate(&values);
+        let mut found = vec![0.0; k];
         for node in 0..na * nb * nw {
-            let at = [node / nw % na, node / nw / na, node % nw];
-            grid.eval(std::array::from_fn(|i| (at[i] as f32 - 1.0) / to[i] as f32), &mut expected);
-            for (c, expected) in out.coeffs[node * k..][..k].iter().zip(&expected) {
-                assert!((c - expected).abs() < 1e-6, "{at:?}: {c} {expected}");
+            let at = at(node);
+            if (0..3).all(|i| (3..cells[i]).contains(&at[i])) {
+                grid.eval(std::array::from_fn(|i| (at[i] as f32 - 1.0) / cells[i] as f32), &mut found);
+                for (c, found) in found.iter().enumerate() {
+                    assert!((found - smooth(at, c)).abs() < 0.01, "{at:?}: {found} {}", smooth(at, c));
+                }
             }
         }
     }

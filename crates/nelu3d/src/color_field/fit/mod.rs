@@ -26,8 +26,7 @@ pub fn fit(grid: &mut Grid, bins: &Bins, smooth: &Smoothness, iterations: usize,
     assert_eq!(k, bins.k());
     let normal = Normal::new(grid, bins);
     let diag = normal.diagonal();
-    let mut lambda = mean_node_weight(&diag, k);
-    lambda.iter_mut().zip(&smooth.of_channels).for_each(|(lambda, factor)| *lambda *= factor);
+    let lambda = mean_node_weight(&diag, k);
     let penalty = Penalty::new(grid, smooth, &lambda);
     let inverse = inverse_diagonal(diag, smooth, &lambda);
 
@@ -85,11 +84,13 @@ fn mean_node_weight(diag: &[f32], k: usize) -> Vec<f32> {
 
 /// Returns one over the diagonal of the normal equations, from the samples' part of it.
 fn inverse_diagonal(mut diag: Vec<f32>, smooth: &Smoothness, lambda: &[f32]) -> Vec<f32> {
-    let penalty = 6.0 * (2.0 * smooth.across + smooth.along) + 2.0 * smooth.slope_along + 1e-6;
     let k = lambda.len();
+    let along = 6.0 * smooth.along + 2.0 * smooth.slope_along;
+    let of_channel = |([a, b, w], lambda): (&[f32; 3], &f32)| lambda * (6.0 * smooth.across * (a + b) + along * w);
+    let penalties: Vec<f32> = smooth.of_channels.iter().zip(lambda).map(|c| of_channel(c) + 1e-6 * c.1).collect();
     diag.par_chunks_mut(k << 12).for_each(|diag| {
         for node in diag.chunks_exact_mut(k) {
-            node.iter_mut().zip(lambda).for_each(|(d, l)| *d = 1.0 / (*d + penalty * l));
+            node.iter_mut().zip(&penalties).for_each(|(d, penalty)| *d = 1.0 / (*d + penalty));
         }
     });
     diag
@@ -206,7 +207,7 @@ mod tests {
 
     /// A smoothness that leaves samples of `k` channels as they are.
     fn weak(k: usize) -> Smoothness {
-        Smoothness { across: 1e-4, along: 1e-4, slope_along: 0.0, of_channels: vec![1.0; k] }
+        Smoothness { across: 1e-4, along: 1e-4, slope_along: 0.0, of_channels: vec![[1.0; 3]; k] }
     }
 
     /// Samples of a steep wave, many to a bin, give the wave and not the blurred one that the bins' means are.
@@ -287,7 +288,7 @@ mod tests {
             };
             let (x, y) = (random(), random());
             let normal = Normal::new(&x, &bins);
-            let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels: vec![1.0; k] };
+            let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels: vec![[1.0; 3]; k] };
             let lambda: Vec<f32> = (0..k).map(|c| 1.0 + c as f32).collect();
             let mut ax = vec![0.0; x.coeffs.len()];
             Penalty::new(&x, &smooth, &lambda).apply(&x.coeffs, &mut ax);

@@ -14,12 +14,12 @@ const BLOCK: usize = 16;
 pub(super) struct Penalty {
     nodes: [usize; 3],
     k: usize,
-    /// Per axis and index, coefficients of the neighbors −2 … 2, multiplied by the weight of the axis.
-    stencils: [Vec<[f32; 5]>; 3],
-    /// Coefficients of the neighbors −2 … 2 along w, of every value of a block of columns.
+    /// Along a and b, per index: coefficients of the neighbors −2 … 2, multiplied by the weight across.
+    across: [Vec<[f32; 5]>; 2],
+    /// λ along a and b of every value of a block of columns.
+    lambda: [Vec<f32>; 2],
+    /// Coefficients of the neighbors −2 … 2 along w, of every value of a block of columns, λ included.
     along: [Vec<f32>; 5],
-    /// λ of every value of a block of columns.
-    lambda: Vec<f32>,
 }
 
 /// Returns the rows of DᵀD for a chain of `n` nodes, where D has a row per inner node.
@@ -47,15 +47,19 @@ fn add_slopes(rows: &mut [[f32; 5]], strength: f32) {
 }
 
 impl Penalty {
-    /// Prepares the penalty of a grid with `lambda` per channel.
+    /// Prepares the penalty of a grid, with `lambda` per channel beside the factors of the smoothness.
     pub(super) fn new(grid: &Grid, smooth: &Smoothness, lambda: &[f32]) -> Self {
         let nodes @ [na, nb, nw] = grid.nodes();
-        let mut stencils = [stencil(na, smooth.across), stencil(nb, smooth.across), stencil(nw, smooth.along)];
-        add_slopes(&mut stencils[2], smooth.slope_along);
-        let lambda = lambda.iter().copied().cycle().take(BLOCK * nw * grid.k).collect();
-        let of_column = |o: usize| stencils[2].iter().flat_map(move |c| std::iter::repeat_n(c[o], grid.k));
-        let along = std::array::from_fn(|o| of_column(o).cycle().take(BLOCK * nw * grid.k).collect());
-        Self { nodes, k: grid.k, stencils, along, lambda }
+        let across = [na, nb].map(|n| stencil(n, smooth.across));
+        let mut rows = stencil(nw, smooth.along);
+        add_slopes(&mut rows, smooth.slope_along);
+        let of_axis = |axis: usize| smooth.of_channels.iter().zip(lambda).map(move |(f, lambda)| lambda * f[axis]);
+        let of_block = |axis: usize| of_axis(axis).collect::<Vec<_>>().repeat(BLOCK * nw);
+        let along = std::array::from_fn(|o| {
+            let column: Vec<f32> = rows.iter().flat_map(|c| of_axis(2).map(move |lambda| lambda * c[o])).collect();
+            column.repeat(BLOCK)
+        });
+        Self { nodes, k: grid.k, across, lambda: [of_block(0), of_block(1)], along }
     }
 
     /// Computes y = Σ λ DᵀD x.
@@ -73,12 +77,12 @@ impl Penalty {
         // All but the ends have the same coefficients.
         if first >= 2 && first + n + 2 <= na {
             let from = std::array::from_fn(|o| &row[(first + o - 2) * column..][..n * column]);
-            return add_weighed_sum(y, from, &self.stencils[0][first]);
+            return add_weighed_sum(y, from, &self.across[0][first], &self.lambda[0]);
         }
         for (i, y) in y.chunks_exact_mut(column).enumerate() {
             let a = first + i;
             let from = std::array::from_fn(|o| &row[(a + o).saturating_sub(2).min(na - 1) * column..][..column]);
-            add_weighed_sum(y, from, &self.stencils[0][a]);
+            add_weighed_sum(y, from, &self.across[0][a], &self.lambda[0]);
         }
     }
 
@@ -123,28 +127,32 @@ impl WithSimd for Row<'_> {
         while first < na {
             let n = BLOCK.min(na - first);
             let y = &mut y[first * column..][..n * column];
-            weighed_sum(y, rows.map(|r| &r[first * column..][..n * column]), &penalty.stencils[1][b]);
+            let rows_of_block = rows.map(|r| &r[first * column..][..n * column]);
+            weighed_sum(y, rows_of_block, &penalty.across[1][b], &penalty.lambda[1]);
             penalty.add_across_a(rows[2], y, first);
             penalty.add_along(&rows[2][first * column..][..n * column], y);
-            y.iter_mut().zip(&penalty.lambda).for_each(|(y, l)| *y *= l);
             first += n;
         }
     }
 }
 
-/// Writes the sum of five slices, weighed.
+/// Writes the sum of five slices with coefficients `c`, times `lambda`.
 #[inline(always)]
-fn weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 5]) {
-    for ((((y, x0), x1), x2), (x3, x4)) in y.iter_mut().zip(x0).zip(x1).zip(x2).zip(x3.iter().zip(x4)) {
-        *y = c[0] * x0 + c[1] * x1 + c[2] * x2 + c[3] * x3 + c[4] * x4;
+fn weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 5], lambda: &[f32]) {
+    for ((((y, l), (x0, x1)), x2), (x3, x4)) in
+        y.iter_mut().zip(lambda).zip(x0.iter().zip(x1)).zip(x2).zip(x3.iter().zip(x4))
+    {
+        *y = l * (c[0] * x0 + c[1] * x1 + c[2] * x2 + c[3] * x3 + c[4] * x4);
     }
 }
 
-/// Adds the sum of five slices, weighed.
+/// Adds the sum of five slices with coefficients `c`, times `lambda`.
 #[inline(always)]
-fn add_weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 5]) {
-    for ((((y, x0), x1), x2), (x3, x4)) in y.iter_mut().zip(x0).zip(x1).zip(x2).zip(x3.iter().zip(x4)) {
-        *y += c[0] * x0 + c[1] * x1 + c[2] * x2 + c[3] * x3 + c[4] * x4;
+fn add_weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 5], lambda: &[f32]) {
+    for ((((y, l), (x0, x1)), x2), (x3, x4)) in
+        y.iter_mut().zip(lambda).zip(x0.iter().zip(x1)).zip(x2).zip(x3.iter().zip(x4))
+    {
+        *y += l * (c[0] * x0 + c[1] * x1 + c[2] * x2 + c[3] * x3 + c[4] * x4);
     }
 }
 
@@ -162,7 +170,8 @@ mod tests {
             }
             let lambda: Vec<f32> = (0..k).map(|c| 1.0 + c as f32).collect();
             let mut y = vec![f32::NAN; grid.coeffs.len()];
-            let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels: vec![1.0; k] };
+            let of_channels: Vec<[f32; 3]> = (0..k).map(|c| [1.0, 2.0 + c as f32, 0.5]).collect();
+            let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels };
             Penalty::new(&grid, &smooth, &lambda).apply(&grid.coeffs, &mut y);
 
             let nodes @ [na, _, nw] = grid.nodes();
@@ -173,9 +182,10 @@ mod tests {
                 let mut add = |axis: usize, strength: f32, differences: &[(usize, f64)]| {
                     if at[axis] + differences.len() <= nodes[axis] {
                         let of = |n: usize| i + n * steps[axis];
+                        let factor = smooth.of_channels[i % k][axis];
                         let sum: f64 = differences.iter().map(|(n, d)| d * f64::from(grid.coeffs[of(*n)])).sum();
                         for (n, d) in differences {
-                            expected[of(*n)] += f64::from(strength * lambda[i % k]) * d * sum;
+                            expected[of(*n)] += f64::from(strength * lambda[i % k] * factor) * d * sum;
                         }
                     }
                 };

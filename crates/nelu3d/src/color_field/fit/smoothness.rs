@@ -10,6 +10,19 @@ pub struct Smoothness {
     pub along: f32,
     /// Weight of first differences along w: a codeword changes along a ray of light by defocus only.
     pub slope_along: f32,
-    /// Factor of all three, channel by channel.
-    pub of_channels: Vec<f32>,
+    /// Factors of these weights along a, b and w, channel by channel.
+    pub of_channels: Vec<[f32; 3]>,
+}
+
+impl Smoothness {
+    /// The smoothness of a spline with `part` times fewer cells across. Second differences across are `part`² times
+    /// larger there, at `part`² times fewer nodes, each with `part`² times the samples' weight. What samples leave
+    /// undetermined is smooth at all levels: the factors across do not fall below 1.
+    #[must_use]
+    pub fn of_coarser(&self, part: usize) -> Self {
+        let of_part = 1.0 / (part as f32).powi(4);
+        let coarser = |factor: f32| (factor * of_part).max(factor.min(1.0));
+        let of_channels = self.of_channels.iter().map(|[a, b, w]| [coarser(*a), coarser(*b), *w]).collect();
+        Self { of_channels, ..self.clone() }
+    }
 }
