@@ -130,7 +130,8 @@ fn a_cheap_projector_is_as_accurate_as_it_was() {
 /// Depth jumps and shadows.
 #[test]
 fn occlusions_are_as_accurate_as_they_were() {
-    let bounds = Bounds { body_median_mm: 0.093, whole_mae_mm: 0.16, coverage: 0.969, outliers: 0.009, outside: 0.001 };
+    let bounds =
+        Bounds { body_median_mm: 0.079, whole_mae_mm: 0.137, coverage: 0.966, outliers: 0.011, outside: 0.001 };
     scan("shapes", &reduced("shapes", 0.75, 12, "occlusion"), &bounds);
 }
 
@@ -190,7 +191,8 @@ fn phases_of_three_boards_keep_no_wrong_period() {
     let rig = rig.to_str().unwrap();
     ok(&["calibrate", rig]);
     let answer = ok(&["reconstruct", rig, "seen", "--truth", &format!("{rig}/scenes/seen/truth")]);
-    let bounds = Bounds { body_median_mm: 0.126, whole_mae_mm: 0.2, coverage: 0.974, outliers: 0.01, outside: 0.001 };
+    let bounds =
+        Bounds { body_median_mm: 0.126, whole_mae_mm: 0.188, coverage: 0.963, outliers: 0.006, outside: 0.001 };
     hold("three boards", &answer["summary"]["metrics"], &bounds);
     let behind = nelu3d(&["reconstruct", rig, "behind", "--quiet"]);
     let why = stderr(&behind);
@@ -206,7 +208,8 @@ fn a_wall_behind_the_boards_is_not_on_a_wrong_period() {
     let rig = rig.to_str().unwrap();
     ok(&["calibrate", rig]);
     let answer = ok(&["reconstruct", rig, "object", "--truth", &format!("{rig}/scenes/object/truth")]);
-    let bounds = Bounds { body_median_mm: 0.22, whole_mae_mm: 0.39, coverage: 0.37, outliers: 0.065, outside: 0.001 };
+    let bounds =
+        Bounds { body_median_mm: 0.151, whole_mae_mm: 0.39, coverage: 0.285, outliers: 0.0165, outside: 0.001 };
     hold("chessboards", &answer["summary"]["metrics"], &bounds);
 }
 
