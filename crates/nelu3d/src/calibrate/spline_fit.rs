@@ -20,10 +20,9 @@ pub(super) struct Schedule {
 /// of two rigs of other renderers worse, by 0.15 dB.
 pub(super) const OF_MANY: Schedule = Schedule { coarse: &[(4, 10), (8, 20), (16, 60)], steps: 8 };
 /// The schedule where few positions are held out in turn: much of the field rests on one or two boards there, and smooth
-/// codes are smoothed far. Steps of the coarse levels are cheap, and without them the coarsest is not solved: three a la
-/// carte patterns under eight boards were predicted 0.25 dB worse with 60 steps of it, and 0.9 dB worse from a quarter of
-/// the cells alone. Many boards do not need them, and under fine stripes, which coarse cells cannot hold, they are worse by
-/// 1.5 dB.
+/// codes are smoothed far. Steps of the coarse levels are cheap, and without them the coarsest is not solved: of three a
+/// la carte patterns under eight boards one was predicted 0.3 dB worse with 60 steps of it and 40 of the next. Under many
+/// boards and fine stripes, which coarse cells cannot hold, so many steps are worse by 1.5 dB.
 pub(super) const OF_FEW: Schedule = Schedule { coarse: &[(4, 30), (8, 100), (16, 300)], steps: 10 };
 
 /// Fits a spline of `cells` to `bins`, which have as many across.
