@@ -21,6 +21,10 @@ fn rig() -> &'static Path {
 /// A camera almost without noise, a ball, eight board positions, three patterns.
 fn spec() -> Spec {
     let mut spec = Spec::preset("shapes").expect("a preset");
+    // In the end every pixel is rendered, which takes longer than many of these trainings.
+    let c = &mut spec.camera;
+    (c.width, c.height) = (c.width * 3 / 4, c.height * 3 / 4);
+    (c.fx, c.fy, c.cx, c.cy) = (0.75 * c.fx, 0.75 * c.fy, 0.75 * (c.cx + 0.5) - 0.5, 0.75 * (c.cy + 0.5) - 0.5);
     spec.scenes.retain(|s| s.name == "sphere");
     (spec.camera.full_well_electrons, spec.camera.read_noise_electrons) = (1e9, 0.01);
     spec.camera.electrons_per_sec = (0.8e9 / spec.camera.exposure_secs).into();
@@ -54,7 +58,7 @@ fn body(summary: &Value) -> (f64, f64) {
     (body["coverage"].as_f64().unwrap(), body["depth_mm"]["median"].as_f64().unwrap())
 }
 
-/// Seeds 0, 1, and 2 come to a median of 0.24, 0.21, and 0.39 mm.
+/// Seeds 0, 1, and 2 come to a median of 0.23, 0.28, and 0.22 mm.
 #[test]
 fn recipe_paper_finds_the_ball() {
     let steps = ["--recipe", "paper", "--steps", "200", "--samples", "8192"];
@@ -70,7 +74,7 @@ fn recipe_paper_finds_the_ball() {
 }
 
 /// TurboSL learns albedo and ambient light too, so it is slower: that it is on its way from the sphere it starts with.
-/// Seeds 0, 1, and 2 come to a median of 3.6, 2.9, and 1.7 mm, and to 2.4 to 3.5 % of the first image loss.
+/// Seeds 0, 1, and 2 come to a median of 1.8, 5.3, and 3.1 mm.
 #[test]
 fn turbosl_moves_to_the_ball() {
     let summary = reconstruct(&["decode", "--method", "turbosl", "--steps", "200", "--samples", "8192"]);
