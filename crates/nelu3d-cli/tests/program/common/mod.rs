@@ -134,16 +134,12 @@ pub(crate) fn template() -> &'static Path {
     dir.path()
 }
 
-/// Copies a folder with all that is in it, but for what another test, at work there, writes and renames meanwhile.
+/// Copies a folder with all that is in it.
 pub(crate) fn copy(from: &Path, to: &Path) {
     fs::create_dir_all(to).unwrap();
     for entry in fs::read_dir(from).unwrap() {
         let path = entry.unwrap().path();
         let target = to.join(path.file_name().unwrap());
-        if path.is_dir() {
-            copy(&path, &target);
-        } else if let Err(error) = fs::copy(&path, &target) {
-            assert!(!path.exists(), "{}: {error}", path.display());
-        }
+        if path.is_dir() { copy(&path, &target) } else { _ = fs::copy(&path, &target).unwrap() }
     }
 }
