@@ -53,6 +53,3 @@ pub mod volrend;
 pub use field::{FrequencyField, FrequencyFieldConfig, HashField, HashFieldConfig};
 pub use real::Real;
 pub use surface::NeuralSurface;
-
-#[cfg(test)]
-mod check;

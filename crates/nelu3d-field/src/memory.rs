@@ -32,18 +32,3 @@ fn advise(values: &[f32]) {
 fn advise(_: &[f32]) {
     let _ = LARGE_PAGE;
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn zeros_of_any_size() {
-        for n in [0, 1, 1000, 5 * LARGE_PAGE / 4 + 3] {
-            let mut values = zeros(n);
-            assert!(values.len() == n && values.iter().all(|&x| x == 0.0));
-            values.fill(1.0);
-            assert!(values.iter().all(|&x| x == 1.0));
-        }
-    }
-}

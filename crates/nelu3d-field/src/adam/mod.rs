@@ -127,6 +127,3 @@ impl Update {
         Self { beta1, beta2, epsilon, rate, root: 1.0 / (1.0 - beta2.powi(t)).sqrt() }
     }
 }
-
-#[cfg(test)]
-mod tests;

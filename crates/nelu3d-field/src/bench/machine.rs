@@ -85,8 +85,9 @@ impl Machine {
     }
 }
 
-/// Returns the rate at a size between the measured ones, linear over the logarithm of the size.
-pub(super) fn interpolate(rates: &[Rate], bytes: usize) -> f64 {
+/// Returns the lines per second in a table of `bytes`, given those in tables of some sizes, in ascending order and at
+/// least one: linear over the logarithm of the size between them, and that of the nearest size beyond them.
+pub fn interpolate(rates: &[Rate], bytes: usize) -> f64 {
     let after = rates.partition_point(|r| r.table_bytes < bytes);
     let (a, b) = (rates[after.saturating_sub(1)], rates[after.min(rates.len() - 1)]);
     if a.table_bytes == b.table_bytes {
@@ -188,26 +189,5 @@ impl WithSimd for Updates<'_> {
             *a += 1.0;
             *b -= 1.0;
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rates_between_and_beyond_the_measured_sizes() {
-        let rate = |table_bytes, lines_per_sec| Rate { table_bytes, lines_per_sec };
-        let rates = [rate(1 << 10, 8.0), rate(1 << 20, 4.0)];
-        assert_eq!(interpolate(&rates, 1 << 5), 8.0);
-        assert!((interpolate(&rates, 1 << 15) - 6.0).abs() < 1e-12);
-        assert_eq!(interpolate(&rates, 1 << 30), 4.0);
-    }
-
-    #[test]
-    fn a_machine_has_positive_ceilings() {
-        let machine = Machine::measure(0.0);
-        assert!(machine.flops_per_sec > 1e8 && machine.bytes_per_sec > 1e7 && machine.exponentials_per_sec > 1e5);
-        assert!(machine.reads.iter().chain(&machine.updates).all(|r| r.lines_per_sec > 1e5), "{machine:?}");
     }
 }

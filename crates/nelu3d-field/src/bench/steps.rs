@@ -137,16 +137,18 @@ impl SurfaceBench {
     }
 }
 
-/// Cache lines of every level's table that a set of points touches.
-pub(super) struct LineCounts {
+/// Cache lines of every level's table that a set of points touches, coarse to fine.
+#[derive(Clone, Debug)]
+pub struct LineCounts {
     /// By points one after the other: a line counts again for every point that needs it.
-    pub(super) by_point: Vec<f64>,
+    pub by_point: Vec<f64>,
     /// At all.
-    pub(super) distinct: Vec<f64>,
+    pub distinct: Vec<f64>,
 }
 
 impl LineCounts {
-    pub(super) fn of(grid: &HashGrid<3>, points: &[[f32; 3]]) -> Self {
+    /// Counts the lines of [`LINE`] bytes that the corners of the points' cells lie in; points in [0, 1]^3.
+    pub fn of(grid: &HashGrid<3>, points: &[[f32; 3]]) -> Self {
         let per_line = LINE / (4 * grid.config().n_features_per_level);
         let mut counts = Self { by_point: Vec::new(), distinct: Vec::new() };
         for level in grid.levels() {

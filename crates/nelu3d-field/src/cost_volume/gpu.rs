@@ -21,20 +21,20 @@ const SHARED_BYTES: usize = 16 << 10;
 /// The most hypotheses of which a workgroup can hold two rows, with walls at their ends.
 const MAX_HYPOTHESES: usize = (SHARED_BYTES / 4 - PATH_THREADS - 16) / 2 - 2;
 
-/// Rows of the image, and the pixels in them.
+/// Rows of the image that are worked on together, and the pixels in them.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Slab {
+pub struct Slab {
     rows: Range<usize>,
     /// The range of [`Problem::pixels`] that lies in the rows.
     pixels: Range<usize>,
 }
 
-/// Cuts the image so that no buffer of a slab is larger than `max_bytes`.
+/// Cuts the image so that no buffer of a slab is larger than `max_bytes`; `device` is its name in errors.
 ///
 /// # Errors
 ///
 /// A single row does not fit.
-pub(super) fn slabs(problem: &Problem<'_>, device: &str, max_bytes: u64) -> Result<Vec<Slab>, DeviceError> {
+pub fn slabs(problem: &Problem<'_>, device: &str, max_bytes: u64) -> Result<Vec<Slab>, DeviceError> {
     let groups = problem.lattice.k.div_ceil(4);
     let pixel_bytes = (4 * problem.hypotheses.count).max(3 * 16 * groups).max(32) as u64;
     let row_bytes = 4 * problem.width as u64;
@@ -217,8 +217,14 @@ impl Solver<'_> {
     }
 }
 
-/// Returns the winner of every pixel; no buffer of a slab is larger than `max_bytes`. See [`super::winners`].
-pub(super) fn winners(gpu: &Arc<Gpu>, problem: &Problem<'_>, max_bytes: u64) -> Result<Vec<Winner>, DeviceError> {
+/// Returns the winner of every pixel; no buffer of a slab is larger than `max_bytes`. See [`super::winners`], which takes
+/// the largest buffers of the device.
+///
+/// # Errors
+///
+/// The device failed, a row of the image does not fit into `max_bytes`, or two rows of a pixel's hypotheses not into
+/// the memory that threads share.
+pub fn winners(gpu: &Arc<Gpu>, problem: &Problem<'_>, max_bytes: u64) -> Result<Vec<Winner>, DeviceError> {
     if problem.pixels.is_empty() {
         return Ok(Vec::new());
     }

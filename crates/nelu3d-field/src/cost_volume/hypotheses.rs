@@ -63,21 +63,9 @@ pub struct PixelRay {
 }
 
 impl PixelRay {
-    /// Returns the unit coordinates at a distance from the rays' common center.
-    #[cfg(test)]
-    pub(super) fn at(&self, frame: &ProjectiveFrame, center: [f64; 3], distance: f32) -> [f32; 3] {
-        let t = f64::from(distance);
-        frame.to_unit(std::array::from_fn(|i| center[i] + t * self.dir[i]))
-    }
-
     /// Returns the pixel's hypotheses as a line in unit coordinates: with v the inverse depth, a point at distance
     /// `1 / (v · dir_z)` is `v · dir_z · center + dir` in homogeneous coordinates, which is linear in v.
-    pub(super) fn line(
-        &self,
-        frame: &ProjectiveFrame,
-        center: [f64; 3],
-        hypotheses: &DepthHypotheses,
-    ) -> HypothesisLine {
+    pub fn line(&self, frame: &ProjectiveFrame, center: [f64; 3], hypotheses: &DepthHypotheses) -> HypothesisLine {
         let (base, step) = (frame.homogeneous(center, 1.0), frame.homogeneous(self.dir, 0.0));
         let v = |inverse_depth: f32| f64::from(inverse_depth) * f64::from(self.dir_z);
         let start = std::array::from_fn(|c| step[c] + v(hypotheses.first) * base[c]);
@@ -88,25 +76,27 @@ impl PixelRay {
 /// A pixel's hypotheses in the unit cube: `q(l) = origin + (l − at) · slope / (1 + (l − at) · bend)`, in single
 /// precision without cancellation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct HypothesisLine {
+pub struct HypothesisLine {
     /// q of hypothesis `at`.
-    pub(super) origin: [f32; 3],
+    pub origin: [f32; 3],
     /// A hypothesis, preferably one of the pixel's.
-    pub(super) at: f32,
+    pub at: f32,
     /// Derivative of q by the hypothesis there.
-    pub(super) slope: [f32; 3],
+    pub slope: [f32; 3],
     /// Relative change per hypothesis of the projective denominator; where that is not positive is outside.
-    pub(super) bend: f32,
+    pub bend: f32,
     /// The pixel's first hypothesis and the one behind its last.
-    pub(super) range: [u32; 2],
+    pub range: [u32; 2],
 }
 
 impl HypothesisLine {
     /// The line without hypotheses.
-    pub(super) const NONE: Self = Self { origin: [0.0; 3], at: 0.0, slope: [0.0; 3], bend: 0.0, range: [0; 2] };
+    pub const NONE: Self = Self { origin: [0.0; 3], at: 0.0, slope: [0.0; 3], bend: 0.0, range: [0; 2] };
 
-    /// Returns the line `l ↦ h_0..2 / h_3` with `h = base + l · step`, for the given hypotheses.
-    pub(super) fn new(base: [f64; 4], step: [f64; 4], range: [u32; 2]) -> Self {
+    /// Returns the line `l ↦ h_0..2 / h_3` with `h = base + l · step`, for the given hypotheses: the first and the one
+    /// behind the last. [`Self::NONE`] if there are none, or if all of them lie behind the pole, where h_3 is not
+    /// positive.
+    pub fn new(base: [f64; 4], step: [f64; 4], range: [u32; 2]) -> Self {
         if range[0] >= range[1] {
             return Self::NONE;
         }

@@ -23,13 +23,13 @@ mod aggregate;
 mod costs;
 mod cpu;
 #[cfg(feature = "gpu")]
-mod gpu;
+pub mod gpu;
 mod hypotheses;
 mod misfit;
 mod problem;
 pub mod reference;
 
-pub use hypotheses::{DepthHypotheses, PixelRay, RaySource};
+pub use hypotheses::{DepthHypotheses, HypothesisLine, PixelRay, RaySource};
 pub use misfit::{LightFractionEquations, misfit};
 pub use problem::{DIRECTIONS, LitCells, NEAR, OUTSIDE, Problem, Winner};
 
@@ -67,6 +67,3 @@ pub fn winners(device: &Device, problem: &Problem<'_>) -> Result<Vec<Winner>, De
         Device::Gpu(gpu) => gpu::winners(gpu, problem, gpu.max_buffer_bytes()),
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -12,8 +12,8 @@ fn locate<T: Real>(q: T, cells: usize) -> (usize, T) {
     (cell, u - T::of(cell as f64))
 }
 
-/// Returns a hypothesis's point in the unit cube; `None` outside of it.
-pub(super) fn point<T: Real>(line: &HypothesisLine, index: T) -> Option<[T; 3]> {
+/// Returns the point of hypothesis `index`, which may lie between two, in the unit cube; `None` outside of it.
+pub fn point<T: Real>(line: &HypothesisLine, index: T) -> Option<[T; 3]> {
     let d = index - T::of(f64::from(line.at));
     let pole = T::of(1.0) + d * T::of(f64::from(line.bend));
     let q = std::array::from_fn(|i| T::of(f64::from(line.origin[i])) + d * T::of(f64::from(line.slope[i])) / pole);
@@ -44,8 +44,8 @@ pub fn costs<T: Real>(problem: &Problem<'_>) -> Vec<T> {
     out
 }
 
-/// Evaluates the lattice at q.
-pub(super) fn spline<T: Real>(lattice: &Lattice<'_>, q: [T; 3], out: &mut [T]) {
+/// Writes the k values of the lattice's spline at q in the unit cube.
+pub fn spline<T: Real>(lattice: &Lattice<'_>, q: [T; 3], out: &mut [T]) {
     let k = lattice.k;
     let [a, b, w]: [(usize, T); 3] = std::array::from_fn(|i| locate(q[i], lattice.cells[i]));
     out.fill(T::default());

@@ -59,6 +59,3 @@ pub struct Receiver {
 pub fn demand(points: usize, patches: usize, values: usize) -> Demand {
     Demand { flops: points as f64 * patches as f64 * (30.0 + 2.0 * values as f64), ..Demand::default() }
 }
-
-#[cfg(test)]
-mod tests;

@@ -220,8 +220,13 @@ impl Gpu {
     }
 
     /// Returns the largest buffer of a kernel, bytes.
-    pub(crate) fn max_buffer_bytes(&self) -> u64 {
+    pub fn max_buffer_bytes(&self) -> u64 {
         self.max_buffer_bytes
+    }
+
+    /// Returns the most workgroups along one axis of a kernel's call.
+    pub fn max_groups(&self) -> u32 {
+        self.max_groups
     }
 
     pub(super) fn fail(&self, e: DeviceError) -> DeviceError {
@@ -237,8 +242,12 @@ impl Gpu {
 
     /// Opens a second handle that works the other way: without atomic additions, and with a workgroup's memory where
     /// the first does without.
-    #[cfg(test)]
-    pub(super) fn the_other_way(choice: Choice) -> Result<Arc<Self>, DeviceError> {
+    ///
+    /// # Errors
+    ///
+    /// There is no such device.
+    #[doc(hidden)]
+    pub fn the_other_way(choice: Choice) -> Result<Arc<Self>, DeviceError> {
         let adapters = adapters();
         let Choice::GpuAt(n) = choice else { panic!("name a number") };
         let found = found(n, &adapters[n]);

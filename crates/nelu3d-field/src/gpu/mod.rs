@@ -11,16 +11,13 @@ mod adapter;
 mod bench;
 mod field;
 mod net;
-pub(crate) mod program;
+// For the tests of this crate, which stand outside of it.
+#[doc(hidden)]
+pub mod program;
 mod surface;
-#[cfg(test)]
-mod test_device;
 mod timing;
 
 pub use adapter::{Gpu, list};
 pub use bench::{GpuReport, PhaseResult};
 pub use field::Samples;
 pub use surface::{AmbientUse, RayScene, ScenePixel, SurfaceTraining, TrainingReport};
-
-#[cfg(test)]
-pub(crate) use test_device::{test_gpu, test_gpu_alone};

@@ -21,6 +21,3 @@ pub use frame::ProjectiveFrame;
 pub use jet::{CurvePoint, ProjectiveLine};
 pub use spline::{slopes, weights, weights_by_product, weights_times_six};
 pub use view::{Lattice, locate};
-
-#[cfg(test)]
-mod tests;

@@ -36,8 +36,11 @@ impl Lattice<'_> {
         self.cells.map(|c| c + 3)
     }
 
-    /// Panics if the number of coefficients is not that of the cells and channels.
-    pub(crate) fn check(&self) {
+    /// Checks that there are cells and channels, and as many coefficients as their numbers ask for.
+    ///
+    /// # Panics
+    /// If not.
+    pub fn check(&self) {
         assert!(self.k > 0 && self.cells.iter().all(|c| *c > 0));
         assert_eq!(self.nodes.len(), self.n_nodes().iter().product::<usize>() * self.k);
     }

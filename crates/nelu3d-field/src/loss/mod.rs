@@ -29,6 +29,3 @@ impl Default for Norms {
         Self { l1: 1.0, l2: 10.0 }
     }
 }
-
-#[cfg(test)]
-mod tests;

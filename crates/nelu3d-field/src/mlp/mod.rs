@@ -97,6 +97,3 @@ impl MlpConfig {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -78,6 +78,3 @@ impl Codes<'_> {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

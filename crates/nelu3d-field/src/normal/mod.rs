@@ -65,6 +65,3 @@ pub fn demand(samples: usize, nodes: usize, k: usize) -> Demand {
     let flops = 3.0 * 17.0 + 2.0 * 4.0 * 5.0 + 16.0 + 2.0 * 2.0 * 64.0 * k + 13.0 * k;
     Demand { flops: samples * flops, bytes: samples * (24.0 + 4.0 * k) + 12.0 * nodes as f64, ..Demand::default() }
 }
-
-#[cfg(test)]
-mod tests;

@@ -63,6 +63,3 @@ pub struct PlateStop {
     /// Largest number of iterations.
     pub iterations: usize,
 }
-
-#[cfg(test)]
-mod tests;

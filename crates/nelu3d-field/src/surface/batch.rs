@@ -42,7 +42,7 @@ impl SurfaceBatch<'_> {
     }
 
     /// Returns the length of a codeword.
-    pub(super) fn k(&self) -> usize {
+    pub fn k(&self) -> usize {
         self.measured.len() / self.n_rays().max(1)
     }
 
@@ -60,8 +60,9 @@ impl SurfaceBatch<'_> {
     }
 }
 
-/// Returns whole rays that are worked on together: as many as fit into [`BLOCK`] samples, or one longer ray.
-pub(super) fn blocks(offsets: &[usize]) -> impl Iterator<Item = Range<usize>> + '_ {
+/// Returns ranges of whole rays that are worked on together: as many as fit into [`BLOCK`] samples, or one longer ray.
+/// Ray r owns the samples `offsets[r]..offsets[r + 1]`.
+pub fn blocks(offsets: &[usize]) -> impl Iterator<Item = Range<usize>> + '_ {
     let n_rays = offsets.len() - 1;
     let mut start = 0;
     std::iter::from_fn(move || {

@@ -28,11 +28,8 @@ mod ray_loss;
 pub mod reference;
 mod state;
 
-pub use batch::{Intervals, SurfaceBatch, eikonal_samples};
+pub use batch::{Intervals, SurfaceBatch, blocks, eikonal_samples};
 pub use config::{SurfaceConfig, SurfaceError, SurfaceLoss};
 pub use losses::SurfaceLosses;
 pub use neural::NeuralSurface;
 pub use ray_loss::{RayGradient, RayLoss, RayScratch};
-
-#[cfg(test)]
-pub(crate) mod tests;

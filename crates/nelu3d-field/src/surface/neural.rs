@@ -64,6 +64,11 @@ impl NeuralSurface {
         (10.0 * self.sharpness as f64).exp()
     }
 
+    /// Returns the optimizer's moments of v, one of each; zero before the first step.
+    pub fn sharpness_moments(&self) -> &MomentBuffers {
+        &self.sharpness_moments
+    }
+
     /// Returns the floating-point operations of the networks in one step of `n` samples: a multiplication and an
     /// addition for each weight in the value, the gradient, the weights' gradient, and the tangents of the eikonal
     /// samples.

@@ -23,6 +23,3 @@
 pub mod cpu;
 pub mod midpoint;
 pub mod reference;
-
-#[cfg(test)]
-mod tests;

@@ -21,6 +21,3 @@ impl Frequency {
         2 * n_axes * self.n_frequencies
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -214,6 +214,3 @@ mod axes {
         values.try_into().map_err(|_| T::Error::custom(format!("expected {D} axes, found {n}")))
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -53,8 +53,11 @@ impl FrequencyFieldConfig {
         2 * self.n_frequencies.iter().map(|n| (*n).min(MAX_OCTAVES)).sum::<usize>() + 3
     }
 
-    /// Lays out the network.
-    pub(super) fn build(&self) -> Result<MlpConfig, FieldError> {
+    /// Lays out the network, as a field of these settings has it.
+    ///
+    /// # Errors
+    /// [`FieldError`] for a configuration out of range.
+    pub fn build(&self) -> Result<MlpConfig, FieldError> {
         let mlp = MlpConfig {
             n_inputs: self.n_inputs(),
             n_outputs: self.n_outputs,

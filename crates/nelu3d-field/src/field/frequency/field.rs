@@ -12,7 +12,7 @@ use crate::mlp::cpu::PackedMlp;
 #[derive(Clone, Debug)]
 pub struct FrequencyField {
     config: FrequencyFieldConfig,
-    pub(super) mlp: MlpConfig,
+    mlp: MlpConfig,
     params: Vec<f32>,
     packed: PackedMlp,
     training: Option<Box<FrequencyTraining>>,

@@ -7,6 +7,3 @@ mod field;
 
 pub use config::FrequencyFieldConfig;
 pub use field::FrequencyField;
-
-#[cfg(test)]
-mod tests;

@@ -51,8 +51,11 @@ impl<const D: usize> HashFieldConfig<D> {
         }
     }
 
-    /// Lays out the table and the network.
-    pub(crate) fn build(&self) -> Result<(HashGrid<D>, MlpConfig), FieldError> {
+    /// Lays out the table and the network, as a field of these settings has them.
+    ///
+    /// # Errors
+    /// [`FieldError`] for a configuration out of range.
+    pub fn build(&self) -> Result<(HashGrid<D>, MlpConfig), FieldError> {
         let grid = HashGrid::new(&self.encoding)?;
         let mlp = MlpConfig {
             n_inputs: grid.n_features() + if self.append_position { D } else { 0 },

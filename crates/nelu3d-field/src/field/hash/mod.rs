@@ -10,6 +10,3 @@ mod train;
 
 pub use config::HashFieldConfig;
 pub use field::HashField;
-
-#[cfg(test)]
-mod tests;

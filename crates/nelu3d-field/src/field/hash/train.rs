@@ -9,6 +9,7 @@ use super::super::table::Part;
 use super::super::training::ParameterUpdate;
 use super::encoder::HashEncoder;
 use super::field::HashField;
+use crate::adam::MomentBuffers;
 
 impl<const D: usize> HashField<D> {
     /// [`HashField::train_step`] in any dimension.
@@ -55,6 +56,13 @@ impl<const D: usize> HashField<D> {
     /// Returns the training steps done since the field was made or restored.
     pub fn n_steps(&self) -> u64 {
         self.training.as_ref().map_or(0, |t| t.n_steps)
+    }
+
+    /// Returns the optimizer's moments: of the table, then of the network's raw parameters (see
+    /// [`crate::mlp::weight_norm`]; its weights where they are not normalized). `None` where no step was taken, or the
+    /// training is finished.
+    pub fn moments(&self) -> Option<&MomentBuffers> {
+        self.training.as_ref().map(|t| &t.moments)
     }
 
     /// Frees what only training needs (about three times the parameters). A later step starts a new schedule.

@@ -12,7 +12,7 @@ use wgpu::BufferUsages;
 
 /// Values on the device.
 #[derive(Clone, Debug)]
-pub(crate) struct Buffer<T = f32> {
+pub struct Buffer<T = f32> {
     raw: wgpu::Buffer,
     len: usize,
     held: Arc<Held>,
@@ -27,7 +27,7 @@ impl<T: Pod> Buffer<T> {
 }
 
 /// A buffer of any type, as a kernel is given it.
-pub(crate) trait Binding {
+pub trait Binding {
     #[doc(hidden)]
     fn raw(&self) -> &wgpu::Buffer;
     #[doc(hidden)]
@@ -78,13 +78,15 @@ impl Gpu {
     }
 
     /// Makes a buffer of zeros; `what` names them in errors.
-    pub(crate) fn zeros<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, DeviceError> {
+    #[doc(hidden)]
+    pub fn zeros<T: Pod>(&self, what: &str, len: usize) -> Result<Buffer<T>, DeviceError> {
         // New buffers are zero.
         self.allocate(what, len)
     }
 
     /// Makes a buffer of given values; `what` names it in errors.
-    pub(crate) fn upload<T: Pod>(&self, what: &str, values: &[T]) -> Result<Buffer<T>, DeviceError> {
+    #[doc(hidden)]
+    pub fn upload<T: Pod>(&self, what: &str, values: &[T]) -> Result<Buffer<T>, DeviceError> {
         let buffer = self.allocate(what, values.len())?;
         self.write(&buffer, values);
         Ok(buffer)
@@ -99,7 +101,8 @@ impl Gpu {
     }
 
     /// Waits for everything submitted, and fetches the first `len` values.
-    pub(crate) fn read<T: Pod>(&self, buffer: &Buffer<T>, len: usize) -> Result<Vec<T>, DeviceError> {
+    #[doc(hidden)]
+    pub fn read<T: Pod>(&self, buffer: &Buffer<T>, len: usize) -> Result<Vec<T>, DeviceError> {
         assert!(len <= buffer.len);
         let bytes = (len * size_of::<T>()) as u64;
         if bytes == 0 {

@@ -2,14 +2,14 @@
 
 /// The completion of a shader: its constants, and the flags that its lines `#if NAME`, `#else`, `#endif` ask for.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Constants {
+pub struct Constants {
     text: String,
     flags: Vec<&'static str>,
 }
 
 impl Constants {
     /// Adds a number of things.
-    pub(crate) fn count(mut self, name: &str, value: usize) -> Self {
+    pub fn count(mut self, name: &str, value: usize) -> Self {
         let value = u32::try_from(value).expect("sizes of a kernel fit into 32 bits");
         self.text += &format!("const {name}: u32 = {value}u;\n");
         self
@@ -57,10 +57,10 @@ pub(crate) const PLACE: &str = include_str!("../shaders/place.wgsl");
 
 /// Returns the workgroups for `n` threads of a grid of `size` each, folded into two dimensions: thread
 /// `(wid.y * FOLD + wid.x) * size + lid.x`.
-pub(crate) fn folded(n: usize, size: usize) -> [usize; 3] {
+pub fn folded(n: usize, size: usize) -> [usize; 3] {
     let groups = n.div_ceil(size).max(1);
     [groups.min(FOLD), groups.div_ceil(FOLD), 1]
 }
 
 /// Workgroups along x of a folded grid.
-pub(crate) const FOLD: usize = 32_768;
+pub const FOLD: usize = 32_768;

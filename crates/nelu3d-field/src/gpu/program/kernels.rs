@@ -10,7 +10,7 @@ use std::sync::{Arc, PoisonError};
 
 /// A kernel with its buffers and its number of workgroups.
 #[derive(Clone, Debug)]
-pub(crate) struct Call {
+pub struct Call {
     pub(super) kernel: Kernel,
     pub(super) bindings: wgpu::BindGroup,
     pub(super) groups: [u32; 3],
@@ -27,13 +27,13 @@ impl Call {
 
 /// A device's kernels, compiled once for each set of constants.
 #[derive(Debug)]
-pub(crate) struct Kernels {
+pub struct Kernels {
     gpu: Arc<Gpu>,
 }
 
 impl Kernels {
     /// Prepares to compile kernels for a device.
-    pub(crate) fn new(gpu: &Arc<Gpu>) -> Self {
+    pub fn new(gpu: &Arc<Gpu>) -> Self {
         Self { gpu: gpu.clone() }
     }
 
@@ -43,12 +43,7 @@ impl Kernels {
     }
 
     /// Compiles the kernel `source` (WGSL, entry point `main`), completed by `constants`.
-    pub(crate) fn get(
-        &mut self,
-        label: &'static str,
-        source: &str,
-        constants: &Constants,
-    ) -> Result<Kernel, DeviceError> {
+    pub fn get(&mut self, label: &'static str, source: &str, constants: &Constants) -> Result<Kernel, DeviceError> {
         let gpu = &self.gpu;
         let text = constants.clone().flag(SUBGROUPS, gpu.subgroups).complete(source);
         let mut compiled = gpu.compiled.lock().unwrap_or_else(PoisonError::into_inner);
@@ -86,7 +81,7 @@ impl Kernels {
     }
 
     /// Compiles a kernel and makes its call.
-    pub(crate) fn run(
+    pub fn run(
         &mut self,
         label: &'static str,
         source: &str,
@@ -99,12 +94,7 @@ impl Kernels {
     }
 
     /// Makes a call of a kernel: `groups` workgroups along x, y, z; buffers in the order of their binding numbers.
-    pub(crate) fn call(
-        &self,
-        kernel: &Kernel,
-        groups: [usize; 3],
-        bindings: &[&dyn Binding],
-    ) -> Result<Call, DeviceError> {
+    pub fn call(&self, kernel: &Kernel, groups: [usize; 3], bindings: &[&dyn Binding]) -> Result<Call, DeviceError> {
         let (asked, max) = (groups.into_iter().max().unwrap_or(0), self.gpu.max_groups as usize);
         if asked > max {
             let (device, what) = (self.gpu.name().to_owned(), kernel.label.to_owned());

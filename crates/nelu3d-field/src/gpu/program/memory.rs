@@ -12,7 +12,7 @@ pub(crate) struct BufferMemory {
 
 /// Memory of one buffer, as long as there is one.
 #[derive(Debug)]
-pub(crate) struct Held {
+pub struct Held {
     bytes: u64,
     memory: Arc<BufferMemory>,
 }

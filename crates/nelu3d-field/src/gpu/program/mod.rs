@@ -8,11 +8,10 @@ mod pipeline;
 mod queue;
 mod wait;
 
-pub(crate) use buffer::{Binding, Buffer};
-pub(crate) use constants::{Constants, FOLD, PLACE, folded};
-pub(crate) use kernels::{Call, Kernels};
+pub use buffer::{Binding, Buffer};
+pub(crate) use constants::PLACE;
+pub use constants::{Constants, FOLD, folded};
+pub use kernels::{Call, Kernels};
 pub(crate) use memory::BufferMemory;
 pub(crate) use pipeline::Compiled;
-
-#[cfg(test)]
-mod tests;
+pub use pipeline::Kernel;

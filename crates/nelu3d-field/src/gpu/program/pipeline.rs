@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 /// A kernel, compiled.
 #[derive(Clone, Debug)]
-pub(crate) struct Kernel {
+pub struct Kernel {
     pub(super) label: &'static str,
     pub(super) pipeline: wgpu::ComputePipeline,
 }

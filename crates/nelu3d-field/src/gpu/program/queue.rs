@@ -6,7 +6,8 @@ use crate::device::DeviceError;
 
 impl Gpu {
     /// Starts calls, one after the other; each sees what those before it wrote. Does not wait.
-    pub(crate) fn submit(&self, calls: &[&[Call]]) -> Result<(), DeviceError> {
+    #[doc(hidden)]
+    pub fn submit(&self, calls: &[&[Call]]) -> Result<(), DeviceError> {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         {
             let mut pass = encoder.begin_compute_pass(&Default::default());

@@ -12,7 +12,8 @@ mod cells;
 mod gather;
 mod scatter;
 
-pub(crate) use scatter::{Incoming, LINE};
+pub use scatter::Incoming;
+pub(crate) use scatter::LINE;
 
 use super::{HashGrid, Level};
 use gather::{Encoded, encode_points};
@@ -85,7 +86,10 @@ pub fn forward_with_jacobian<const D: usize>(
 ///
 /// One caller owns an entry, so nothing is atomic, and the order of summation is that of the points, however the table
 /// is cut and whatever the number of threads.
-pub(crate) fn scatter<const D: usize>(
+///
+/// # Panics
+/// If a length does not fit.
+pub fn scatter<const D: usize>(
     grid: &HashGrid<D>,
     level: usize,
     points: &[[f32; D]],

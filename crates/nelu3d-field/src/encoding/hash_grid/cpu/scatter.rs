@@ -8,14 +8,14 @@ use std::ops::Range;
 pub(crate) const LINE: usize = 16;
 
 /// What a level's table receives from each point: d\[f\] · (s · w + u · ∇w) at every corner, w the corner's weight.
-#[derive(Clone, Copy)]
-pub(crate) struct Incoming<'a> {
+#[derive(Clone, Copy, Debug)]
+pub struct Incoming<'a> {
     /// d, `[point][feature]` of this level.
-    pub(crate) d: &'a [f32],
+    pub d: &'a [f32],
     /// s, per point; 1 if empty.
-    pub(crate) s: &'a [f32],
+    pub s: &'a [f32],
     /// u, `[axis][point]`, per unit of x; 0 if empty.
-    pub(crate) u: [&'a [f32]; 3],
+    pub u: [&'a [f32]; 3],
 }
 
 /// Returns the factors s · w + u · ∇w of a group's corners, `[point][corner]`.

@@ -1,5 +1,5 @@
-use super::*;
 use crate::check::uniform_f32;
+use nelu3d_field::normal::{NodeStrides, Place, Weights, add_product, add_spread, reference};
 
 /// Samples in the order of their cells, some of them several to a cell.
 fn samples(cells: [usize; 3], k: usize, n: usize) -> (NodeStrides, Vec<Place>, usize) {

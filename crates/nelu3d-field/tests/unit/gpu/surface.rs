@@ -1,14 +1,12 @@
-use super::super::{Gpu, test_gpu, test_gpu_alone};
-use super::*;
 use crate::check::assert_close;
-use crate::field::HashField;
-use crate::field::HashFieldConfig;
-use crate::lattice::{Lattice, ProjectiveFrame};
-use crate::mlp::Activation;
-use crate::occupancy::OccupancyConfig;
-use crate::occupancy::OccupancyGrid;
-use crate::surface::tests::{Rays, config, gradients, surface};
-use crate::surface::{NeuralSurface, SurfaceLosses};
+use crate::gpu::test_device::{test_gpu, test_gpu_alone};
+use crate::surface::{Rays, config, gradients, surface};
+use nelu3d_field::field::{HashField, HashFieldConfig};
+use nelu3d_field::gpu::{AmbientUse, Gpu, RayScene, ScenePixel, SurfaceTraining};
+use nelu3d_field::lattice::{Lattice, ProjectiveFrame};
+use nelu3d_field::mlp::Activation;
+use nelu3d_field::occupancy::{OccupancyConfig, OccupancyGrid};
+use nelu3d_field::surface::{NeuralSurface, SurfaceLosses};
 use std::sync::Arc;
 
 fn ambient_field() -> HashField<2> {
@@ -40,36 +38,11 @@ fn step(gpu: &Arc<Gpu>, start: &NeuralSurface, rays: &Rays) -> (SurfaceLosses, N
     let mut ambient = ambient_field();
     let mut occupancy = OccupancyGrid::new(OccupancyConfig { resolution: 8, ..Default::default() }, |_| true);
     let training = SurfaceTraining::new(gpu, start, &ambient, &occupancy, &scene, 1).unwrap();
-    // The batch in the place of a drawn one.
-    let spans: Vec<[u32; 4]> = (0..n_rays)
-        .map(|r| [rays.offsets[r] as u32, (rays.offsets[r + 1] - rays.offsets[r]) as u32, r as u32, 0])
-        .collect();
-    let points: Vec<[f32; 4]> = rays.points.iter().map(|p| [p[0], p[1], p[2], 0.0]).collect();
-    let by_row = |values: &[f32], capacity: usize| {
-        let mut out = vec![0.0; 2 * capacity];
-        for (i, v) in values.iter().enumerate() {
-            out[i % 2 * capacity + i / 2] = *v;
-        }
-        out
-    };
-    gpu.submit(&[&training.calls.draw[..1]]).unwrap();
-    gpu.write(&training.buffers.control, &[rays.points.len() as u32, 1, n_rays as u32]);
-    gpu.write(&training.buffers.rays, &spans);
-    gpu.write(&training.net.points, &points);
-    gpu.write(&training.buffers.colors, &by_row(&rays.colors, training.net.capacity));
-    gpu.write(&training.ambient.out, &by_row(&rays.ambient, training.ambient.capacity));
-    gpu.submit(&[&training.calls.step, &training.calls.record]).unwrap();
-    let d_out = gpu.read(training.ambient.d_out(), 2 * training.ambient.capacity).unwrap();
-    let d_ambient = (0..2 * n_rays)
-        .map(|i| {
-            let a = rays.ambient[i];
-            d_out[i % 2 * training.ambient.capacity + i / 2] / (a * (1.0 - a))
-        })
-        .collect();
-    let losses = training.report().unwrap().losses;
+    let (report, d_sums) = training.step_on(&rays.batch()).unwrap();
+    let d_ambient = d_sums.iter().zip(&rays.ambient).map(|(d, a)| d / (a * (1.0 - a))).collect();
     let mut end = start.clone();
     training.fetch(&mut end, &mut ambient, &mut occupancy).unwrap();
-    (losses, end, d_ambient)
+    (report.losses, end, d_ambient)
 }
 
 #[test]
@@ -106,7 +79,7 @@ fn a_step_agrees_with_the_cpu() {
         assert!(error < 1e-4, "gradients differ by {error} ({append} {every} {clamped})");
         let error = relative(&d_ambient, &d_expected);
         assert!(error < 1e-4, "gradients of the ambient shares differ by {error}");
-        let v = |s: &NeuralSurface| s.sharpness_moments.first[0];
+        let v = |s: &NeuralSurface| s.sharpness_moments().first[0];
         assert!((v(&fast) - v(&slow)).abs() < 1e-4 * v(&slow).abs(), "{} {}", v(&fast), v(&slow));
         assert!((fast.inv_s() - slow.inv_s()).abs() < 1e-4 * slow.inv_s());
     }

@@ -1,6 +1,8 @@
-use super::hypotheses::HypothesisLine;
-use super::*;
-use crate::lattice::{Lattice, ProjectiveFrame};
+use nelu3d_field::cost_volume::{
+    DepthHypotheses, HypothesisLine, LitCells, OUTSIDE, PixelRay, Problem, RaySource, Winner, reference, winners,
+};
+use nelu3d_field::device::Device;
+use nelu3d_field::lattice::{Lattice, ProjectiveFrame};
 use rand::rngs::SmallRng;
 use rand::{RngExt, SeedableRng};
 
@@ -105,6 +107,12 @@ impl RaySource for TestImage {
     }
 }
 
+/// Returns the unit coordinates at a distance from the rays' common center.
+fn point_on(ray: &PixelRay, distance: f32) -> [f32; 3] {
+    let t = f64::from(distance);
+    FRAME.to_unit(std::array::from_fn(|i| CENTER[i] + t * ray.dir[i]))
+}
+
 /// Asserts that winners are equal but for `rounding`, hypotheses, and for up to one pixel in a hundred: on random
 /// codewords some pixels have two equally good hypotheses, and some points lie on the edge of a lit cell.
 fn assert_agree(what: &str, found: &[Winner], expected: &[Winner], rounding: f32) {
@@ -156,7 +164,7 @@ fn a_line_goes_through_the_points_of_its_ray() {
     let ray = PixelRay { dir: [0.6, 0.0, 0.8], dir_z: 0.8, range: [5, 90] };
     let line = ray.line(&FRAME, CENTER, &hypotheses);
     for l in 30..60 {
-        let q = ray.at(&FRAME, CENTER, hypotheses.distance(l, ray.dir_z));
+        let q = point_on(&ray, hypotheses.distance(l, ray.dir_z));
         let on_line = reference::point(&line, l as f64).expect("inside");
         assert!((0..3).all(|i| (f64::from(q[i]) - on_line[i]).abs() < 1e-6), "{q:?} {on_line:?}");
     }
@@ -234,7 +242,9 @@ fn the_surface_is_found_and_holes_are_none() {
 #[cfg(feature = "gpu")]
 mod on_gpu {
     use super::*;
-    use crate::gpu::{test_gpu, test_gpu_alone};
+    use crate::gpu::test_device::{test_gpu, test_gpu_alone};
+    use nelu3d_field::cost_volume::gpu;
+    use nelu3d_field::device::DeviceError;
 
     #[test]
     fn agrees_with_the_reference() {

@@ -1,5 +1,5 @@
-use super::*;
 use crate::check::uniform_f32;
+use nelu3d_field::gathering::{Patches, Receiver, gather, reference};
 
 fn patches(n: usize, values: usize, seed: u64) -> Patches {
     let list = |i: u64, lo: f64, hi: f64| uniform_f32(seed + i, n, lo, hi);

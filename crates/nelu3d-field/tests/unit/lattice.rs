@@ -1,5 +1,7 @@
-use super::*;
 use crate::check::uniform_f32;
+use nelu3d_field::lattice::{
+    CurvePoint, Lattice, LatticeEvaluator, ProjectiveFrame, ProjectiveLine, slopes, weights, weights_by_product,
+};
 
 #[test]
 fn spline_weights_sum_to_one_and_their_slopes_to_zero() {

@@ -1,8 +1,7 @@
-use super::*;
 use crate::check::uniform_f32;
-use crate::encoding::frequency::{self, Frequency};
-use crate::field::FieldError;
-use crate::mlp;
+use nelu3d_field::encoding::frequency::{self, Frequency};
+use nelu3d_field::field::{FieldError, FrequencyField, FrequencyFieldConfig};
+use nelu3d_field::mlp;
 
 fn points(seed: u64, n: usize) -> Vec<[f32; 3]> {
     uniform_f32(seed, 3 * n, 0.0, 1.0).as_chunks::<3>().0.to_vec()
@@ -15,6 +14,7 @@ fn small() -> FrequencyFieldConfig {
 #[test]
 fn a_query_is_the_reference_network_of_the_reference_encoding() {
     let field = FrequencyField::new(small(), 3).unwrap();
+    let mlp = field.config().build().unwrap();
     let points = points(1, 200);
     let mut out = vec![0.0; 2 * points.len()];
     field.query(&points, &mut out);
@@ -30,7 +30,7 @@ fn a_query_is_the_reference_network_of_the_reference_encoding() {
         features.extend_from_slice(&x);
         let params: Vec<f64> = field.params().iter().map(|p| f64::from(*p)).collect();
         let mut exact = [0.0; 2];
-        mlp::reference::forward(&field.mlp, &params, &features, &mut exact);
+        mlp::reference::forward(&mlp, &params, &features, &mut exact);
         for (a, b) in y.iter().zip(exact) {
             assert!((f64::from(*a) - b).abs() < 1e-5, "{a} {b}");
         }
@@ -66,6 +66,7 @@ fn impossible_fields_are_refused() {
     let params = FrequencyField::new(small(), 1).unwrap().params().to_vec();
     assert!(FrequencyField::from_params(small(), params[1..].to_vec()).is_err());
     let many = FrequencyFieldConfig { n_frequencies: [usize::MAX; 3], ..small() };
-    let many = FrequencyField::new(many, 1).unwrap();
-    assert_eq!(many.mlp.n_inputs, 3 * 2 * 24 + 3);
+    let mlp = many.build().unwrap();
+    assert_eq!(FrequencyField::new(many, 1).unwrap().params().len(), mlp.n_params());
+    assert_eq!(mlp.n_inputs, 3 * 2 * 24 + 3);
 }

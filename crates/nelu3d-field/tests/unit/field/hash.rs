@@ -1,8 +1,7 @@
-use super::*;
 use crate::check::{assert_close, uniform_f32};
-use crate::encoding::hash_grid::{self, HashGridConfig};
-use crate::field::{FieldError, RegressionLoss};
-use crate::mlp;
+use nelu3d_field::encoding::hash_grid::{self, HashGridConfig};
+use nelu3d_field::field::{FieldError, HashField, HashFieldConfig, RegressionLoss};
+use nelu3d_field::mlp;
 
 fn tiny() -> HashFieldConfig<3> {
     let encoding = HashGridConfig {
@@ -36,8 +35,9 @@ fn random(config: HashFieldConfig<3>) -> HashField<3> {
 #[test]
 fn query_and_jacobian_match_the_references() {
     let field = random(tiny());
-    let (table, network) = field.params.split_at(field.grid.n_params());
-    let n_features = field.grid.n_features();
+    let (grid, mlp) = field.config().build().unwrap();
+    let (table, network) = field.params().split_at(grid.n_params());
+    let n_features = grid.n_features();
     for n in [0, 1, 95, 97, 4000] {
         let points = points(2, n);
         let (mut out, mut again) = (vec![0.0; 3 * n], vec![0.0; 3 * n]);
@@ -49,15 +49,15 @@ fn query_and_jacobian_match_the_references() {
         for (p, &x) in points.iter().enumerate() {
             let mut features = vec![0.0; n_features];
             let mut slopes = vec![[0.0; 3]; n_features];
-            hash_grid::reference::forward(&field.grid, table, x, &mut features);
-            hash_grid::reference::jacobian(&field.grid, table, x, &mut slopes);
-            mlp::reference::forward(&field.mlp, network, &features, &mut expected[3 * p..][..3]);
+            hash_grid::reference::forward(&grid, table, x, &mut features);
+            hash_grid::reference::jacobian(&grid, table, x, &mut slopes);
+            mlp::reference::forward(&mlp, network, &features, &mut expected[3 * p..][..3]);
             for o in 0..3 {
                 let mut d_out = [0.0; 3];
                 d_out[o] = 1.0;
                 let mut d_features = vec![0.0; n_features];
                 let mut d_network = vec![0.0; network.len()];
-                mlp::reference::backward(&field.mlp, network, &features, &d_out, &mut d_network, &mut d_features);
+                mlp::reference::backward(&mlp, network, &features, &d_out, &mut d_network, &mut d_features);
                 for a in 0..3 {
                     expected_jacobian[3 * p + o][a] = d_features.iter().zip(&slopes).map(|(d, s)| d * s[a]).sum();
                 }
@@ -89,18 +89,19 @@ fn train_step_follows_the_reference_gradient() {
     let targets: Vec<f32> = points.iter().flat_map(|&x| smooth(x)).collect();
     let weights = uniform_f32(4, n, 0.5, 2.0);
 
-    let n_table = field.grid.n_params();
-    let params: Vec<f64> = field.params.iter().map(|&p| p as f64).collect();
+    let (grid, mlp) = config.build().unwrap();
+    let n_table = grid.n_params();
+    let params: Vec<f64> = field.params().iter().map(|&p| p as f64).collect();
     let (table, network) = params.split_at(n_table);
     let mut gradient = vec![0.0; params.len()];
     let (d_table, d_network) = gradient.split_at_mut(n_table);
     let mut loss = 0.0;
     for (p, x) in points.iter().enumerate() {
         let x = x.map(|x| x as f64);
-        let mut features = vec![0.0; field.grid.n_features()];
-        hash_grid::reference::forward(&field.grid, table, x, &mut features);
+        let mut features = vec![0.0; grid.n_features()];
+        hash_grid::reference::forward(&grid, table, x, &mut features);
         let mut out = [0.0; 3];
-        mlp::reference::forward(&field.mlp, network, &features, &mut out);
+        mlp::reference::forward(&mlp, network, &features, &mut out);
         let mut d_out = [0.0; 3];
         for o in 0..3 {
             let r = out[o] - targets[3 * p + o] as f64;
@@ -110,17 +111,17 @@ fn train_step_follows_the_reference_gradient() {
             d_out[o] = weights[p] as f64 * slope / (3 * n) as f64;
         }
         let mut d_features = vec![0.0; features.len()];
-        mlp::reference::backward(&field.mlp, network, &features, &d_out, d_network, &mut d_features);
-        hash_grid::reference::backward(&field.grid, x, &d_features, d_table);
+        mlp::reference::backward(&mlp, network, &features, &d_out, d_network, &mut d_features);
+        hash_grid::reference::backward(&grid, x, &d_features, d_table);
     }
 
-    let before = field.params.clone();
+    let before = field.params().to_vec();
     let found = field.train_step(&points, &targets, &weights);
     assert!((found - loss).abs() < 1e-6 * loss, "{found} against {loss}");
     // The step is rate · g / (|g| + epsilon) with the moments' bias corrected away.
     for (i, g) in gradient.iter().enumerate() {
         let expected = -1e3 * g / (g.abs() + epsilon);
-        let moved = (field.params[i] - before[i]) as f64;
+        let moved = (field.params()[i] - before[i]) as f64;
         // Moved parameters are rounded at their own size.
         assert!((moved - expected).abs() < 2e-6 + 1e-4 * expected.abs(), "{i}: {moved} against {expected}");
     }
@@ -160,7 +161,7 @@ fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
             let field = fit(10, tiny());
             let mut out = vec![0.0; 3 * 5000];
             field.query(&points(9, 5000), &mut out);
-            (field.params, out)
+            (field.params().to_vec(), out)
         })
     };
     let one = train(1);
@@ -171,9 +172,9 @@ fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
 #[test]
 fn only_touched_entries_move() {
     let mut field = HashField::new(tiny(), 1).unwrap();
-    let before = field.params.clone();
+    let before = field.params().to_vec();
     field.train_step(&[[0.31, 0.52, 0.77]], &[1.0, 2.0, 3.0], &[]);
-    let n_moved = (0..field.grid.n_params()).filter(|&i| field.params[i] != before[i]).count();
+    let n_moved = (0..field.n_table_params()).filter(|&i| field.params()[i] != before[i]).count();
     // 5 levels × 8 corners × 2 features, less collisions.
     assert!((60..=80).contains(&n_moved), "{n_moved}");
 }
@@ -230,9 +231,9 @@ fn the_configuration_survives_serialization_and_prints_itself() {
 #[test]
 fn edge_cases_do_nothing() {
     let mut field = HashField::new(tiny(), 1).unwrap();
-    let before = field.params.clone();
+    let before = field.params().to_vec();
     field.query(&[], &mut []);
     assert_eq!(field.train_step(&[], &[], &[]), 0.0);
-    assert_eq!(field.params, before);
+    assert_eq!(field.params(), before);
     assert!(HashField::new(HashFieldConfig { n_outputs: 0, ..tiny() }, 1).is_err());
 }

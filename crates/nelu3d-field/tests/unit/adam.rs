@@ -1,5 +1,5 @@
-use super::*;
 use crate::check::{assert_close, uniform_f32};
+use nelu3d_field::adam::{AdamConfig, MomentBuffers, Schedule, cpu, reference};
 
 const N: usize = 1000;
 

@@ -1,9 +1,12 @@
-use super::batch::blocks;
-use super::*;
-use crate::adam::{AdamConfig, Schedule};
 use crate::check::{assert_close, assert_gradient, uniform, uniform_f32};
-use crate::encoding::hash_grid::HashGridConfig;
-use crate::field::{HashField, HashFieldConfig, TrainConfig};
+use nelu3d_field::adam::{AdamConfig, Schedule};
+use nelu3d_field::encoding::hash_grid::HashGridConfig;
+use nelu3d_field::field::{HashFieldConfig, TrainConfig};
+use nelu3d_field::loss;
+use nelu3d_field::surface::{
+    Intervals, NeuralSurface, RayGradient, RayLoss, RayScratch, SurfaceBatch, SurfaceConfig, SurfaceLoss,
+    SurfaceLosses, blocks, eikonal_samples, reference,
+};
 
 pub(crate) fn config(append_position: bool) -> SurfaceConfig {
     // 2^8 entries: the coarse level is dense, the finer ones hashed.
@@ -92,15 +95,13 @@ impl Rays {
 
 /// Random values instead of ±1e-4 in the table, so that nothing is near zero.
 pub(crate) fn surface(config: SurfaceConfig) -> NeuralSurface {
-    let mut surface = NeuralSurface::new(config.clone(), 1).unwrap();
-    let n = surface.field.params().len();
-    surface.field = HashField::from_params(config.field, uniform_f32(5, n, -0.4, 0.4)).unwrap();
-    surface
+    let n = NeuralSurface::new(config.clone(), 1).unwrap().field().params().len();
+    NeuralSurface::from_params(config, uniform_f32(5, n, -0.4, 0.4)).unwrap()
 }
 
 /// Gradients of the last step: after the first one the first moment is (1 − β1) g.
 pub(crate) fn gradients(surface: &NeuralSurface) -> Vec<f32> {
-    let moments = &surface.field.training.as_ref().unwrap().moments;
+    let moments = surface.field().moments().unwrap();
     let share = 1.0 - AdamConfig::default().beta1 as f32;
     moments.first.iter().map(|m| m / share).collect()
 }
@@ -145,7 +146,7 @@ fn a_step_follows_the_reference_gradient() {
             let rays = if midpoints { rays.with_intervals() } else { rays };
             let mut surface = surface(config.clone());
             let (grid, network) = config.field.build().unwrap();
-            let params: Vec<f64> = surface.field.params().iter().map(|&p| p as f64).collect();
+            let params: Vec<f64> = surface.field().params().iter().map(|&p| p as f64).collect();
             let ambient: Vec<f64> = rays.ambient.iter().map(|&a| a as f64).collect();
             let v = config.sharpness as f32 as f64;
             let (slow, expected) =
@@ -181,7 +182,7 @@ fn a_step_follows_the_reference_gradient() {
             }
             assert!(relative(&d_ambient, &expected.ambient) <= tolerance);
             let share = 1.0 - AdamConfig::default().beta1 as f32;
-            assert!(relative(&[surface.sharpness_moments.first[0] / share], &[expected.sharpness]) <= tolerance);
+            assert!(relative(&[surface.sharpness_moments().first[0] / share], &[expected.sharpness]) <= tolerance);
         }
     }
 }
@@ -195,7 +196,7 @@ fn the_same_bits_on_any_number_of_threads() {
         pool.install(|| {
             let mut surface = surface(config(true));
             let losses: Vec<_> = (0..5).map(|_| surface.train_step(&rays.batch(), &mut [])).collect();
-            (losses, surface.field.params().to_vec(), surface.inv_s())
+            (losses, surface.field().params().to_vec(), surface.inv_s())
         })
     };
     let one = run(1);
@@ -215,13 +216,13 @@ fn extremes_stay_finite() {
         let losses = surface.train_step(&rays.batch(), &mut []);
         assert!(losses.total.is_finite(), "{losses:?}");
     }
-    assert!(surface.field.params().iter().all(|p| p.is_finite()) && surface.inv_s().is_finite());
+    assert!(surface.field().params().iter().all(|p| p.is_finite()) && surface.inv_s().is_finite());
     // Rays without a single sample, and no rays at all.
     let nothing = Rays::new(&[0, 0]);
     assert!(surface.train_step(&nothing.batch(), &mut []).total.is_finite());
-    let before = surface.field.params().to_vec();
+    let before = surface.field().params().to_vec();
     assert_eq!(surface.train_step(&Rays::new(&[]).batch(), &mut []), SurfaceLosses::default());
-    assert_eq!(surface.field.params(), before);
+    assert_eq!(surface.field().params(), before);
 }
 
 #[test]
@@ -303,9 +304,10 @@ impl RayLoss for Unit {
     fn ray(&self, r: usize, sdf: &[f32], g: &[[f32; 3]], _: f64, _: &mut RayScratch, out: RayGradient<'_>) {
         out.d_sdf.fill(0.0);
         for (j, g) in g.iter().enumerate() {
-            let (value, slope) = crate::loss::cpu::eikonal_at(*g);
-            out.losses.image += value as f64 / self.n as f64;
-            out.d_gradients[j] = slope.map(|s| s / self.n as f32);
+            let mut slope = [[0.0; 3]];
+            let value = loss::cpu::eikonal(&[*g], &mut slope);
+            out.losses.image += value / self.n as f64;
+            out.d_gradients[j] = slope[0].map(|s| s / self.n as f32);
             out.samples[2 * j] = r as f32;
             out.samples[2 * j + 1] = sdf[j];
         }
@@ -351,7 +353,7 @@ fn a_loss_of_ones_own_sees_gradients_and_sends_them_back() {
         assert!((rays.offsets[r]..rays.offsets[r + 1]).all(|j| per_sample[2 * j] == r as f32));
     }
     let mut sdf = vec![0.0; n];
-    surface(engine.config).field.query(&rays.points, &mut sdf);
+    surface(engine.config().clone()).field().query(&rays.points, &mut sdf);
     let sent: Vec<f32> = per_sample.iter().skip(1).step_by(2).copied().collect();
     assert_close(&sent, &sdf, 64.0 * f32::EPSILON);
 }

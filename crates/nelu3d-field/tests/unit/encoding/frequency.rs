@@ -1,5 +1,5 @@
-use super::*;
 use crate::check::{assert_gradient, uniform, uniform_f32};
+use nelu3d_field::encoding::frequency::{Frequency, cpu, reference};
 
 const ENCODING: Frequency = Frequency { n_frequencies: 20 };
 

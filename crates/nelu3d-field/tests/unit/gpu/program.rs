@@ -1,6 +1,6 @@
-use super::super::test_device::{test_gpu, test_gpu_alone};
-use super::*;
-use crate::device::DeviceError;
+use crate::gpu::test_device::{test_gpu, test_gpu_alone};
+use nelu3d_field::device::DeviceError;
+use nelu3d_field::gpu::program::{Constants, FOLD, Kernels, folded};
 
 const DOUBLE: &str = "
     @group(0) @binding(0) var<storage, read> x: array<f32>;
@@ -29,7 +29,7 @@ fn calls_run_in_order_on_every_value() {
 #[test]
 fn what_is_too_large_is_refused_before_it_is_tried() {
     let Some(gpu) = test_gpu() else { return };
-    let n = gpu.max_buffer_bytes as usize / 4 + 1;
+    let n = gpu.max_buffer_bytes() as usize / 4 + 1;
     let e = gpu.zeros::<f32>("the cost volume", n).unwrap_err().to_string();
     assert!(e.contains("the cost volume") && e.contains("MB") && e.contains("--device cpu"), "{e}");
     gpu.check().unwrap();
@@ -40,7 +40,7 @@ fn too_many_workgroups_are_refused_before_they_are_tried() {
     let Some(gpu) = test_gpu() else { return };
     let (x, y) = (gpu.upload("x", &[1.0f32; 8]).unwrap(), gpu.zeros::<f32>("y", 8).unwrap());
     let constants = Constants::default().count("N", 8).count("FOLD", FOLD);
-    let groups = [gpu.max_groups as usize + 1, 1, 1];
+    let groups = [gpu.max_groups() as usize + 1, 1, 1];
     let e = Kernels::new(&gpu).run("double", DOUBLE, &constants, groups, &[&x, &y]).unwrap_err().to_string();
     assert!(e.contains("double") && e.contains("--samples") && e.contains("--device cpu"), "{e}");
     gpu.check().unwrap();

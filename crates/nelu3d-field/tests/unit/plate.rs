@@ -1,5 +1,5 @@
-use super::*;
 use crate::check::uniform_f32;
+use nelu3d_field::plate::{PlateStop, PlateSystem, reference, sweep};
 
 /// A window with a hole, uneven weights, and data that say nothing over a part of it.
 struct Example {

@@ -1,5 +1,5 @@
-use super::*;
 use crate::check::{assert_close, assert_gradient, uniform, uniform_f32};
+use nelu3d_field::encoding::hash_grid::{HashGrid, HashGridConfig, HashGridError, cpu, reference};
 
 fn config<const D: usize>(base: [u32; D], finest: [u32; D], n_features_per_level: usize) -> HashGridConfig<D> {
     // 2^9 entries: the coarse levels are dense, the fine ones hashed.

@@ -1,7 +1,7 @@
 //! The GPU that tests run on.
 
-use super::adapter::{Gpu, list};
-use crate::device::Choice;
+use nelu3d_field::device::{Choice, Device};
+use nelu3d_field::gpu::{Gpu, list};
 use std::sync::Arc;
 
 /// Returns the GPU that tests run on: the one that NELU3D_TEST_DEVICE names (as `gpu:1`), else the first, be it a
@@ -19,7 +19,10 @@ fn test_choice() -> Option<Choice> {
 
 /// Returns the device that all tests share.
 pub(crate) fn test_gpu() -> Option<Arc<Gpu>> {
-    test_choice().map(|choice| Gpu::open(choice).expect("it was listed"))
+    test_choice().map(|choice| match Device::open(choice).expect("it was listed") {
+        Device::Gpu(gpu) => gpu,
+        Device::Cpu => panic!("`{choice}` is no GPU"),
+    })
 }
 
 /// Returns a device of one's own, to break; its kernels are the other forms, where there are two.

@@ -1,6 +1,8 @@
-use super::{cpu, reference};
-use crate::Real;
+mod midpoint;
+
 use crate::check::{assert_close, assert_gradient, uniform, uniform_f32};
+use nelu3d_field::Real;
+use nelu3d_field::volrend::{cpu, reference};
 
 /// Signed distances of a ray that goes through two walls, with noise.
 fn ray(seed: u64, n: usize) -> Vec<f64> {

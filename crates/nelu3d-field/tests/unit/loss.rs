@@ -1,5 +1,5 @@
-use super::*;
 use crate::check::{assert_close, assert_gradient, uniform, uniform_f32};
+use nelu3d_field::loss::{MIN_OPACITY, Norms, cpu, reference};
 
 /// Every scalar loss in both forms, as (name, reference, cpu, range of the first argument).
 type Slow = fn(&[f64], &[f64], &mut [f64]) -> f64;

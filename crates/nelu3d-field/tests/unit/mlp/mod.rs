@@ -1,5 +1,7 @@
-use super::*;
+mod weight_norm;
+
 use crate::check::{assert_close, assert_gradient, uniform, uniform_f32};
+use nelu3d_field::mlp::{Activation, MlpConfig, cpu, reference};
 
 fn config(n_inputs: usize, width: usize, n_outputs: usize, output_activation: Activation) -> MlpConfig {
     MlpConfig { n_inputs, n_outputs, width, n_hidden_layers: 2, output_activation }

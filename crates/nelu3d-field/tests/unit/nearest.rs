@@ -1,5 +1,5 @@
-use super::*;
 use crate::check::uniform_f32;
+use nelu3d_field::nearest::{Codes, Hit, LANES, Shape, cpu, reference};
 
 const SHAPE: Shape = Shape { n_channels: 3, n_positions: 21, stride: 24 };
 const N: usize = 200;
