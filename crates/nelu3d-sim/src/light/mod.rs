@@ -4,9 +4,9 @@
 //! with shadows), and `irradiance`, the light that arrives there in every image. To add one, write its file, add it to
 //! [`LightSource`] and to the spec.
 
-mod blur;
+pub mod blur;
 mod film;
-mod grid;
+pub mod grid;
 mod illumination;
 mod projector;
 mod sample;
