@@ -19,8 +19,8 @@ const MIN_AMPLITUDE: f64 = 0.05;
 /// Images whose frequencies differ by less than this, in cycles over the whole image, share one.
 const SAME: f64 = 0.05;
 
-/// Fits a sinusoid to every image of a code and groups them by frequency, the highest first. `set` and `method` are named
-/// in messages.
+/// Fits a sinusoid to every image of a code and groups them by frequency, the highest first. `set` and `method` are
+/// named in messages.
 ///
 /// # Errors
 ///

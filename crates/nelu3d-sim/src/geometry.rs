@@ -15,13 +15,14 @@ pub(crate) fn look_at(position: [f64; 3], target: [f64; 3]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(position), rotation)
 }
 
-/// Returns a number `x` from 0 to 1 to the power `n`; whole ones, which lamps and lenses mostly have, by a few products.
+/// Returns a number `x` from 0 to 1 to the power `n`; whole ones, which lamps and lenses mostly have, by a few
+/// products.
 pub fn power(x: f64, n: f64) -> f64 {
     if n.fract() == 0.0 && (0.0..=16.0).contains(&n) { x.powi(n as i32) } else { x.powf(n) }
 }
 
-/// Returns a rotation that takes z to the unit vector `n`: Duff et al. (Building an Orthonormal Basis, Revisited, JCGT 6(1),
-/// 2017).
+/// Returns a rotation that takes z to the unit vector `n`: Duff et al. (Building an Orthonormal Basis, Revisited, JCGT
+/// 6(1), 2017).
 pub fn orthonormal_basis(n: &Vector3<f64>) -> Matrix3<f64> {
     let sign = 1f64.copysign(n.z);
     let a = -1.0 / (sign + n.z);

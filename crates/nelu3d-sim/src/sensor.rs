@@ -29,7 +29,7 @@ impl Sensor {
     ///
     /// # Panics
     ///
-    /// If the camera's read noise is no number, which [`Spec::check`](crate::Spec::check) finds.
+    /// If the camera's read noise is not finite, which [`Spec::check`](crate::Spec::check) finds.
     pub fn new(camera: &CameraSpec) -> Self {
         Self {
             electrons: camera.electrons_per_sec.rgb().map(|e| e * camera.exposure_secs),

@@ -124,9 +124,9 @@ fn crossing(
     Some(Crossing { position: x + sum / n, border: borders / n, sigma })
 }
 
-/// Fills in the columns of a run's pixels, `at`, and their standard deviations, `sigma`, both projector px: linear between
-/// crossings, the column's center outside of them. `crossings` are in the order of their positions, `start` is the
-/// position of the first pixel, and `column` gives the first and last column that a position decoded to.
+/// Fills in the columns of a run's pixels, `at`, and their standard deviations, `sigma`, both projector px: linear
+/// between crossings, the column's center outside of them. `crossings` are in the order of their positions, `start` is
+/// the position of the first pixel, and `column` gives the first and last column that a position decoded to.
 ///
 /// # Panics
 ///

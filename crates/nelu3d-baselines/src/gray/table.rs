@@ -66,8 +66,8 @@ impl GrayTable {
         Ok(Self { columns, words })
     }
 
-    /// Returns the first and last column of a codeword, `None` for one that does not occur. Columns side by side may share
-    /// one.
+    /// Returns the first and last column of a codeword, `None` for one that does not occur. Columns side by side may
+    /// share one.
     ///
     /// # Panics
     ///

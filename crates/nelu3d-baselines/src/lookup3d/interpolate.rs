@@ -325,8 +325,8 @@ pub fn lagrange(knots: &[f32], t: f32) -> ([f32; 4], [f32; 4]) {
     (value, slope)
 }
 
-/// Returns the lowest point, `(x, y)`, of the parabola through three points, the middle one the lowest of them; its value
-/// is not below 0. Where there is no such parabola it is the middle point.
+/// Returns the lowest point, `(x, y)`, of the parabola through three points, the middle one the lowest of them; its
+/// value is not below 0. Where there is no such parabola it is the middle point.
 pub fn vertex(x: [f32; 3], y: [f32; 3]) -> (f32, f32) {
     let (a, b) = (x[0] - x[1], x[2] - x[1]);
     let (p, q) = (y[0] - y[1], y[2] - y[1]);

@@ -76,8 +76,8 @@ pub(super) fn direct(samples: &[Sample]) -> Option<Parameters> {
     out.iter().all(|v| v.is_finite()).then(|| Parameters::from(out))
 }
 
-/// Splits a matrix into an upper triangular matrix with a positive diagonal times a rotation (RQ decomposition); `None` for
-/// a singular or mirrored matrix.
+/// Splits a matrix into an upper triangular matrix with a positive diagonal times a rotation (RQ decomposition); `None`
+/// for a singular or mirrored matrix.
 pub fn rq(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Matrix3<f64>)> {
     // The QR decomposition of the matrix turned by 180 degrees.
     let flip = Matrix3::new(0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0);

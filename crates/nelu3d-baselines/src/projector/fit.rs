@@ -26,8 +26,8 @@ pub struct Fitted {
 /// Residuals beyond this many robust standard deviations are outliers.
 const REJECT_SIGMAS: f64 = 5.0;
 
-/// Fits a projector whose image has `size` (width, height; px); `None` if the samples do not determine one. Samples on one
-/// plane never do.
+/// Fits a projector whose image has `size` (width, height; px); `None` if the samples do not determine one. Samples on
+/// one plane never do.
 pub fn fit(samples: &[Sample], size: [usize; 2], lens: Lens) -> Option<Fitted> {
     let start = direct(samples)?;
     let free: Vec<usize> = match lens {

@@ -95,8 +95,8 @@ pub(super) fn measure_response(
     Ok(curve(bins, images))
 }
 
-/// Makes the response from samples of light per projected value, sorted into [`BINS`] bins by the value; `images` are those
-/// that they were measured with. `None` if the samples cover too little of the range to call it a curve.
+/// Makes the response from samples of light per projected value, sorted into [`BINS`] bins by the value; `images` are
+/// those that they were measured with. `None` if the samples cover too little of the range to call it a curve.
 pub fn curve(bins: Vec<Vec<f64>>, images: Vec<String>) -> Option<Response> {
     let mut knots = Vec::new();
     for (k, mut bin) in bins.into_iter().enumerate() {
@@ -131,8 +131,8 @@ pub fn curve(bins: Vec<Vec<f64>>, images: Vec<String>) -> Option<Response> {
     Some(Response { value, light, gamma: if xx > 0.0 { xy / xx } else { 1.0 }, images })
 }
 
-/// Replaces the light of knots (value, light) by the nearest rising sequence in the sense of least squares (pool adjacent
-/// violators).
+/// Replaces the light of knots (value, light) by the nearest rising sequence in the sense of least squares (pool
+/// adjacent violators).
 pub fn monotone(knots: &mut [(f64, f64)]) {
     let mut pools: Vec<(f64, usize)> = Vec::new();
     for (_, l) in knots.iter() {

@@ -48,7 +48,8 @@ impl Blur {
         Self { free: [0.0; 2 * HALF], moments: MomentBuffers::new(2 * HALF), n_steps: 0 }
     }
 
-    /// Returns a blur of given free taps: those left of the middle, then those right of it, each from the middle outwards.
+    /// Returns a blur of given free taps: those left of the middle, then those right of it, each from the middle
+    /// outwards.
     pub fn of(free: [f32; 2 * HALF]) -> Self {
         Self { free, ..Self::new() }
     }

@@ -5,9 +5,9 @@
 //! Settings are those of its public configuration and code. Half of the rays are the projector's from the first
 //! iteration on; their image loss counts from a tenth of the iterations on. Deviations: the first shape is a sphere
 //! unless another is asked for; with fewer samples than published they are placed where the surface may be; an image
-//! that changes along one axis is blurred along that alone; clipped pixels are left out; and the depth is that of NeuS's
-//! own quadrature at the end. `ray.rs` is the image formation, `scene.rs` what is known,
-//! `step.rs` one iteration.
+//! that changes along one axis is blurred along that alone; clipped pixels are left out; and the depth is that of
+//! NeuS's own quadrature at the end. `ray.rs` is the image formation, `scene.rs` what is known, `step.rs` one
+//! iteration.
 
 pub mod blur;
 mod diagnostics;

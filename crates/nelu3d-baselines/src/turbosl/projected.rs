@@ -98,8 +98,8 @@ impl ProjectedPlanes {
         self.planes.par_iter().map(blurred).collect()
     }
 
-    /// Returns the value of blurred plane `j` at a place (x, y; projector pixels) between the projector's pixels, (bi)linear;
-    /// 0 outside.
+    /// Returns the value of blurred plane `j` at a place (x, y; projector pixels) between the projector's pixels,
+    /// (bi)linear; 0 outside.
     #[inline]
     pub fn sample(&self, j: usize, blurred: &[f32], place: [f32; 2]) -> f32 {
         match &self.planes[j] {

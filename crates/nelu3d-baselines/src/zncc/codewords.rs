@@ -41,9 +41,9 @@ pub struct CodewordTable {
 }
 
 impl CodewordTable {
-    /// Makes the table of the lines of a code, blurred by a Gaussian of standard deviation `blur_px`. `planes` says which
-    /// lines, in the codewords' order: the second number of each pair. The first is the captures' plane it is seen in,
-    /// and does not matter here.
+    /// Makes the table of the lines of a code, blurred by a Gaussian of standard deviation `blur_px`. `planes` says
+    /// which lines, in the codewords' order: the second number of each pair. The first is the captures' plane it is
+    /// seen in, and does not matter here.
     pub fn new(axis: &AxisCode, planes: &[(usize, usize)], blur_px: f32) -> Self {
         let lines: Vec<Vec<f32>> = planes.iter().map(|(_, l)| blurred(&axis.lines[*l].values, blur_px)).collect();
         let (n, k) = (axis.len(), lines.len() as f32);

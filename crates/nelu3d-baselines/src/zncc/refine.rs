@@ -24,9 +24,9 @@ impl Refiner {
         Self { p: vec![0.0; k], c: vec![0.0; k], d: vec![0.0; k], misfit: 0.0 }
     }
 
-    /// Returns the column near `start` that explains the codeword `p` best up to scale and offset, and its standard deviation
-    /// for intensities of variance `noise`. `None` where the codeword does not change along the columns, or the scale
-    /// is not positive.
+    /// Returns the column near `start` that explains the codeword `p` best up to scale and offset, and its standard
+    /// deviation for intensities of variance `noise`. `None` where the codeword does not change along the columns, or
+    /// the scale is not positive.
     #[inline]
     pub fn refine(&mut self, table: &CodewordTable, p: &[f32], start: f32, noise: f32) -> Option<(f32, f32)> {
         let k = p.len();

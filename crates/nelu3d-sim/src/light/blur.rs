@@ -146,9 +146,9 @@ pub fn b_spline(d: f32) -> [f32; 3] {
     [0.5 * (0.5 - d) * (0.5 - d), 0.75 - d * d, 0.5 * (0.5 + d) * (0.5 + d)]
 }
 
-/// Returns taps 0 to `radius` of a sampled Gaussian whose variance, as a sum over its samples, is `variance`, px². Below 1
-/// px the samples are too few for the sum to equal the parameter of the exponential, which is therefore found by
-/// bisection.
+/// Returns taps 0 to `radius` of a sampled Gaussian whose variance, as a sum over its samples, is `variance`, px².
+/// Below 1 px the samples are too few for the sum to equal the parameter of the exponential, which is therefore found
+/// by bisection.
 pub fn sampled_gaussian(variance: f64, radius: usize) -> Vec<f64> {
     let taps = |t: f64| -> Vec<f64> {
         let half: Vec<f64> = (0..=radius).map(|n| (-0.5 * (n * n) as f64 / t).exp()).collect();

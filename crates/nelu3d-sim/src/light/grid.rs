@@ -23,8 +23,8 @@ const MAX_PIXELS: usize = 8;
 
 impl PixelGrid {
     /// Below this standard deviation, px, the squares are integrated one by one. From here on their grid is gone (its
-    /// first harmonic is 1.3e-4 of the mean, whatever the fill factor) and they are Gaussians of their own variance to the
-    /// lens.
+    /// first harmonic is 1.3e-4 of the mean, whatever the fill factor) and they are Gaussians of their own variance to
+    /// the lens.
     pub const NARROW_PX: f64 = 0.7;
 
     /// Returns a grid of all channels of `images`; `fill` is the side of a lit square, px.
@@ -41,8 +41,8 @@ impl PixelGrid {
         self.stack.channels()
     }
 
-    /// Writes all channels at (u, v) px under a lens blur of standard deviation `sigma` px to `out`, which holds as many
-    /// values; 1 inside a sharp white square.
+    /// Writes all channels at (u, v) px under a lens blur of standard deviation `sigma` px to `out`, which holds as
+    /// many values; 1 inside a sharp white square.
     pub fn at(&self, at: [f64; 2], sigma: f64, out: &mut [f32]) {
         if sigma < Self::NARROW_PX {
             self.squares(at, sigma.max(1e-4), out);

@@ -2,7 +2,7 @@
 //!
 //! Every light source promises `sample`, what of a surface point matters to it (computed once for all images of a shot,
 //! with shadows), and `irradiance`, the light that arrives there in every image. To add one, write its file, add it to
-//! [`LightSource`] and to the spec.
+//! `LightSource` and to the spec.
 
 pub mod blur;
 mod film;

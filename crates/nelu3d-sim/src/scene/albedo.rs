@@ -109,7 +109,8 @@ impl Albedo {
     ///
     /// # Panics
     ///
-    /// If it is [`Self::Vertices`]: those take the point of the mesh ([`VirtualScene::albedo`](super::VirtualScene::albedo)).
+    /// If it is [`Self::Vertices`]: those take the point of the mesh
+    /// ([`VirtualScene::albedo`](super::VirtualScene::albedo)).
     pub fn at(&self, p: &Point3<f64>) -> [f32; 3] {
         match self {
             Self::Constant(rgb) => *rgb,

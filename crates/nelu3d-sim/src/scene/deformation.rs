@@ -50,8 +50,8 @@ impl Deformation {
         }
     }
 
-    /// Returns the unit normal of the deformed surface at the image of `p`: the cofactors of the map's derivative, applied
-    /// to the `normal` at `p`.
+    /// Returns the unit normal of the deformed surface at the image of `p`: the cofactors of the map's derivative,
+    /// applied to the `normal` at `p`.
     pub fn normal(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> Vector3<f64> {
         let [x, y, z] = [0, 1, 2].map(|i| {
             let step = Vector3::ith(i, STEP_MM);

@@ -28,8 +28,8 @@ pub(crate) fn hands_at(spec: &Spec, position: usize) -> Vec<Hand> {
         .collect()
 }
 
-/// Returns the point after a part of the outline of a board of extent `[x0, y0, x1, y1]`, mm (whole turns do not count),
-/// and the angle about z that turns y inward, radians.
+/// Returns the point after a part of the outline of a board of extent `[x0, y0, x1, y1]`, mm (whole turns do not
+/// count), and the angle about z that turns y inward, radians.
 pub fn on_outline([x0, y0, x1, y1]: [f64; 4], part: f64) -> ([f64; 2], f64) {
     let (width, height) = (x1 - x0, y1 - y0);
     let along = part.rem_euclid(1.0) * 2.0 * (width + height);

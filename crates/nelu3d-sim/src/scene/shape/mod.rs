@@ -3,7 +3,7 @@
 //! Every closed form promises, in its own frame: `hit(ray, limit)`, the smallest distance in `(0, limit)` at which the
 //! ray meets the surface, with a unit normal on either side of it; and `mesh()`, triangles with vertices and normals on
 //! the surface, facing outward (toward −z, the camera, where there is no outside). To add one, write its file, add it
-//! to [`Shape`], to the spec and to the test of all shapes.
+//! to [`Shape`], to the spec and to the test of all shapes (`tests/unit/scene/shape`).
 
 mod cuboid;
 mod cylinder;
