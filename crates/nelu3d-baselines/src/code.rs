@@ -15,8 +15,8 @@ pub(crate) const FLAT: f32 = 1.5 / 255.0;
 /// How much light a projected value makes.
 #[derive(Clone, Debug, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum ProjectedLight {
-    /// The value to a power.
+pub enum ProjectedLight {
+    /// The value to this power.
     Power(f32),
     /// As it was measured.
     Response(Response),
@@ -24,7 +24,7 @@ pub(crate) enum ProjectedLight {
 
 impl ProjectedLight {
     /// Returns the light, 0 to 1, of a value 0 to 1.
-    pub(crate) fn of(&self, value: f32) -> f32 {
+    pub fn of(&self, value: f32) -> f32 {
         match self {
             ProjectedLight::Power(gamma) => value.max(0.0).powf(*gamma),
             ProjectedLight::Response(response) => response.light_of(value),
@@ -32,25 +32,26 @@ impl ProjectedLight {
     }
 }
 
-/// The values of one projected image along its axis.
+/// The light of one projected image, or of one of its color channels, along its axis.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Line {
+pub struct Line {
     /// Place in the pattern set.
-    pub(super) image: usize,
+    pub image: usize,
     /// Color channel of the projected image; 0 in gray images.
-    pub(super) channel: usize,
+    pub channel: usize,
     /// The file.
-    pub(super) path: PathBuf,
+    pub path: PathBuf,
     /// Light, 0 to 1, one per column (or row).
-    pub(super) values: Vec<f32>,
+    pub values: Vec<f32>,
 }
 
 /// The lines of all images that change along one axis.
 #[derive(Clone, Debug)]
-pub(crate) struct AxisCode {
-    pub(super) axis: Axis,
-    /// In the set's order.
-    pub(super) lines: Vec<Line>,
+pub struct AxisCode {
+    /// The axis.
+    pub axis: Axis,
+    /// In the set's order, all of one length.
+    pub lines: Vec<Line>,
 }
 
 impl AxisCode {
@@ -160,9 +161,14 @@ pub(crate) fn read_projected(
     set.images.iter().map(read).collect()
 }
 
-/// Returns the axis along which an image changes (none if it does not change at all) and its values along it, one line
-/// per color channel, or one if the channels are the same.
-fn lines(
+/// Returns the axis along which an image changes (none if it does not change at all) and its light along it, one line
+/// per color channel, or one if the channels are the same. `path` is the image's file and `index` its place in the
+/// pattern set.
+///
+/// # Errors
+///
+/// It changes along both axes; the message names the file.
+pub fn lines(
     image: Image,
     path: &Path,
     index: usize,
@@ -194,44 +200,15 @@ fn lines(
     Ok((axis, (0..channels).map(line).collect()))
 }
 
-/// Returns a line's value between its columns: linear, and constant beyond the ends.
-pub(crate) fn value_at(values: &[f32], u: f32) -> f32 {
+/// Returns a line's value at `u` px, between its columns: linear, and constant beyond the ends.
+///
+/// # Panics
+///
+/// If the line is empty.
+pub fn value_at(values: &[f32], u: f32) -> f32 {
     let last = values.len() - 1;
     let u = u.clamp(0.0, last as f32);
     let i = (u as usize).min(last.saturating_sub(1));
     let f = u - i as f32;
     values[i] + f * (values[(i + 1).min(last)] - values[i])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn read(image: Image) -> Result<(Option<Axis>, Vec<Line>), DecodeError> {
-        lines(image, Path::new("p.png"), 0, &ProjectedLight::Power(1.0))
-    }
-
-    #[test]
-    fn the_axis_is_found_and_two_axes_are_refused() {
-        let image = |f: fn(usize, usize) -> f32| Image {
-            width: 8,
-            height: 5,
-            channels: 1,
-            data: (0..40).map(|i| f(i % 8, i / 8)).collect(),
-        };
-        let (axis, found) = read(image(|x, _| x as f32 / 8.0)).unwrap();
-        assert_eq!((axis, found[0].values.len(), found[0].values[4]), (Some(Axis::X), 8, 0.5));
-        let (axis, found) = read(image(|_, y| y as f32 / 5.0)).unwrap();
-        assert_eq!((axis, found[0].values.len()), (Some(Axis::Y), 5));
-        assert_eq!(read(image(|_, _| 0.3)).unwrap().0, None);
-        let error = read(image(|x, y| (x + y) as f32 / 20.0)).unwrap_err().to_string();
-        assert!(error.contains("p.png") && error.contains("along x and along y"), "{error}");
-    }
-
-    #[test]
-    fn values_between_columns_are_linear() {
-        let v = [0.0, 1.0, 0.5];
-        assert_eq!([-1.0, 0.0, 0.5, 1.0, 1.5, 2.0, 7.0].map(|u| value_at(&v, u)), [0.0, 0.0, 0.5, 1.0, 0.75, 0.5, 0.5]);
-        assert_eq!(value_at(&[0.3], 0.7), 0.3);
-    }
 }

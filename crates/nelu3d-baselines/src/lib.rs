@@ -15,12 +15,12 @@
 //! `decode::columns`.
 
 mod captured;
-mod code;
+pub mod code;
 mod coordinates;
 mod decode;
 mod diagnostics;
 mod error;
-mod gray;
+pub mod gray;
 pub mod lookup3d;
 mod method;
 mod mps;
@@ -31,8 +31,8 @@ pub mod projector;
 mod response;
 mod triangulate;
 pub mod turbosl;
-mod wave;
-mod zncc;
+pub mod wave;
+pub mod zncc;
 
 pub use decode::decode;
 pub use diagnostics::{DecodeDiagnostics, Decoding};

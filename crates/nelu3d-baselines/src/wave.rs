@@ -19,8 +19,13 @@ const MIN_AMPLITUDE: f64 = 0.05;
 /// Images whose frequencies differ by less than this, in cycles over the whole image, share one.
 const SAME: f64 = 0.05;
 
-/// Fits a sinusoid to every image and groups them by frequency, the highest first.
-pub(crate) fn learn(code: &AxisCode, set: &PatternSet, method: &'static str) -> Result<Vec<WaveGroup>, DecodeError> {
+/// Fits a sinusoid to every image of a code and groups them by frequency, the highest first. `set` and `method` are
+/// named in messages.
+///
+/// # Errors
+///
+/// An image is not a sinusoid.
+pub fn learn(code: &AxisCode, set: &PatternSet, method: &'static str) -> Result<Vec<WaveGroup>, DecodeError> {
     let n = code.len() as f64;
     let mut waves: Vec<(&Line, f64, f64)> = Vec::new();
     for line in &code.lines {
@@ -65,45 +70,4 @@ pub(crate) fn planes<'a>(captured: &'a Captured, groups: &[WaveGroup]) -> Vec<Co
         planes[image] = captured.gray(image, false);
     }
     planes
-}
-
-#[cfg(test)]
-pub(super) mod tests {
-    use super::*;
-    use nelu3d_scan::pattern::{Axis, Pattern, PhaseSolver, Sinusoid, wrap_angle};
-
-    /// The code of phase-shifted sinusoids as 8-bit images: period and steps of each.
-    pub(crate) fn sinusoids(n: usize, parts: &[(f64, usize)]) -> AxisCode {
-        let mut lines = Vec::new();
-        for &(period_px, steps) in parts {
-            let made = Pattern::Sinusoid(Sinusoid { axis: Axis::X, period_px, steps }).generate(n, 1).unwrap();
-            for p in made.images {
-                let values = p.image.data.iter().map(|v| (v * 255.0).round() / 255.0).collect();
-                lines.push(Line { image: lines.len(), channel: 0, path: "p.png".into(), values });
-            }
-        }
-        AxisCode { axis: Axis::X, lines }
-    }
-
-    #[test]
-    fn periods_and_phases_are_learned_from_eight_bit_images() {
-        let set = PatternSet { name: "s".into(), images: Vec::new(), inverse: Vec::new() };
-        let code = sinusoids(640, &[(640.0, 3), (16.25, 4), (80.0, 3), (15.9, 1)]);
-        let groups = learn(&code, &set, "phase").unwrap();
-        let expected = [(15.9, 1), (16.25, 4), (80.0, 3), (640.0, 3)];
-        assert_eq!(groups.len(), 4);
-        for (g, (period, steps)) in groups.iter().zip(expected) {
-            assert_eq!(g.waves.len(), steps);
-            assert!((g.period_px() / period - 1.0).abs() < 2e-3, "{} for {period}", g.period_px());
-            for (i, w) in g.waves.iter().enumerate() {
-                let off = wrap_angle((w.phase - TAU * i as f64 / steps as f64) as f32);
-                assert!(off.abs() < 0.01, "{period}, step {i}: {off}");
-            }
-            assert_eq!(PhaseSolver::new(g).is_some(), steps >= 3);
-        }
-        let mut ramp = code;
-        ramp.lines[2].values = (0..640).map(|u| u as f32 / 640.0).collect();
-        let error = learn(&ramp, &set, "phase").unwrap_err().to_string();
-        assert!(error.contains("p.png is not a sinusoid"), "{error}");
-    }
 }

@@ -6,9 +6,9 @@
 //!                             └► GroundTruth: depth, mask, mesh                                             └► rig folder
 //! ```
 //!
-//! The physics, each in one place: [`spec`] declares all quantities with their units; `scene` has surfaces and
-//! materials, `light` what falls on them, `render` what a pixel collects, with interreflection, and `sensor` what it
-//! makes of it. The same spec (with its seed) gives the same bytes, whatever the number of threads.
+//! The physics, each in one place: [`spec`] declares all quantities with their units; [`scene`] has surfaces and
+//! materials, [`light`] what falls on them, [`render`] what a pixel collects, with interreflection, and [`sensor`] what
+//! it makes of it. The same spec (with its seed) gives the same bytes, whatever the number of threads.
 //!
 //! A file imports only from above it here: `spec`; `random` and `geometry`; `scene` and `light`; `sweep`; `check`;
 //! `render`, `sensor` and `ground_truth`; `displayed`, `capture` and `sequence`; `simulate`.
@@ -32,22 +32,21 @@ mod capture;
 mod check;
 mod displayed;
 mod error;
-mod geometry;
+pub mod geometry;
 mod ground_truth;
-mod light;
-mod random;
-mod render;
-mod scene;
-mod sensor;
+pub mod light;
+pub mod random;
+pub mod render;
+pub mod scene;
+pub mod sensor;
 mod sequence;
 mod simulate;
 pub mod spec;
-mod staging;
-mod sweep;
+pub mod staging;
+pub mod sweep;
 
 pub use error::SimulationError;
 pub use ground_truth::GroundTruth;
 pub use sequence::object_at;
 pub use simulate::{simulate, simulate_until};
 pub use spec::Spec;
-pub use sweep::sweep_poses;

@@ -7,10 +7,14 @@ use rand::rngs::Xoshiro256PlusPlus;
 
 /// The purpose of random numbers. It keeps equal coordinates of different uses apart.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum RandomPurpose {
+pub enum RandomPurpose {
+    /// Poses of the board, and the hands that hold it.
     Sweep = 1,
+    /// Where rays pass through pixels, and where light goes from surface to surface.
     Pixels = 2,
+    /// The noise of the sensor.
     Sensor = 3,
+    /// The pattern on a film.
     Film = 4,
 }
 
@@ -24,8 +28,8 @@ pub(crate) fn hash(seed: u64, purpose: RandomPurpose, coordinates: [u64; 3]) -> 
     h
 }
 
-/// Returns the generator of a purpose and three coordinates.
-pub(crate) fn generator(seed: u64, purpose: RandomPurpose, coordinates: [u64; 3]) -> Xoshiro256PlusPlus {
+/// Returns the generator of a seed, a purpose and three coordinates: of equal ones always the same.
+pub fn generator(seed: u64, purpose: RandomPurpose, coordinates: [u64; 3]) -> Xoshiro256PlusPlus {
     Xoshiro256PlusPlus::seed_from_u64(hash(seed, purpose, coordinates))
 }
 

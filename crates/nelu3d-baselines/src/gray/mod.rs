@@ -13,7 +13,7 @@
 
 mod bit;
 mod columns;
-mod refine;
+pub mod refine;
 mod table;
 
 use nelu3d::surface::PixelStatus;
@@ -26,7 +26,7 @@ use crate::error::DecodeError;
 use bit::Bit;
 use columns::columns;
 use refine::refine;
-pub(crate) use table::GrayTable;
+pub use table::GrayTable;
 
 /// Decodes all axes of a code.
 pub(crate) fn decode(captured: &Captured, code: &Code, set: &PatternSet) -> Result<DecodedCoordinates, DecodeError> {

@@ -13,13 +13,15 @@ const MAX_STEP: i32 = 6;
 /// curvature between two pixels.
 const CROSSING_PX: f32 = 0.05;
 
-/// Where light comes from the border of two columns: position along the scan line (camera px) and that border
-/// (projector px).
-#[derive(Clone, Copy)]
-struct Crossing {
-    position: f32,
-    border: f32,
-    sigma: f32,
+/// Where on a scan line light comes from the border of two columns.
+#[derive(Clone, Copy, Debug)]
+pub struct Crossing {
+    /// Position along the scan line, camera px.
+    pub position: f32,
+    /// The border of two columns, projector px: half a pixel more than the lower column.
+    pub border: f32,
+    /// Standard deviation of the crossing, projector px.
+    pub sigma: f32,
 }
 
 /// Refines columns to sub-pixel, with their standard deviations.
@@ -122,8 +124,20 @@ fn crossing(
     Some(Crossing { position: x + sum / n, border: borders / n, sigma })
 }
 
-/// Fills in the columns of a run's pixels: linear between crossings, the column's center outside of them.
-fn fill(at: &mut [f32], sigma: &mut [f32], crossings: &[Crossing], start: usize, column: impl Fn(usize) -> [u16; 2]) {
+/// Fills in the columns of a run's pixels, `at`, and their standard deviations, `sigma`, both projector px: linear
+/// between crossings, the column's center outside of them. `crossings` are in the order of their positions, `start` is
+/// the position of the first pixel, and `column` gives the first and last column that a position decoded to.
+///
+/// # Panics
+///
+/// If `sigma` is shorter than `at`.
+pub fn fill(
+    at: &mut [f32],
+    sigma: &mut [f32],
+    crossings: &[Crossing],
+    start: usize,
+    column: impl Fn(usize) -> [u16; 2],
+) {
     let mut next = 0;
     for k in 0..at.len() {
         let x = (start + k) as f32;
@@ -152,37 +166,7 @@ fn fill(at: &mut [f32], sigma: &mut [f32], crossings: &[Crossing], start: usize,
     }
 }
 
-fn transposed(v: &[f32], width: usize, height: usize) -> Vec<f32> {
+/// Returns `height` rows of `width` values each as `width` rows of `height`.
+pub fn transposed(v: &[f32], width: usize, height: usize) -> Vec<f32> {
     (0..v.len()).into_par_iter().map(|i| v[i % height * width + i / height]).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_sloped_run_is_exact_between_crossings() {
-        // u = 0.37 x + 3.2: crossings where u = k + 1/2.
-        let u = |x: f32| 0.37 * x + 3.2;
-        let crossings: Vec<Crossing> = (4..14)
-            .map(|k| Crossing { position: (k as f32 + 0.5 - 3.2) / 0.37, border: k as f32 + 0.5, sigma: 0.05 })
-            .collect();
-        let (mut at, mut sigma) = (vec![0.0; 30], vec![0.0; 30]);
-        fill(&mut at, &mut sigma, &crossings, 0, |x| [u(x as f32).round() as u16; 2]);
-        for x in 0..30 {
-            if (crossings[0].position..crossings[9].position).contains(&(x as f32)) {
-                assert!((at[x] - u(x as f32)).abs() < 1e-4 && sigma[x] < 0.06, "{x}");
-            } else {
-                assert!((at[x] - u(x as f32)).abs() <= 0.5 && (sigma[x] - 0.2887).abs() < 1e-3, "{x}");
-            }
-        }
-    }
-
-    #[test]
-    fn transposing_goes_there_and_back() {
-        let v: Vec<f32> = (0..12).map(|i| i as f32).collect();
-        let t = transposed(&v, 4, 3);
-        assert_eq!(t[..4], [0.0, 4.0, 8.0, 1.0]);
-        assert_eq!(transposed(&t, 3, 4), v);
-    }
 }

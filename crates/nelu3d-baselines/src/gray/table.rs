@@ -7,12 +7,12 @@ use nelu3d_scan::rig::PatternSet;
 use crate::code::AxisCode;
 use crate::error::DecodeError;
 
-/// A table from codewords to columns.
-pub(crate) struct GrayTable {
+/// A table from codewords to columns. A codeword has a bit per image, of the first image the highest.
+pub struct GrayTable {
     /// First and last column of every codeword that occurs.
     columns: Columns,
     /// Codeword of every column.
-    pub(super) words: Vec<u32>,
+    pub words: Vec<u32>,
 }
 
 enum Columns {
@@ -22,12 +22,12 @@ enum Columns {
 }
 
 impl GrayTable {
-    /// Makes the table of one axis.
+    /// Makes the table of one axis; `set` is named in messages.
     ///
     /// # Errors
     ///
     /// The images are no binary code, or two distant columns have the same codeword.
-    pub(crate) fn new(code: &AxisCode, set: &PatternSet) -> Result<Self, DecodeError> {
+    pub fn new(code: &AxisCode, set: &PatternSet) -> Result<Self, DecodeError> {
         let unsuited = |problem: String, remedy: &str| DecodeError::Unsuited {
             set: set.name.clone(),
             method: "gray",
@@ -66,52 +66,17 @@ impl GrayTable {
         Ok(Self { columns, words })
     }
 
-    /// Returns the first and last column of a codeword.
-    pub(super) fn get(&self, word: u32) -> Option<[u16; 2]> {
+    /// Returns the first and last column of a codeword, `None` for one that does not occur. Columns side by side may
+    /// share one.
+    ///
+    /// # Panics
+    ///
+    /// If the codeword has more bits than there are images.
+    pub fn get(&self, word: u32) -> Option<[u16; 2]> {
         let found = match &self.columns {
             Columns::Dense(all) => all[word as usize],
             Columns::Sparse(all) => *all.get(&word)?,
         };
         (found[0] <= found[1]).then_some(found)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nelu3d_scan::pattern::{Axis, Gray, Pattern};
-
-    fn gray_code(n: usize) -> AxisCode {
-        let images = Pattern::Gray(Gray { axis: Axis::X, inverse: false }).generate(n, 1).unwrap().images;
-        let line = |(image, p): (usize, nelu3d_scan::pattern::PatternImage)| crate::code::Line {
-            image,
-            channel: 0,
-            path: "p.png".into(),
-            values: p.image.data,
-        };
-        AxisCode { axis: Axis::X, lines: images.into_iter().enumerate().map(line).collect() }
-    }
-
-    fn set() -> PatternSet {
-        PatternSet { name: "s".into(), images: Vec::new(), inverse: Vec::new() }
-    }
-
-    #[test]
-    fn every_column_has_its_codeword() {
-        let code = gray_code(600);
-        let table = GrayTable::new(&code, &set()).unwrap();
-        for u in 0..600u16 {
-            assert_eq!(table.get(table.words[usize::from(u)]), Some([u, u]));
-        }
-        // Without the finest bit, pairs of columns share one.
-        let mut coarse = code.clone();
-        coarse.lines.pop();
-        let table = GrayTable::new(&coarse, &set()).unwrap();
-        assert_eq!(table.get(table.words[101]), Some([100, 101]));
-        // Without the coarsest, distant columns do.
-        let mut ambiguous = code;
-        ambiguous.lines.remove(0);
-        let error = GrayTable::new(&ambiguous, &set()).err().unwrap().to_string();
-        assert!(error.contains("same codeword"), "{error}");
     }
 }

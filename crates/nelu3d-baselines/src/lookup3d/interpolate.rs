@@ -306,8 +306,12 @@ fn squared(code: &[f32], query: &[f32]) -> f32 {
     code.iter().zip(query).filter(|(_, q)| !q.is_nan()).map(|(c, q)| (c - q) * (c - q)).sum()
 }
 
-/// Lagrange's basis polynomials over `knots` (at most four) and their derivatives, at `t`.
-fn lagrange(knots: &[f32], t: f32) -> ([f32; 4], [f32; 4]) {
+/// Returns Lagrange's basis polynomials over `knots` and their derivatives, at `t`; 0 beyond the number of knots.
+///
+/// # Panics
+///
+/// If there are more than four knots.
+pub fn lagrange(knots: &[f32], t: f32) -> ([f32; 4], [f32; 4]) {
     let (mut value, mut slope) = ([0.0; 4], [0.0; 4]);
     for (i, a) in knots.iter().enumerate() {
         let (mut p, mut d) = (1.0, 0.0);
@@ -321,8 +325,9 @@ fn lagrange(knots: &[f32], t: f32) -> ([f32; 4], [f32; 4]) {
     (value, slope)
 }
 
-/// Lowest point of the parabola through three points, the middle one the lowest of them; its value is not below 0.
-fn vertex(x: [f32; 3], y: [f32; 3]) -> (f32, f32) {
+/// Returns the lowest point, `(x, y)`, of the parabola through three points, the middle one the lowest of them; its
+/// value is not below 0. Where there is no such parabola it is the middle point.
+pub fn vertex(x: [f32; 3], y: [f32; 3]) -> (f32, f32) {
     let (a, b) = (x[0] - x[1], x[2] - x[1]);
     let (p, q) = (y[0] - y[1], y[2] - y[1]);
     // y = y₁ + s u + c u², u = x − x₁.
@@ -334,30 +339,5 @@ fn vertex(x: [f32; 3], y: [f32; 3]) -> (f32, f32) {
         (x[1] + u, (y[1] + s * u + c * u * u).max(0.0))
     } else {
         (x[1], y[1])
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lagrange_reproduces_cubics() {
-        let knots = [0.0, 1.0, -0.8, 2.3];
-        let f = |t: f32| 1.0 - 2.0 * t + 0.5 * t * t + 0.3 * t * t * t;
-        let d = |t: f32| -2.0 + t + 0.9 * t * t;
-        for t in [0.0, 0.2, 0.7, 1.0] {
-            let (value, slope) = lagrange(&knots, t);
-            let sum = |w: [f32; 4]| w.iter().zip(knots).map(|(w, x)| w * f(x)).sum::<f32>();
-            assert!((sum(value) - f(t)).abs() < 1e-5 && (sum(slope) - d(t)).abs() < 1e-5);
-        }
-    }
-
-    #[test]
-    fn the_vertex_of_a_parabola_is_found_over_uneven_steps() {
-        let f = |x: f32| 0.5 + 3.0 * (x - 1.2) * (x - 1.2);
-        let (x, y) = vertex([0.0, 1.0, 1.7], [f(0.0), f(1.0), f(1.7)]);
-        assert!((x - 1.2).abs() < 1e-5 && (y - 0.5).abs() < 1e-5);
-        assert_eq!(vertex([0.0, 1.0, 2.0], [1.0, 1.0, 1.0]), (1.0, 1.0));
     }
 }

@@ -5,7 +5,7 @@ use nelu3d_field::nearest::{self, Codes, Hit};
 use super::shape::TableShape;
 
 /// Per channel (and for the depth) two factors: entry = Σ_i left_i(pixel) · right_i(position).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LowRank {
     /// Sizes of the table they stand for.
     pub shape: TableShape,

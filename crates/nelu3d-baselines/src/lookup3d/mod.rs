@@ -24,15 +24,13 @@ mod diagnostics;
 mod error;
 pub mod file;
 mod full;
-mod interpolate;
+pub mod interpolate;
 mod low_rank;
 mod options;
 mod scene;
 mod search;
 mod shape;
 mod table;
-#[cfg(test)]
-mod tests;
 
 pub use build::{BuiltTable, build};
 pub use compress::{Compressed, Rank, compress};

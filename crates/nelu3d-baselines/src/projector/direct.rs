@@ -76,9 +76,9 @@ pub(super) fn direct(samples: &[Sample]) -> Option<Parameters> {
     out.iter().all(|v| v.is_finite()).then(|| Parameters::from(out))
 }
 
-/// Splits a matrix into an upper triangular matrix with a positive diagonal times a rotation; `None` for a singular or
-/// mirrored matrix.
-fn rq(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Matrix3<f64>)> {
+/// Splits a matrix into an upper triangular matrix with a positive diagonal times a rotation (RQ decomposition); `None`
+/// for a singular or mirrored matrix.
+pub fn rq(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Matrix3<f64>)> {
     // The QR decomposition of the matrix turned by 180 degrees.
     let flip = Matrix3::new(0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0);
     let qr = (flip * m).transpose().qr();
@@ -92,18 +92,4 @@ fn rq(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Matrix3<f64>)> {
         }
     }
     (k[(2, 2)] > 1e-12 && r.determinant() > 0.5).then_some((k, r))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_matrix_splits_into_triangle_and_rotation() {
-        let k = Matrix3::new(1200.0, 3.0, 320.0, 0.0, 1100.0, 200.0, 0.0, 0.0, 1.0);
-        let r = Rotation3::from_scaled_axis(Vector3::new(0.3, -0.8, 0.1)).into_inner();
-        let (a, b) = rq(&(k * r)).unwrap();
-        assert!((a - k).amax() < 1e-9 && (b - r).amax() < 1e-12);
-        assert!(rq(&(-k * r)).is_none());
-    }
 }

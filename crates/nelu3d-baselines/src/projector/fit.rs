@@ -11,19 +11,24 @@ use super::options::Lens;
 use super::sample::Sample;
 
 /// A fitted projector.
-pub(crate) struct Fitted {
-    pub(super) projector: Projector,
-    pub(super) rms_px: f64,
-    /// Samples that contradict the others.
-    pub(super) rejected: usize,
-    pub(super) center_sigma_mm: [f64; 3],
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// Optics and pose.
+    pub projector: Projector,
+    /// Root mean square distance between a used sample's computed and seen projector pixel, px.
+    pub rms_px: f64,
+    /// Number of samples that contradict the others, and are not used.
+    pub rejected: usize,
+    /// Standard deviation of the projector's center, from the residuals alone, mm.
+    pub center_sigma_mm: [f64; 3],
 }
 
 /// Residuals beyond this many robust standard deviations are outliers.
 const REJECT_SIGMAS: f64 = 5.0;
 
-/// Fits a projector whose image has this size; `None` if the samples do not determine one.
-pub(crate) fn fit(samples: &[Sample], size: [usize; 2], lens: Lens) -> Option<Fitted> {
+/// Fits a projector whose image has `size` (width, height; px); `None` if the samples do not determine one. Samples on
+/// one plane never do.
+pub fn fit(samples: &[Sample], size: [usize; 2], lens: Lens) -> Option<Fitted> {
     let start = direct(samples)?;
     let free: Vec<usize> = match lens {
         Lens::None => (0..4).chain(8..N).collect(),
@@ -189,57 +194,4 @@ fn refine(samples: &[Sample], used: &[bool], free: &[usize], start: Parameters) 
     };
     let mut problem = Reprojection { samples, used, free, matrix: DMatrix::zeros(0, 0), rhs: DVector::zeros(0) };
     minimize(&mut problem, start, &settings)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::Point3;
-
-    fn truth() -> Projector {
-        let distortion = Distortion::new(&[-0.03, 0.02, 4e-4, -3e-4]).unwrap();
-        Projector {
-            optics: Camera { distortion, ..Camera::pinhole(640, 400, 1250.0, 1247.0, 322.0, 203.0) },
-            proj_from_cam: Isometry3::new(Vector3::new(-180.0, 20.0, 30.0), Vector3::new(0.02, 0.27, -0.01)),
-        }
-    }
-
-    /// Corners of boards of one angle at several depths, as on a stage.
-    fn samples(depths: &[f64]) -> Vec<Sample> {
-        let truth = truth();
-        let mut out = Vec::new();
-        for z in depths {
-            for i in 0..8 {
-                for j in 0..6 {
-                    let (x, y) = (25.0 * f64::from(i) - 90.0, 24.0 * f64::from(j) - 60.0);
-                    let point = Point3::new(x, y, z + 0.05 * x);
-                    out.push(Sample { point, px: truth.project(&point).unwrap() });
-                }
-            }
-        }
-        out
-    }
-
-    #[test]
-    fn a_projector_comes_back_with_outliers_and_from_parallel_boards() {
-        let mut seen = samples(&[630.0, 670.0, 710.0, 770.0]);
-        for k in [3, 50, 120] {
-            seen[k].px[0] += 7.0;
-        }
-        let fitted = fit(&seen, [640, 400], Lens::Full).unwrap();
-        assert_eq!(fitted.rejected, 3);
-        assert!(fitted.rms_px < 1e-4, "{}", fitted.rms_px);
-        assert!((fitted.projector.center() - truth().center()).norm() < 0.01);
-        for s in samples(&[600.0, 800.0]) {
-            let px = fitted.projector.project(&s.point).unwrap();
-            assert!((px[0] - s.px[0]).hypot(px[1] - s.px[1]) < 0.01);
-        }
-        // Without distortion it cannot be as good.
-        assert!(fit(&seen, [640, 400], Lens::None).unwrap().rms_px > 0.01);
-    }
-
-    #[test]
-    fn one_plane_does_not_determine_a_projector() {
-        assert!(fit(&samples(&[700.0]), [640, 400], Lens::Full).is_none());
-    }
 }

@@ -16,8 +16,8 @@ use crate::captured::{Captured, Images};
 use crate::code::{Code, Line, ProjectedLight, value_at};
 use crate::response::Response;
 
-/// Bins of the value.
-const BINS: usize = 32;
+/// Bins of the projected value, 0 to 1.
+pub const BINS: usize = 32;
 
 /// Fewest samples of a bin.
 const MIN_SAMPLES: usize = 50;
@@ -95,8 +95,9 @@ pub(super) fn measure_response(
     Ok(curve(bins, images))
 }
 
-/// Makes the curve of bins of light per value.
-fn curve(bins: Vec<Vec<f64>>, images: Vec<String>) -> Option<Response> {
+/// Makes the response from samples of light per projected value, sorted into [`BINS`] bins by the value; `images` are
+/// those that they were measured with. `None` if the samples cover too little of the range to call it a curve.
+pub fn curve(bins: Vec<Vec<f64>>, images: Vec<String>) -> Option<Response> {
     let mut knots = Vec::new();
     for (k, mut bin) in bins.into_iter().enumerate() {
         let (n, value) = (bin.len(), (k as f64 + 0.5) / BINS as f64);
@@ -130,9 +131,9 @@ fn curve(bins: Vec<Vec<f64>>, images: Vec<String>) -> Option<Response> {
     Some(Response { value, light, gamma: if xx > 0.0 { xy / xx } else { 1.0 }, images })
 }
 
-/// Replaces the light of the knots by the nearest rising sequence in the sense of least squares (pool adjacent
-/// violators).
-fn monotone(knots: &mut [(f64, f64)]) {
+/// Replaces the light of knots (value, light) by the nearest rising sequence in the sense of least squares (pool
+/// adjacent violators).
+pub fn monotone(knots: &mut [(f64, f64)]) {
     let mut pools: Vec<(f64, usize)> = Vec::new();
     for (_, l) in knots.iter() {
         pools.push((*l, 1));
@@ -146,33 +147,4 @@ fn monotone(knots: &mut [(f64, f64)]) {
     }
     let levels = pools.into_iter().flat_map(|(l, n)| std::iter::repeat_n(l, n));
     knots.iter_mut().zip(levels).for_each(|(k, l)| k.1 = l);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_rising_sequence_is_the_nearest() {
-        let mut knots: Vec<(f64, f64)> = [1.0, 3.0, 2.0, 4.0, 3.0, 2.0].iter().map(|l| (0.0, *l)).collect();
-        monotone(&mut knots);
-        assert_eq!(knots.iter().map(|k| k.1).collect::<Vec<_>>(), [1.0, 2.5, 2.5, 3.0, 3.0, 3.0]);
-    }
-
-    #[test]
-    fn a_power_comes_back() {
-        let bins = (0..BINS)
-            .map(|k| {
-                (0..100).map(|i| (k as f64 + (i as f64 + 0.5) / 100.0) / BINS as f64).map(|v| v.powf(1.2)).collect()
-            })
-            .collect();
-        // Light per value v^1.2 is light v^2.2.
-        let r = curve(bins, Vec::new()).unwrap();
-        assert!((r.gamma - 2.2).abs() < 0.05, "{}", r.gamma);
-        for v in [0.1f32, 0.33, 0.5, 0.77, 0.95] {
-            assert!((r.light_of(v) - v.powf(2.2)).abs() < 0.01, "{v}: {}", r.light_of(v));
-        }
-        assert_eq!((r.light_of(1.0), r.light_of(2.0)), (1.0, 1.0));
-        assert!(curve(vec![Vec::new(); BINS], Vec::new()).is_none());
-    }
 }

@@ -4,9 +4,9 @@ use nalgebra::Point3;
 
 /// A corner of a board in the camera's frame and in the projected image.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sample {
+pub struct Sample {
     /// Camera frame, mm.
-    pub(super) point: Point3<f64>,
+    pub point: Point3<f64>,
     /// Projector px.
-    pub(super) px: [f64; 2],
+    pub px: [f64; 2],
 }

@@ -15,16 +15,16 @@ use nelu3d_field::adam::{self, AdamConfig, MomentBuffers, Schedule};
 use nelu3d_field::state::{TrainingState, read_floats, read_u64, write_floats, write_u64};
 
 /// Free taps on either side.
-pub(crate) const HALF: usize = 5;
+pub const HALF: usize = 5;
 /// Taps of the kernel.
-pub(crate) const TAPS: usize = 2 * HALF + 1;
+pub const TAPS: usize = 2 * HALF + 1;
 
 /// What is added to the first moment on the right before it is divided by.
 const EPSILON: f32 = 1e-8;
 
 /// A learned kernel of one axis.
 #[derive(Clone, Debug)]
-pub(crate) struct Blur {
+pub struct Blur {
     /// The free taps l, then r, from the middle outwards.
     free: [f32; 2 * HALF],
     moments: MomentBuffers,
@@ -36,26 +36,31 @@ fn moment(taps: &[f32]) -> f32 {
     taps.iter().enumerate().map(|(t, tap)| (t + 1) as f32 * tap).sum()
 }
 
+impl Default for Blur {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Blur {
-    /// No blur.
-    pub(crate) fn new() -> Self {
+    /// Returns no blur.
+    pub fn new() -> Self {
         Self { free: [0.0; 2 * HALF], moments: MomentBuffers::new(2 * HALF), n_steps: 0 }
     }
 
-    /// A blur of given free taps.
-    #[cfg(test)]
-    pub(crate) fn of(free: [f32; 2 * HALF]) -> Self {
+    /// Returns a blur of given free taps: those left of the middle, then those right of it, each from the middle
+    /// outwards.
+    pub fn of(free: [f32; 2 * HALF]) -> Self {
         Self { free, ..Self::new() }
     }
 
-    /// Returns the free taps of a blur: those left of the middle, then those right of it.
-    #[cfg(test)]
-    pub(crate) fn free(&self) -> [f32; 2 * HALF] {
+    /// Returns the free taps: those left of the middle, then those right of it, each from the middle outwards.
+    pub fn free(&self) -> [f32; 2 * HALF] {
         self.free
     }
 
     /// Returns the kernel, from the far left to the far right.
-    pub(crate) fn taps(&self) -> [f32; TAPS] {
+    pub fn taps(&self) -> [f32; TAPS] {
         let (left, right) = self.free.split_at(HALF);
         let balance = moment(left) / (moment(right) + EPSILON);
         let mut taps = [0.0; TAPS];
@@ -68,13 +73,13 @@ impl Blur {
     }
 
     /// Returns a blurred line of values, before it is clipped to [0, 1].
-    pub(crate) fn convolve(&self, line: &[f32]) -> Vec<f32> {
+    pub fn convolve(&self, line: &[f32]) -> Vec<f32> {
         let taps = self.taps();
         (0..line.len()).map(|i| taps.iter().enumerate().map(|(t, tap)| tap * shifted(line, i, t)).sum()).collect()
     }
 
     /// Adds to `d` the gradient by the free taps, given that by the kernel's ([`Self::taps`]).
-    pub(crate) fn backward(&self, d_taps: &[f32; TAPS], d: &mut [f32; 2 * HALF]) {
+    pub fn backward(&self, d_taps: &[f32; TAPS], d: &mut [f32; 2 * HALF]) {
         let d_middle = d_taps[HALF];
         let (left, right) = self.free.split_at(HALF);
         let below = moment(right) + EPSILON;
@@ -115,7 +120,7 @@ impl TrainingState for Blur {
 }
 
 /// Returns the gradient by the kernel of a line's convolution, given that by the convolved line.
-pub(crate) fn tap_gradient(line: &[f32], d: &[f32]) -> [f32; TAPS] {
+pub fn tap_gradient(line: &[f32], d: &[f32]) -> [f32; TAPS] {
     std::array::from_fn(|t| d.iter().enumerate().map(|(i, d)| d * shifted(line, i, t)).sum())
 }
 
@@ -124,72 +129,21 @@ fn shifted(line: &[f32], i: usize, t: usize) -> f32 {
     (i + t).checked_sub(HALF).and_then(|i| line.get(i)).copied().unwrap_or(0.0)
 }
 
-/// Returns a value between two pixels, linear; 0 outside the line.
+/// Returns the value of a line at `u` px, linear between two pixels; 0 outside the line.
 #[inline]
-pub(crate) fn sample(line: &[f32], u: f32) -> f32 {
+pub fn sample(line: &[f32], u: f32) -> f32 {
     let (i, f) = (u.floor(), u - u.floor());
     let at = |i: f32| if i >= 0.0 && i < line.len() as f32 { line[i as usize] } else { 0.0 };
     (1.0 - f) * at(i) + f * at(i + 1.0)
 }
 
-/// Adds the gradient of [`sample`] by the line.
+/// Adds to `d_line` the gradient of [`sample`] at `u` px by the line, times `d`.
 #[inline]
-pub(crate) fn sample_backward(d_line: &mut [f32], u: f32, d: f32) {
+pub fn sample_backward(d_line: &mut [f32], u: f32, d: f32) {
     let (i, f) = (u.floor(), u - u.floor());
     for (i, w) in [(i, 1.0 - f), (i + 1.0, f)] {
         if i >= 0.0 && i < d_line.len() as f32 {
             d_line[i as usize] += w * d;
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn keeps_place_and_brightness_and_differentiates() {
-        let blur = Blur::of;
-        let mut line = vec![0.0f32; 41];
-        line[20] = 1.0;
-        let free = [0.2, 0.1, 0.04, 0.0, 0.01, 0.1, 0.02, 0.03, 0.01, 0.0];
-        let kernel = blur(free).taps();
-        let out = blur(free).convolve(&line);
-        let sum: f32 = out.iter().sum();
-        let mean: f32 = out.iter().enumerate().map(|(i, v)| i as f32 * v).sum();
-        assert!((sum - 1.0).abs() < 1e-6 && (mean - 20.0).abs() < 1e-5);
-        // The two sides differ.
-        assert!((kernel[HALF - 1] - 0.2).abs() < 1e-6 && (kernel[HALF + 1] - 0.2).abs() > 0.01, "{kernel:?}");
-        assert_eq!(Blur::new().convolve(&line), line);
-        // d of Σ s_i blurred_i by the free taps.
-        let line: Vec<f32> = (0..41).map(|i| 0.5 + 0.7 * (i as f32 * 0.7).sin()).collect();
-        let s: Vec<f32> = (0..41).map(|i| (i as f32 * 0.3).cos()).collect();
-        let mut d = [0.0; 2 * HALF];
-        blur(free).backward(&tap_gradient(&line, &s), &mut d);
-        let value = |free: [f32; 2 * HALF]| -> f64 {
-            blur(free).convolve(&line).iter().zip(&s).map(|(a, b)| f64::from(a * b)).sum()
-        };
-        for t in 0..2 * HALF {
-            let at = |e: f32| {
-                let mut free = free;
-                free[t] += e;
-                value(free)
-            };
-            let expected = (at(1e-3) - at(-1e-3)) / 2e-3;
-            assert!((f64::from(d[t]) - expected).abs() < 0.02 * expected.abs().max(1.0), "{t}: {} {expected}", d[t]);
-        }
-    }
-
-    #[test]
-    fn samples_between_pixels() {
-        let line = [1.0, 3.0, 5.0];
-        assert_eq!(
-            [sample(&line, 0.5), sample(&line, 2.0), sample(&line, -0.5), sample(&line, 7.0)],
-            [2.0, 5.0, 0.5, 0.0]
-        );
-        let mut d = [0.0; 3];
-        sample_backward(&mut d, 1.25, 4.0);
-        sample_backward(&mut d, -3.0, 4.0);
-        assert_eq!(d, [0.0, 3.0, 1.0]);
     }
 }

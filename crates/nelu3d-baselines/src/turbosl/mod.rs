@@ -5,15 +5,15 @@
 //! Settings are those of its public configuration and code. Half of the rays are the projector's from the first
 //! iteration on; their image loss counts from a tenth of the iterations on. Deviations: the first shape is a sphere
 //! unless another is asked for; with fewer samples than published they are placed where the surface may be; an image
-//! that changes along one axis is blurred along that alone; clipped pixels are left out; and the depth is that of NeuS's
-//! own quadrature at the end. `ray/` is the image formation, `scene.rs` what is known,
-//! `step.rs` one iteration.
+//! that changes along one axis is blurred along that alone; clipped pixels are left out; and the depth is that of
+//! NeuS's own quadrature at the end. `ray.rs` is the image formation, `scene.rs` what is known, `step.rs` one
+//! iteration.
 
-mod blur;
+pub mod blur;
 mod diagnostics;
 mod options;
 mod projected;
-mod ray;
+pub mod ray;
 mod render;
 mod scene;
 mod step;
@@ -26,7 +26,7 @@ use crate::captured::Captured;
 use crate::error::DecodeError;
 pub use diagnostics::{ProjectorBlur, TurboSlDiagnostics};
 pub use options::TurboSlOptions;
-pub(crate) use projected::ProjectedPlanes;
+pub use projected::{BlurGradient, Projected, ProjectedPlanes};
 use render::render_surface;
 pub(crate) use scene::TurboSlScene;
 use train::train;

@@ -30,8 +30,8 @@ impl SeenCodewords {
     }
 }
 
-/// The codewords of all columns.
-pub(super) struct CodewordTable {
+/// The codewords of all columns: k values of light each.
+pub struct CodewordTable {
     /// Columns.
     pub(super) n: usize,
     /// Light, k lines of n columns.
@@ -41,7 +41,10 @@ pub(super) struct CodewordTable {
 }
 
 impl CodewordTable {
-    pub(super) fn new(axis: &AxisCode, planes: &[(usize, usize)], blur_px: f32) -> Self {
+    /// Makes the table of the lines of a code, blurred by a Gaussian of standard deviation `blur_px`. `planes` says
+    /// which lines, in the codewords' order: the second number of each pair. The first is the captures' plane it is
+    /// seen in, and does not matter here.
+    pub fn new(axis: &AxisCode, planes: &[(usize, usize)], blur_px: f32) -> Self {
         let lines: Vec<Vec<f32>> = planes.iter().map(|(_, l)| blurred(&axis.lines[*l].values, blur_px)).collect();
         let (n, k) = (axis.len(), lines.len() as f32);
         let mut normalized = lines.clone();
@@ -55,10 +58,14 @@ impl CodewordTable {
         Self { n, lines, normalized }
     }
 
-    /// Correlation of a centered codeword with columns `low..=high`, into `out`. Not divided by the codeword's own
-    /// norm.
+    /// Writes the correlations of a centered codeword with columns `low..=high` to `out`. They are not divided by the
+    /// codeword's own norm.
+    ///
+    /// # Panics
+    ///
+    /// If there are no such columns.
     #[inline]
-    pub(super) fn correlate(&self, centered: &[f32], low: usize, high: usize, out: &mut Vec<f32>) {
+    pub fn correlate(&self, centered: &[f32], low: usize, high: usize, out: &mut Vec<f32>) {
         out.clear();
         out.resize(high - low + 1, 0.0);
         for (c, line) in centered.iter().zip(&self.normalized) {
@@ -68,9 +75,10 @@ impl CodewordTable {
         }
     }
 
-    /// Codeword `j` at a fraction of a column, and its derivative (Catmull–Rom).
+    /// Returns value `j` of the codeword at column `u`, which may lie between two, and its derivative along the columns
+    /// (Catmull–Rom).
     #[inline]
-    pub(super) fn eval(&self, j: usize, u: f32) -> (f32, f32) {
+    pub fn eval(&self, j: usize, u: f32) -> (f32, f32) {
         let line = &self.lines[j];
         let u = u.clamp(0.0, (self.n - 1) as f32);
         let i = (u as usize).min(self.n.saturating_sub(2));
@@ -83,9 +91,9 @@ impl CodewordTable {
     }
 }
 
-/// Writes the codeword less its mean into `out` and returns its norm.
+/// Writes a codeword less its mean to `out`, of the same length, and returns the norm of that.
 #[inline]
-pub(super) fn centered(p: &[f32], out: &mut [f32]) -> f32 {
+pub fn centered(p: &[f32], out: &mut [f32]) -> f32 {
     let mean = p.iter().sum::<f32>() / p.len() as f32;
     let mut square = 0.0;
     for (o, v) in out.iter_mut().zip(p) {
@@ -95,8 +103,8 @@ pub(super) fn centered(p: &[f32], out: &mut [f32]) -> f32 {
     square.sqrt()
 }
 
-/// Returns the index of the largest score, and that score.
-pub(super) fn largest(scores: &[f32]) -> (usize, f32) {
+/// Returns the index of the largest score, and that score; (0, −∞) of none.
+pub fn largest(scores: &[f32]) -> (usize, f32) {
     let mut best = (0, f32::NEG_INFINITY);
     for (i, s) in scores.iter().enumerate() {
         if *s > best.1 {

@@ -15,8 +15,6 @@ mod codewords;
 mod columns;
 mod refine;
 mod single;
-#[cfg(test)]
-mod tests;
 mod window;
 mod window_sums;
 
@@ -29,7 +27,9 @@ use crate::error::DecodeError;
 use crate::options::{Columns, DecodeOptions};
 use crate::triangulate::{Geometry, line_of};
 use blur::{blur_from_contrast, blur_from_misfit};
-use codewords::{CodewordTable, SeenCodewords};
+use codewords::SeenCodewords;
+pub use codewords::{CodewordTable, centered, largest};
+pub use refine::Refiner;
 use single::single;
 use window::WindowSearch;
 

@@ -9,8 +9,8 @@ pub(super) fn model_variance(k: usize) -> f32 {
     sigma * sigma
 }
 
-/// Scratch memory of the refinement.
-pub(super) struct Refiner {
+/// Refines columns to sub-pixel; holds the memory for that.
+pub struct Refiner {
     p: Vec<f32>,
     c: Vec<f32>,
     d: Vec<f32>,
@@ -19,15 +19,16 @@ pub(super) struct Refiner {
 }
 
 impl Refiner {
-    pub(super) fn new(k: usize) -> Self {
+    /// Returns a refiner of codewords of `k` values.
+    pub fn new(k: usize) -> Self {
         Self { p: vec![0.0; k], c: vec![0.0; k], d: vec![0.0; k], misfit: 0.0 }
     }
 
-    /// The column near `start` that explains the codeword `p` best up to scale and offset, and its standard deviation
-    /// for intensities of variance `noise`. `None` where the codeword does not change along the columns, or the scale
-    /// is not positive.
+    /// Returns the column near `start` that explains the codeword `p` best up to scale and offset, and its standard
+    /// deviation for intensities of variance `noise`. `None` where the codeword does not change along the columns, or
+    /// the scale is not positive.
     #[inline]
-    pub(super) fn refine(&mut self, table: &CodewordTable, p: &[f32], start: f32, noise: f32) -> Option<(f32, f32)> {
+    pub fn refine(&mut self, table: &CodewordTable, p: &[f32], start: f32, noise: f32) -> Option<(f32, f32)> {
         let k = p.len();
         centered(p, &mut self.p);
         let mut u = start;

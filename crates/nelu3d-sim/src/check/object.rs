@@ -1,7 +1,8 @@
 //! Checks of objects: shape, albedo, material, deformation, and the files they name.
 
 use super::rules::{check, finite, positive, within};
-use crate::scene::{Vase, check_files};
+use crate::scene::check_files;
+use crate::scene::shape::Vase;
 use crate::spec::{AlbedoSpec, AxisSpec, DeformationSpec, MaterialSpec, ObjectSpec, ShapeSpec, SpecError};
 
 /// Names a field of an object in messages, by its path from the object.

@@ -2,11 +2,11 @@
 //!
 //! Every light source promises `sample`, what of a surface point matters to it (computed once for all images of a shot,
 //! with shadows), and `irradiance`, the light that arrives there in every image. To add one, write its file, add it to
-//! [`LightSource`] and to the spec.
+//! `LightSource` and to the spec.
 
-mod blur;
+pub mod blur;
 mod film;
-mod grid;
+pub mod grid;
 mod illumination;
 mod projector;
 mod sample;

@@ -17,8 +17,8 @@ use crate::light::{Illumination, LightSource};
 use crate::random::{RandomPurpose, hash, mix};
 use crate::scene::VirtualScene;
 use crate::spec::{InterreflectionSpec, Spec};
-use filter::PixelFilter;
-use rays::RayGrid;
+pub use filter::PixelFilter;
+pub use rays::RayGrid;
 use transport::{LightTransport, RayId};
 
 /// Rows rendered together. More rows repeat less of the filter's margin, fewer spread better over threads.

@@ -14,36 +14,60 @@ use crate::spec::AlbedoSpec;
 
 /// The reflectance of a surface by its point; see [`AlbedoSpec`].
 #[derive(Clone, Debug)]
-pub(crate) enum Albedo {
+pub enum Albedo {
+    /// The same everywhere: red, green and blue.
     Constant([f32; 3]),
+    /// Smooth waves along all three axes.
     Waves {
+        /// Red, green and blue where the waves are lowest.
         from: [f32; 3],
+        /// Red, green and blue where they are highest.
         to: [f32; 3],
+        /// Radians per mm.
         per_mm: f64,
     },
+    /// Cubes of two colors by turns.
     Checker {
+        /// Red, green and blue of the cube that begins at the origin.
         from: [f32; 3],
+        /// Red, green and blue of its neighbors.
         to: [f32; 3],
+        /// Side of a cube, mm.
         size: f64,
     },
+    /// Rings of uneven width about an axis.
     Wood {
+        /// Red, green and blue of early wood.
         from: [f32; 3],
+        /// Red, green and blue of late wood.
         to: [f32; 3],
+        /// Mean distance of the rings, mm.
         ring: f64,
+        /// The axis: 0, 1 or 2 for x, y or z.
         axis: usize,
+        /// Seed of the unevenness.
         seed: u64,
     },
+    /// A picture, projected along an axis.
     Image {
+        /// Albedos, three channels.
         image: Arc<Image>,
+        /// Width and height on the object, mm; its middle is at the origin.
         size: [f64; 2],
+        /// The axes of the object's frame along its width and its height.
         axes: [usize; 2],
     },
-    /// `dot_mm`: side of a printer's dot; 0 for exact edges. `origin`: the object's origin on the board.
+    /// The print of a board.
     Board {
+        /// What is printed.
         artwork: Box<Artwork>,
+        /// Albedo of the ink.
         ink: f32,
+        /// Albedo of the paper.
         paper: f32,
+        /// Side of a printer's dot, mm; 0 for exact edges.
         dot_mm: f64,
+        /// The object's origin on the board, mm.
         origin: [f64; 2],
     },
     /// Colors of the mesh's vertices, which the scene interpolates: they need the point of the mesh.
@@ -51,8 +75,12 @@ pub(crate) enum Albedo {
 }
 
 impl Albedo {
-    /// Returns the albedo of a checked spec. `colors` are the mesh's.
-    pub(crate) fn new(spec: &AlbedoSpec, colors: &[[u8; 3]]) -> Result<Self, ImageFileError> {
+    /// Returns the albedo of a spec. `colors` are those of the mesh's vertices, for [`AlbedoSpec::VertexColors`].
+    ///
+    /// # Errors
+    ///
+    /// The picture of a spec that names one cannot be read.
+    pub fn new(spec: &AlbedoSpec, colors: &[[u8; 3]]) -> Result<Self, ImageFileError> {
         let f32s = |rgb: &[f64; 3]| rgb.map(|v| v as f32);
         Ok(match spec {
             AlbedoSpec::Constant { rgb } => Self::Constant(f32s(rgb)),
@@ -77,8 +105,13 @@ impl Albedo {
         })
     }
 
-    /// Returns red, green and blue at a point of the object's frame.
-    pub(crate) fn at(&self, p: &Point3<f64>) -> [f32; 3] {
+    /// Returns red, green and blue at a point of the object's frame, mm.
+    ///
+    /// # Panics
+    ///
+    /// If it is [`Self::Vertices`]: those take the point of the mesh
+    /// ([`VirtualScene::albedo`](super::VirtualScene::albedo)).
+    pub fn at(&self, p: &Point3<f64>) -> [f32; 3] {
         match self {
             Self::Constant(rgb) => *rgb,
             Self::Waves { from, to, per_mm } => {
@@ -170,71 +203,4 @@ fn noise(p: &Vector3<f64>, seed: u64) -> f64 {
         sum += weight * (2.0 * (h >> 11) as f64 / (1u64 << 53) as f64 - 1.0);
     }
     sum
-}
-
-#[cfg(test)]
-mod tests {
-    use nelu3d_scan::image::write_png8;
-
-    use super::*;
-    use crate::spec::AxisSpec;
-
-    fn of(spec: &AlbedoSpec) -> Albedo {
-        Albedo::new(spec, &[]).unwrap()
-    }
-
-    #[test]
-    fn a_checker_changes_across_every_face() {
-        let (from, to) = ([0.1; 3], [0.9; 3]);
-        let checker = of(&AlbedoSpec::Checker { from, to, size_mm: 10.0 });
-        for (p, expected) in [([1.0, 1.0, 1.0], 0.1), ([-1.0, 1.0, 1.0], 0.9), ([-1.0, -1.0, 1.0], 0.1)] {
-            assert_eq!(checker.at(&Point3::from(p)), [expected; 3]);
-        }
-        assert_eq!(checker.at(&Point3::new(35.0, -15.0, 5.0)), [0.9; 3]);
-    }
-
-    #[test]
-    fn wood_has_rings_about_its_axis() {
-        let spec = |seed| AlbedoSpec::Wood { from: [0.8; 3], to: [0.2; 3], ring_mm: 4.0, axis: AxisSpec::Y, seed };
-        let wood = of(&spec(3));
-        // Dark edges along a radius: about one per ring.
-        let dark: Vec<bool> =
-            (0..8000).map(|i| wood.at(&Point3::new(0.01 * f64::from(i), 1.0, 0.0))[0] < 0.45).collect();
-        let rings = dark.windows(2).filter(|w| w[0] && !w[1]).count();
-        assert!((16..=24).contains(&rings), "{rings}");
-        // Nearly alike along the axis, and another tree for another seed.
-        let change = |w: &Albedo, d: [f64; 3]| -> f32 {
-            let value = |i: i32, s: f64| w.at(&(Point3::new(7.0 + f64::from(i), 0.0, 3.0) + Vector3::from(d) * s))[0];
-            (0..50).map(|i| (value(i, 1.0) - value(i, 0.0)).abs()).sum()
-        };
-        assert!(change(&wood, [0.0, 1.0, 0.0]) < 0.3 * change(&wood, [1.0, 0.0, 0.0]));
-        assert_ne!(of(&spec(4)).at(&Point3::new(9.0, 2.0, 1.0)), wood.at(&Point3::new(9.0, 2.0, 1.0)));
-    }
-
-    #[test]
-    fn a_picture_lies_where_it_should() {
-        let dir = tempfile::tempdir().unwrap();
-        let file = dir.path().join("a.png");
-        // Bright at the top left, of a value whose linear light is known: sRGB 188 is 0.5029 of white.
-        let mut image = Image::new(4, 2, 1);
-        image.data[0] = 188.0 / 255.0;
-        write_png8(&file, &image, 0.0, 255.0).unwrap();
-        let spec = |axis, srgb| AlbedoSpec::Image { file: file.clone(), size_mm: [40.0, 20.0], axis, srgb };
-        let z = of(&spec(AxisSpec::Z, true));
-        assert!((z.at(&Point3::new(-15.0, -5.0, 99.0))[1] - 0.5029).abs() < 1e-3);
-        assert!((z.at(&Point3::new(-10.0, -5.0, 0.0))[1] - 0.5029 / 2.0).abs() < 1e-3);
-        assert_eq!(z.at(&Point3::new(-5.0, -5.0, 0.0)), [0.0; 3]);
-        assert!((z.at(&Point3::new(-500.0, -50.0, 0.0))[1] - 0.5029).abs() < 1e-3, "beyond its border");
-        let y = of(&spec(AxisSpec::Y, false));
-        assert!((y.at(&Point3::new(-15.0, 77.0, -5.0))[0] - 188.0 / 255.0).abs() < 1e-3);
-        let x = of(&spec(AxisSpec::X, false));
-        assert!((x.at(&Point3::new(77.0, -5.0, -15.0))[0] - 188.0 / 255.0).abs() < 1e-3);
-        assert!(
-            Albedo::new(
-                &AlbedoSpec::Image { file: "none.png".into(), size_mm: [1.0; 2], axis: AxisSpec::Z, srgb: true },
-                &[]
-            )
-            .is_err()
-        );
-    }
 }

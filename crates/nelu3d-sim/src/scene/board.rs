@@ -12,7 +12,7 @@ use crate::spec::{AxisSpec, BoardBendSpec, DeformationSpec, Spec};
 
 /// A printed board, to be placed in a scene.
 #[derive(Clone, Debug)]
-pub(crate) struct PrintedBoard {
+pub struct PrintedBoard {
     /// In a frame whose origin is the board's, or of a bent board its middle.
     shape: Shape,
     board_from_shape: Translation3<f64>,
@@ -25,7 +25,7 @@ impl PrintedBoard {
     /// # Errors
     ///
     /// It cannot be printed as described.
-    pub(crate) fn of_spec(spec: &Spec) -> Result<Self, BoardError> {
+    pub fn of_spec(spec: &Spec) -> Result<Self, BoardError> {
         let board = spec.board.board();
         Ok(Self::new(spec, &board, Artwork::new(&board)?))
     }

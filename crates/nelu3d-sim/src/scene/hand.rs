@@ -17,13 +17,13 @@ const BALL: f64 = 0.4;
 
 /// A hand at the edge of a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Hand {
+pub struct Hand {
     /// The hand's origin lies on the board's outline, its y axis points along the thumb.
-    pub(crate) board_from_hand: Isometry3<f64>,
+    pub board_from_hand: Isometry3<f64>,
     /// Reach of the thumb from the origin, mm.
-    pub(crate) size_mm: f64,
+    pub size_mm: f64,
     /// Albedo of the skin.
-    pub(crate) albedo: [f64; 3],
+    pub albedo: [f64; 3],
 }
 
 impl Hand {

@@ -4,37 +4,37 @@ use nalgebra::{Point3, Vector3};
 
 /// A point of a triangle mesh.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct MeshPoint {
+pub struct MeshPoint {
     /// Index of the triangle.
-    pub(crate) face: u32,
+    pub face: u32,
     /// Barycentric coordinates: the weights of the triangle's corners.
-    pub(crate) weights: [f64; 3],
+    pub weights: [f64; 3],
 }
 
 /// The intersection of a ray and a shape, in the shape's frame.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ShapeHit {
+pub struct ShapeHit {
     /// Distance along the ray, mm.
-    pub(crate) t: f64,
+    pub t: f64,
     /// Unit normal of the surface itself, on either side.
-    pub(crate) normal: Vector3<f64>,
+    pub normal: Vector3<f64>,
     /// Unit normal of the smooth surface that triangles stand for; of a closed form the same as `normal`.
-    pub(crate) shading_normal: Vector3<f64>,
+    pub shading_normal: Vector3<f64>,
     /// The point of the triangle mesh; none of a closed form.
-    pub(crate) mesh_point: Option<MeshPoint>,
+    pub mesh_point: Option<MeshPoint>,
 }
 
 /// The first surface point along a ray, in the camera's frame.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct SurfaceHit {
+pub struct SurfaceHit {
     /// The point, mm.
-    pub(crate) point: Point3<f64>,
+    pub point: Point3<f64>,
     /// Unit normal on the ray's side for reflection: of the smooth surface that a mesh stands for.
-    pub(crate) shading_normal: Vector3<f64>,
+    pub shading_normal: Vector3<f64>,
     /// Unit normal of the surface itself on the ray's side.
     pub(super) geometric_normal: Vector3<f64>,
     /// Index of the object in the scene.
-    pub(super) object: usize,
+    pub object: usize,
     /// The point in the object's frame, before a deformation: where its albedo is looked up.
     pub(super) object_point: Point3<f64>,
     /// The point of the object's triangles, where it has some.

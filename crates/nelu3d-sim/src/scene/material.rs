@@ -44,7 +44,7 @@ const MIN_COSINE: f64 = 1e-3;
 
 /// A microfacet coating over a diffuse base.
 #[derive(Debug)]
-pub(crate) struct GlossyCoating {
+pub struct GlossyCoating {
     /// GGX's α.
     alpha: f64,
     /// Reflectance head-on.
@@ -57,7 +57,7 @@ pub(crate) struct GlossyCoating {
 
 impl GlossyCoating {
     /// Returns the coating of a roughness (the microfacets' α is its square) and a reflectance head-on.
-    pub(crate) fn new(roughness: f64, reflectance: f64) -> Self {
+    pub fn new(roughness: f64, reflectance: f64) -> Self {
         let mut gloss = Self {
             alpha: roughness * roughness,
             f0: reflectance,
@@ -87,7 +87,7 @@ impl GlossyCoating {
     }
 
     /// Returns the part of the light from a direction that the microfacets reflect, by the cosine to the normal.
-    pub(crate) fn specular_albedo(&self, cosine: f64) -> f64 {
+    pub fn specular_albedo(&self, cosine: f64) -> f64 {
         let at = cosine.clamp(0.0, 1.0) * (N_COSINES - 1) as f64;
         let i = (at as usize).min(N_COSINES - 2);
         self.specular_albedo[i] + (at - i as f64) * (self.specular_albedo[i + 1] - self.specular_albedo[i])
@@ -95,14 +95,14 @@ impl GlossyCoating {
 
     /// Returns the diffuse base's reflectance between directions of the cosines `wo` and `wi`, as a part of what it
     /// would reflect without the coating.
-    pub(crate) fn diffuse(&self, wo: f64, wi: f64) -> f64 {
+    pub fn diffuse(&self, wo: f64, wi: f64) -> f64 {
         let passed = 1.0 - self.mean_specular_albedo;
         // Nothing passes a perfect mirror.
         if passed < 1e-9 { 0.0 } else { (1.0 - self.specular_albedo(wo)) * (1.0 - self.specular_albedo(wi)) / passed }
     }
 
-    /// Returns `π · BRDF` of the microfacets between two unit vectors, the normal being z.
-    pub(crate) fn specular(&self, wo: &Vector3<f64>, wi: &Vector3<f64>) -> f64 {
+    /// Returns `π · BRDF` of the microfacets between two unit vectors away from the surface, the normal being z.
+    pub fn specular(&self, wo: &Vector3<f64>, wi: &Vector3<f64>) -> f64 {
         if wo.z <= 0.0 || wi.z <= 0.0 {
             return 0.0;
         }
@@ -117,8 +117,9 @@ impl GlossyCoating {
     }
 
     /// Samples a direction in which the microfacets reflect light from `wo` by the distribution of visible normals
-    /// (Heitz, JCGT 2018). Returns it with the part of the light it stands for, or `None` below the surface.
-    pub(crate) fn sample_specular(&self, wo: &Vector3<f64>, [u0, u1]: [f64; 2]) -> Option<(Vector3<f64>, f64)> {
+    /// (Heitz, JCGT 2018). Returns it with the part of the light it stands for, or `None` below the surface. The last
+    /// argument are two random numbers in `[0, 1)`.
+    pub fn sample_specular(&self, wo: &Vector3<f64>, [u0, u1]: [f64; 2]) -> Option<(Vector3<f64>, f64)> {
         let wo = Vector3::new(wo.x, wo.y, wo.z.max(MIN_COSINE)).normalize();
         let v = Vector3::new(self.alpha * wo.x, self.alpha * wo.y, wo.z).normalize();
         let across = v.x * v.x + v.y * v.y;
@@ -147,92 +148,5 @@ impl GlossyCoating {
     fn lambda(&self, cosine: f64) -> f64 {
         let tan2 = (1.0 - cosine * cosine).max(0.0) / (cosine * cosine);
         0.5 * ((1.0 + self.alpha * self.alpha * tan2).sqrt() - 1.0)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn direction(cosine: f64, phi: f64) -> Vector3<f64> {
-        let sine = (1.0 - cosine * cosine).sqrt();
-        Vector3::new(sine * phi.cos(), sine * phi.sin(), cosine)
-    }
-
-    /// ∫ BRDF cos dω over the hemisphere by quadrature, not by the sampling that made the table.
-    fn furnace(gloss: &GlossyCoating, wo: &Vector3<f64>, albedo: f64) -> f64 {
-        let n = 1500;
-        let mut sum = 0.0;
-        for i in 0..n {
-            let cosine = (f64::from(i) + 0.5) / f64::from(n);
-            for j in 0..n {
-                let wi = direction(cosine, TAU * (f64::from(j) + 0.5) / f64::from(n));
-                sum += (gloss.specular(wo, &wi) + albedo * gloss.diffuse(wo.z, wi.z)) * cosine;
-            }
-        }
-        // dω = dμ dφ; the BRDF is 1/π of what is summed.
-        sum * 2.0 / f64::from(n * n)
-    }
-
-    #[test]
-    fn no_energy_is_made_and_the_base_gets_what_is_left() {
-        for roughness in [0.3, 0.5, 1.0] {
-            for f0 in [0.04, 0.9] {
-                let gloss = GlossyCoating::new(roughness, f0);
-                for cosine in [0.1, 0.5, 0.95] {
-                    let wo = direction(cosine, 0.3);
-                    let (lacquer, both) = (furnace(&gloss, &wo, 0.0), furnace(&gloss, &wo, 1.0));
-                    let expected = gloss.specular_albedo(cosine);
-                    assert!((lacquer - expected).abs() < 0.01, "{roughness} {f0} {cosine}: {lacquer}, not {expected}");
-                    assert!(lacquer < 1.0 && both < 1.005 && both > 0.99, "{roughness} {f0} {cosine}: {both}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn both_directions_are_alike_and_the_peak_is_the_mirror() {
-        let gloss = GlossyCoating::new(0.25, 0.04);
-        let dirs: Vec<_> = (0..40).map(|i| direction(0.05 + 0.02 * f64::from(i), 1.7 * f64::from(i))).collect();
-        for a in &dirs {
-            for b in &dirs {
-                let (there, back) = (gloss.specular(a, b), gloss.specular(b, a));
-                assert!((there - back).abs() <= 1e-12 * there, "{there} {back}");
-                assert!((gloss.diffuse(a.z, b.z) - gloss.diffuse(b.z, a.z)).abs() < 1e-15);
-            }
-        }
-        let wo = direction(0.8, 0.0);
-        let mirror = direction(0.8, PI);
-        let peak = gloss.specular(&wo, &mirror);
-        for i in 1..30 {
-            for (cosine, phi) in [(0.8, PI + 0.1 * f64::from(i)), (0.8 + 0.15 * f64::from(i) / 30.0 + 0.04, PI)] {
-                assert!(gloss.specular(&wo, &direction(cosine, phi)) < peak);
-            }
-        }
-        // Head-on the peak has a closed form: π D F / 4, D = 1 / (π α²), and there no facet hides another.
-        let z = Vector3::z();
-        let expected = 0.04 / (4.0 * 0.25f64.powi(4));
-        assert!((gloss.specular(&z, &z) / expected - 1.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn samples_follow_the_distribution() {
-        // The mean of a function of the reflected light, by samples and by quadrature.
-        let gloss = GlossyCoating::new(0.6, 0.2);
-        let wo = direction(0.6, 0.0);
-        let f = |w: &Vector3<f64>| (1.0 + w.x + 0.5 * w.y * w.z).powi(2);
-        let n = 400;
-        let (mut sampled, mut summed) = (0.0, 0.0);
-        for i in 0..n {
-            for j in 0..n {
-                let u = [f64::from(i) + 0.5, f64::from(j) + 0.5].map(|v| v / f64::from(n));
-                if let Some((wi, weight)) = gloss.sample_specular(&wo, u) {
-                    sampled += weight * f(&wi) / f64::from(n * n);
-                }
-                let wi = direction(u[0], TAU * u[1]);
-                summed += 2.0 * gloss.specular(&wo, &wi) * wi.z * f(&wi) / f64::from(n * n);
-            }
-        }
-        assert!((sampled / summed - 1.0).abs() < 0.002, "{sampled}, not {summed}");
     }
 }

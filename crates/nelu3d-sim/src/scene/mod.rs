@@ -8,11 +8,9 @@ mod hand;
 mod hit;
 mod material;
 mod object;
-mod shape;
-mod tessellation;
-#[cfg(test)]
-mod tests;
-mod triangles;
+pub mod shape;
+pub mod tessellation;
+pub mod triangles;
 
 use std::f64::consts::TAU;
 
@@ -21,23 +19,23 @@ use nelu3d_scan::{Mesh, Ray};
 
 use crate::geometry::orthonormal_basis;
 use crate::spec::{ObjectSpec, SpecError};
-use albedo::Albedo;
-pub(crate) use board::PrintedBoard;
-pub(crate) use hand::Hand;
-use hit::ShapeHit;
-pub(crate) use hit::SurfaceHit;
+pub use albedo::Albedo;
+pub use board::PrintedBoard;
+pub use deformation::Deformation;
+pub use hand::Hand;
+pub use hit::{MeshPoint, ShapeHit, SurfaceHit};
+pub use material::GlossyCoating;
 pub(crate) use material::Material;
 use object::SceneObject;
 pub(crate) use object::check_files;
 use shape::Shape;
-pub(crate) use shape::Vase;
 
 /// Distance that a surface keeps from the rays that start on it, mm.
 const SURFACE_OFFSET_MM: f64 = 1e-4;
 
-/// Objects in the camera's frame.
+/// Objects in the camera's frame, mm.
 #[derive(Clone, Debug)]
-pub(crate) struct VirtualScene {
+pub struct VirtualScene {
     objects: Vec<SceneObject>,
 }
 
@@ -47,13 +45,13 @@ impl VirtualScene {
     /// # Errors
     ///
     /// A file that an object names cannot be read (any more).
-    pub(crate) fn new(objects: &[ObjectSpec]) -> Result<Self, SpecError> {
+    pub fn new(objects: &[ObjectSpec]) -> Result<Self, SpecError> {
         let objects = objects.iter().map(|o| SceneObject::read(o, &|field: &str| format!("objects.{field}")));
         Ok(Self { objects: objects.collect::<Result<_, _>>()? })
     }
 
     /// Returns the scene of a board by itself, at a pose, with the hands that hold it.
-    pub(crate) fn of_board(printed: &PrintedBoard, cam_from_board: &Isometry3<f64>, hands: &[Hand]) -> Self {
+    pub fn of_board(printed: &PrintedBoard, cam_from_board: &Isometry3<f64>, hands: &[Hand]) -> Self {
         Self { objects: printed.objects(cam_from_board, hands) }
     }
 
@@ -67,8 +65,8 @@ impl VirtualScene {
         self.objects.iter_mut().for_each(|o| o.move_by(motion));
     }
 
-    /// Returns the first surface point along a ray.
-    pub(crate) fn hit(&self, ray: &Ray) -> Option<SurfaceHit> {
+    /// Returns the first surface point along a ray of the camera's frame.
+    pub fn hit(&self, ray: &Ray) -> Option<SurfaceHit> {
         let mut nearest: Option<(usize, Ray, ShapeHit)> = None;
         for (i, o) in self.objects.iter().enumerate() {
             let limit = nearest.as_ref().map_or(f64::INFINITY, |(_, _, hit)| hit.t);
@@ -81,7 +79,7 @@ impl VirtualScene {
     }
 
     /// Whether nothing stands between a surface point and the point `to`.
-    pub(crate) fn is_visible_from(&self, hit: &SurfaceHit, to: &Point3<f64>) -> bool {
+    pub fn is_visible_from(&self, hit: &SurfaceHit, to: &Point3<f64>) -> bool {
         let origin = hit.point + hit.geometric_normal * SURFACE_OFFSET_MM;
         let offset = to - origin;
         let distance = offset.norm();
@@ -114,7 +112,7 @@ impl VirtualScene {
     }
 
     /// Returns the part of each band of light (red, green, blue) that the surface reflects.
-    pub(crate) fn albedo(&self, hit: &SurfaceHit) -> [f32; 3] {
+    pub fn albedo(&self, hit: &SurfaceHit) -> [f32; 3] {
         let o = &self.objects[hit.object];
         match (&o.albedo, &o.shape, hit.mesh_point) {
             (Albedo::Vertices(colors), Shape::Triangles(t), Some(point)) => {

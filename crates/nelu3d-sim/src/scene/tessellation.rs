@@ -8,8 +8,13 @@ pub(super) const N_RINGS: usize = 256;
 /// Segments of a tessellated solid of revolution.
 pub(super) const N_SEGMENTS: usize = 256;
 
-/// Returns the mesh with every triangle cut into four at the middles of its sides.
-pub(super) fn subdivide(mesh: &Mesh) -> Mesh {
+/// Returns the mesh with every triangle cut into four at the middles of its sides. New vertices get the mean of their
+/// ends' normals, which is not of unit length where the surface bends.
+///
+/// # Panics
+///
+/// If the mesh has no normals.
+pub fn subdivide(mesh: &Mesh) -> Mesh {
     let mut fine = Mesh { faces: Vec::with_capacity(4 * mesh.faces.len()), ..mesh.clone() };
     let mut middles = std::collections::HashMap::new();
     for &[a, b, c] in &mesh.faces {
@@ -70,39 +75,6 @@ pub(super) fn revolve(ring: impl Fn(usize) -> [f64; 4]) -> Mesh {
             mesh.faces.push([at(i, j), at(i, j + 1), at(i + 1, j)]);
             mesh.faces.push([at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)]);
         }
-    }
-    mesh
-}
-
-/// Returns a ball of 20 · 4^levels triangles with exact vertices and normals.
-#[cfg(test)]
-pub(super) fn icosphere(radius: f32, levels: usize) -> Mesh {
-    let g = (1.0 + 5f32.sqrt()) / 2.0;
-    let mut vertices = Vec::new();
-    for (a, b) in [(1.0, g), (-1.0, g), (1.0, -g), (-1.0, -g)] {
-        vertices.extend([[0.0, a, b], [a, b, 0.0], [b, 0.0, a]]);
-    }
-    // The faces of an icosahedron are its triples of vertices at distance 2.
-    let near = |i: usize, j: usize| {
-        (nalgebra::Vector3::from(vertices[i]) - nalgebra::Vector3::from(vertices[j])).norm() < 2.01
-    };
-    let mut faces = Vec::new();
-    for i in 0..12 {
-        for j in i + 1..12 {
-            for k in j + 1..12 {
-                if near(i, j) && near(j, k) && near(i, k) {
-                    let [a, b, c] = [i, j, k].map(|i| nalgebra::Vector3::from(vertices[i]));
-                    let outward = (b - a).cross(&(c - a)).dot(&a) > 0.0;
-                    faces.push(if outward { [i, j, k] } else { [i, k, j] }.map(|i| i as u32));
-                }
-            }
-        }
-    }
-    let mut mesh = Mesh { normals: vertices.clone(), vertices, faces, ..Mesh::default() };
-    mesh = (0..levels).fold(mesh, |m, _| subdivide(&m));
-    for (v, n) in mesh.vertices.iter_mut().zip(&mut mesh.normals) {
-        *n = nalgebra::Vector3::from(*v).normalize().into();
-        *v = n.map(|c| c * radius);
     }
     mesh
 }

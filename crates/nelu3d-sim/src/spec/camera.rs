@@ -98,7 +98,7 @@ fn frozen() -> usize {
 
 impl CameraSpec {
     /// Returns the optics, or `None` for a number of distortion coefficients that OpenCV does not know.
-    pub(crate) fn optics(&self) -> Option<Camera> {
+    pub fn optics(&self) -> Option<Camera> {
         opencv_camera([self.width, self.height], [self.fx, self.fy, self.cx, self.cy], &self.distortion)
     }
 

@@ -5,9 +5,9 @@ use nelu3d_scan::{Mesh, Ray};
 
 /// A box about the origin.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cuboid {
+pub struct Cuboid {
     /// Half sides, mm.
-    pub(super) half: [f64; 3],
+    pub half: [f64; 3],
 }
 
 impl Cuboid {

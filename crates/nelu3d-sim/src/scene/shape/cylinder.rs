@@ -7,9 +7,11 @@ use crate::scene::tessellation::{N_RINGS, close_with_discs, revolve};
 
 /// A cylinder about the y axis, closed by discs.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cylinder {
-    pub(super) radius: f64,
-    pub(super) half_height: f64,
+pub struct Cylinder {
+    /// Radius, mm.
+    pub radius: f64,
+    /// Half of the distance between the discs, mm.
+    pub half_height: f64,
 }
 
 impl Cylinder {

@@ -5,13 +5,14 @@ use nelu3d_scan::{Mesh, Ray};
 
 /// A rectangle in the plane z = 0.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Rectangle {
+pub struct Rectangle {
     min: [f64; 2],
     max: [f64; 2],
 }
 
 impl Rectangle {
-    pub(crate) fn new(min: [f64; 2], max: [f64; 2]) -> Self {
+    /// Returns the rectangle between two corners `[x, y]`, mm.
+    pub fn new(min: [f64; 2], max: [f64; 2]) -> Self {
         Self { min, max }
     }
 

@@ -3,7 +3,7 @@
 use super::spline::cubic;
 
 /// Returns the first s in `(0, to]` where the quartic `Σ c_k s^k` changes its sign.
-pub(super) fn first_root(c: &[f64; 5], to: f64) -> Option<f64> {
+pub fn first_root(c: &[f64; 5], to: f64) -> Option<f64> {
     let mut all = [0.0; 8];
     // From the linear third derivative up to the quartic itself.
     let mut marks = [0.0; 8];
@@ -114,26 +114,4 @@ pub(super) fn first_crossing(poly: &[f64; 4], from: f64, to: f64, inside: bool) 
         }
     }
     None
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_of_known_zeros_is_found() {
-        for zeros in [[1.0, 2.0, 3.0, 4.0], [0.5, 0.5001, 7.0, 9.0], [-3.0, -1.0, 2.5, 60.0], [1e-3, 5.0, 5.0, 80.0]] {
-            let mut c = [1.0, 0.0, 0.0, 0.0, 0.0];
-            for z in zeros {
-                for k in (0..5).rev() {
-                    c[k] = if k > 0 { c[k - 1] } else { 0.0 } - z * c[k];
-                }
-            }
-            let first = zeros.into_iter().find(|z| *z > 0.0).unwrap();
-            let got = first_root(&c, 100.0).unwrap();
-            assert!((got - first).abs() < 1e-8, "{got}, not {first}");
-            assert!(first_root(&c, first * 0.99).is_none());
-        }
-        assert!(first_root(&[1.0, 0.0, 1.0, 0.0, 1.0], 50.0).is_none());
-    }
 }

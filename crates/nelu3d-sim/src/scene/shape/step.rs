@@ -7,11 +7,13 @@ use super::rectangle::Rectangle;
 
 /// Two rectangles side by side at different depths, joined by a wall.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Step {
-    pub(super) half_width: f64,
-    pub(super) half_height: f64,
-    /// z of the half with x > 0; the other lies at 0.
-    pub(super) jump: f64,
+pub struct Step {
+    /// Half of the width of both together, mm.
+    pub half_width: f64,
+    /// Half of their height, mm.
+    pub half_height: f64,
+    /// z of the half with x > 0, mm; the other lies at 0.
+    pub jump: f64,
 }
 
 impl Step {

@@ -10,9 +10,11 @@ use crate::scene::tessellation::{N_RINGS, N_SEGMENTS, revolve};
 
 /// A ring about the y axis.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Torus {
-    pub(super) major: f64,
-    pub(super) minor: f64,
+pub struct Torus {
+    /// Radius of the ring's middle line, mm.
+    pub major: f64,
+    /// Radius of its cross section, mm.
+    pub minor: f64,
 }
 
 impl Torus {

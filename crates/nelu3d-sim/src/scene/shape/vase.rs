@@ -10,7 +10,7 @@ use crate::scene::tessellation::{N_RINGS, close_with_discs, revolve};
 
 /// A solid of revolution about the y axis, closed by discs. Heights grow toward −y; the foot is at y = 0.
 #[derive(Clone, Debug)]
-pub(crate) struct Vase {
+pub struct Vase {
     /// Heights of the knots, mm.
     heights: Vec<f64>,
     /// Squared radius between knots i and i + 1: Σ c_k (h − heights[i])^k, mm².
@@ -23,8 +23,9 @@ pub(crate) struct Vase {
 const CHECKS: usize = 64;
 
 impl Vase {
-    /// Returns the vase through `[height, radius]` pairs, or `None` where they make none: see the spec.
-    pub(crate) fn new(profile: &[[f64; 2]]) -> Option<Self> {
+    /// Returns the vase through `[height, radius]` pairs, mm, or `None` where they make none: see
+    /// [`ShapeSpec::Vase`](crate::spec::ShapeSpec::Vase).
+    pub fn new(profile: &[[f64; 2]]) -> Option<Self> {
         let rising = profile.windows(2).all(|w| w[1][0] > w[0][0]);
         let good = profile.iter().all(|p| p[0].is_finite() && p[1] > 0.0 && p[1] < 1e6);
         if !rising || !good || !(2..=1000).contains(&profile.len()) {
@@ -56,8 +57,8 @@ impl Vase {
         self.heights[self.heights.len() - 1]
     }
 
-    /// Returns the squared radius and its slope at a height.
-    fn square(&self, h: f64) -> (f64, f64) {
+    /// Returns the squared radius, mm², and its slope, mm, at a height, mm.
+    pub fn square(&self, h: f64) -> (f64, f64) {
         let i = self.heights.partition_point(|&k| k <= h).clamp(1, self.pieces.len()) - 1;
         let (c, x) = (&self.pieces[i], h - self.heights[i]);
         (cubic(c, x), c[1] + x * (2.0 * c[2] + x * 3.0 * c[3]))
@@ -150,81 +151,5 @@ impl Vase {
         });
         close_with_discs(&mut mesh, disc_rings);
         mesh
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use nalgebra::Point3;
-
-    use super::*;
-
-    fn vase() -> Vase {
-        Vase::new(&[[0.0, 20.0], [15.0, 9.0], [30.0, 22.0], [50.0, 12.0]]).unwrap()
-    }
-
-    #[test]
-    fn the_profile_passes_its_knots_smoothly() {
-        let v = vase();
-        for (h, r) in [(0.0, 20.0), (15.0, 9.0), (30.0, 22.0), (50.0, 12.0)] {
-            assert!((v.square(h).0.sqrt() - r).abs() < 1e-9);
-        }
-        for h in [15.0, 30.0] {
-            assert!((v.square(h - 1e-9).1 - v.square(h + 1e-9).1).abs() < 1e-6);
-        }
-    }
-
-    /// Against a walk in tiny steps along many rays from all around, whose only assumption is inside or outside.
-    #[test]
-    fn no_first_intersection_is_missed_or_invented() {
-        let v = vase();
-        let inside = |p: &Point3<f64>| {
-            let h = -p.y;
-            (0.0..=50.0).contains(&h) && p.x * p.x + p.z * p.z < v.square(h).0
-        };
-        let mut hits = 0;
-        for i in 0..2000 {
-            // A lattice of origins on a sphere around it and targets near it.
-            let (a, b, c) = (f64::from(i) * 2.399, f64::from(i) * 0.7548 % 1.0, f64::from(i) * 0.5698 % 1.0);
-            let y = 2.0 * b - 1.0;
-            let r = (1.0 - y * y).sqrt();
-            let origin = Point3::new(r * a.cos(), y, r * a.sin()) * 500.0;
-            let target = Point3::new(30.0 * (c * 40.0).sin(), -60.0 * c + 5.0, 25.0 * (b * 50.0).cos());
-            let ray = Ray { origin, dir: (target - origin).normalize() };
-            let step = 0.02;
-            let walked = (20_000..30_000).map(|k| f64::from(k) * step).find(|&t| inside(&ray.at(t)));
-            match (v.hit(&ray, f64::INFINITY), walked) {
-                (Some((t, n)), Some(w)) => {
-                    hits += 1;
-                    // The walk may step over a grazed corner, so it may be late, never early.
-                    assert!(t <= w + 1e-9, "ray {i}: {t} after {w}");
-                    if t < w - step - 1e-9 {
-                        assert!(!inside(&ray.at(t + step)) || n.dot(&ray.dir).abs() < 0.2, "ray {i}: {t}, walked {w}");
-                    }
-                    let p = ray.at(t);
-                    let on_side = (p.x * p.x + p.z * p.z - v.square(-p.y).0).abs() < 1e-8;
-                    let on_disc = p.y.abs() < 1e-9 || (p.y + 50.0).abs() < 1e-9;
-                    assert!(on_side || on_disc, "ray {i} ends beside the surface");
-                }
-                (None, Some(w)) => panic!("ray {i} missed; the walk met the vase at {w}"),
-                // The walk may step over a graze.
-                (Some((t, n)), None) => assert!(!inside(&ray.at(t + step)) && n.dot(&ray.dir).abs() < 0.2, "ray {i}"),
-                (None, None) => {}
-            }
-        }
-        assert!(hits > 500, "{hits}");
-    }
-
-    #[test]
-    fn profiles_without_a_body_are_refused() {
-        for bad in [
-            &[[0.0, 5.0]][..],
-            &[[0.0, 5.0], [0.0, 6.0]],
-            &[[0.0, 5.0], [1.0, 0.0]],
-            &[[0.0, 5.0], [1.0, f64::NAN]],
-            &[[0.0, 100.0], [1.0, 1.0], [2.0, 1.0], [3.0, 100.0]],
-        ] {
-            assert!(Vase::new(bad).is_none(), "{bad:?}");
-        }
     }
 }

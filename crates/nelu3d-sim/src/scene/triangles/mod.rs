@@ -13,13 +13,13 @@ use obvhs::ray::{Ray as BoxRay, RayHit};
 
 use super::deformation::Deformation;
 use super::hit::{MeshPoint, ShapeHit};
-use watertight::Shear;
+pub use watertight::Shear;
 
 /// Boxes are larger than their triangles by this part of the mesh's radius: more than all rounding in their tests.
 const PADDING: f64 = 4e-6;
 
 /// A triangle mesh in its object's frame.
-pub(crate) struct Triangles {
+pub struct Triangles {
     vertices: Vec<Point3<f64>>,
     /// Vertices before a deformation; empty without one.
     rest: Vec<Point3<f64>>,
@@ -40,8 +40,12 @@ impl std::fmt::Debug for Triangles {
 }
 
 impl Triangles {
-    /// Returns a mesh of finite vertices whose faces exist.
-    pub(crate) fn new(mesh: &Mesh, scale: f64) -> Self {
+    /// Returns a mesh of finite vertices whose faces exist, times `scale`.
+    ///
+    /// # Panics
+    ///
+    /// If a face names a vertex that does not exist.
+    pub fn new(mesh: &Mesh, scale: f64) -> Self {
         let vertices = mesh.vertices.iter().map(|v| Point3::from(v.map(f64::from)) * scale).collect();
         let normals: Vec<Vector3<f64>> = mesh.normals.iter().map(|n| Vector3::from(n.map(f64::from))).collect();
         // A vertex without a direction spoils its triangles: better the flat ones then.
@@ -84,8 +88,8 @@ impl Triangles {
         Self { vertices, rest, normals, faces, tree, center, radius }
     }
 
-    /// Returns the first intersection nearer than `limit`; among equally near ones that of the first triangle.
-    pub(crate) fn hit(&self, ray: &Ray, limit: f64) -> Option<ShapeHit> {
+    /// Returns the first intersection nearer than `limit`, mm; among equally near ones that of the first triangle.
+    pub fn hit(&self, ray: &Ray, limit: f64) -> Option<ShapeHit> {
         let (start, box_ray) = self.enter(ray, limit)?;
         let shear = Shear::new(ray);
         let pad = PADDING * self.radius;
@@ -104,8 +108,8 @@ impl Triangles {
         nearest.map(|(t, face, weights)| self.shape_hit(t, face, weights))
     }
 
-    /// Whether the ray meets anything nearer than `limit`.
-    pub(crate) fn occludes(&self, ray: &Ray, limit: f64) -> bool {
+    /// Whether the ray meets anything nearer than `limit`, mm.
+    pub fn occludes(&self, ray: &Ray, limit: f64) -> bool {
         let Some((_, box_ray)) = self.enter(ray, limit) else { return false };
         let shear = Shear::new(ray);
         !self.tree.ray_traverse_miss(box_ray, |_, i| {
@@ -177,97 +181,5 @@ impl Triangles {
             faces: self.faces.clone(),
             ..Mesh::default()
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use rand::RngExt;
-
-    use super::*;
-    use crate::random::{RandomPurpose, generator};
-
-    /// Every face tested, none left out.
-    fn brute_force(mesh: &Triangles, ray: &Ray) -> Option<(f64, u32)> {
-        let shear = Shear::new(ray);
-        let hits = (0..mesh.faces.len() as u32).filter_map(|f| Some((shear.hit(mesh.corners(f))?.0, f)));
-        hits.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
-    }
-
-    #[test]
-    fn the_tree_finds_what_testing_every_triangle_finds() {
-        let mut random = generator(5, RandomPurpose::Pixels, [0; 3]);
-        let mut unit = || 2.0 * random.random::<f64>() - 1.0;
-        let mut vector = |scale: f64| Vector3::new(scale * unit(), scale * unit(), scale * unit());
-        let (mut hits, mut twice) = (0, 0);
-        for far in [0.0, 400.0, 1e5] {
-            let mut mesh = Mesh::default();
-            for i in 0..600u32 {
-                let middle = vector(50.0) + Vector3::new(far, 0.0, -far);
-                for _ in 0..3 {
-                    let p = middle + vector(if i % 3 == 0 { 40.0 } else { 4.0 });
-                    mesh.vertices.push([p.x as f32, p.y as f32, p.z as f32]);
-                }
-                mesh.faces.push([3 * i, 3 * i + 1, 3 * i + 2]);
-                // Equal triangles, so that the same distance comes twice.
-                if i % 10 == 0 {
-                    mesh.faces.push([3 * i, 3 * i + 1, 3 * i + 2]);
-                }
-            }
-            let mesh = Triangles::new(&mesh, 1.0);
-            for i in 0..4000 {
-                let origin = Point3::from(vector(300.0)) + Vector3::new(far, 0.0, -far);
-                let aim = Point3::from(vector(60.0)) + Vector3::new(far, 0.0, -far);
-                let mut dir = (aim - origin).normalize();
-                if i % 16 == 0 {
-                    // Along an axis the boxes' tests divide by zero.
-                    dir = Vector3::ith(i / 16 % 3, 1.0);
-                }
-                let ray = Ray { origin, dir };
-                let expected = brute_force(&mesh, &ray);
-                let got = mesh.hit(&ray, f64::INFINITY);
-                let face = got.as_ref().and_then(|m| m.mesh_point).map(|p| p.face);
-                assert_eq!(got.map(|m| m.t.to_bits()), expected.map(|e| e.0.to_bits()), "{ray:?}");
-                assert_eq!(face, expected.map(|e| e.1), "{ray:?}");
-                if let Some((t, face)) = expected {
-                    hits += 1;
-                    twice += usize::from(face % 11 == 0);
-                    assert!(mesh.occludes(&ray, t * (1.0 + 1e-12)) && !mesh.occludes(&ray, t));
-                    assert!(mesh.hit(&ray, t).is_none());
-                }
-            }
-        }
-        assert!(hits > 5000 && twice > 300, "{hits}, {twice}");
-    }
-
-    /// Rays at the edges and corners of a closed surface never pass between two triangles.
-    #[test]
-    fn a_closed_surface_has_no_gaps() {
-        let n = 24;
-        let sphere = super::super::tessellation::icosphere(30.0, 3);
-        let mesh = Triangles::new(&sphere, 1.0);
-        let mut rays = 0;
-        for face in &mesh.faces {
-            let [a, b, c] = face.map(|i| mesh.vertices[i as usize]);
-            for i in 0..=n {
-                let s = f64::from(i) / f64::from(n);
-                for (from, to) in [(a, b), (b, c), (c, a)] {
-                    let ray = Ray {
-                        origin: Point3::new(1.0, 2.0, 3.0),
-                        dir: (from + (to - from) * s - Point3::new(1.0, 2.0, 3.0)).normalize(),
-                    };
-                    assert!(mesh.hit(&ray, f64::INFINITY).is_some(), "{ray:?}");
-                    rays += 1;
-                }
-            }
-        }
-        assert!(rays > 90_000, "{rays}");
-    }
-
-    #[test]
-    fn nothing_is_hit_in_an_empty_mesh() {
-        let mesh = Triangles::new(&Mesh::default(), 1.0);
-        let ray = Ray { origin: Point3::origin(), dir: Vector3::z() };
-        assert!(mesh.hit(&ray, f64::INFINITY).is_none() && !mesh.occludes(&ray, f64::INFINITY));
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 use nelu3d_scan::Ray;
 
 /// The map that takes a ray to the unit vector z from the origin, which all intersections of the ray share.
-pub(super) struct Shear {
+pub struct Shear {
     origin: Point3<f64>,
     axes: [usize; 3],
     shear: [f64; 3],
@@ -13,7 +13,7 @@ pub(super) struct Shear {
 
 impl Shear {
     /// Returns the map of a ray.
-    pub(super) fn new(ray: &Ray) -> Self {
+    pub fn new(ray: &Ray) -> Self {
         let z = ray.dir.iamax();
         let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
         // The winding stays.
@@ -24,9 +24,10 @@ impl Shear {
         Self { origin: ray.origin, axes: [x, y, z], shear: [d[x] / d[z], d[y] / d[z], 1.0 / d[z]] }
     }
 
-    /// Returns the distance along the ray, above 0, and the corners' weights.
+    /// Returns the distance along the ray, above 0, at which it meets a triangle, and the weights of the triangle's
+    /// corners there; `None` if it does not.
     #[inline]
-    pub(super) fn hit(&self, corners: [&Point3<f64>; 3]) -> Option<(f64, [f64; 3])> {
+    pub fn hit(&self, corners: [&Point3<f64>; 3]) -> Option<(f64, [f64; 3])> {
         let ([x, y, z], s) = (self.axes, self.shear);
         let local: [Vector3<f64>; 3] = corners.map(|p| p - self.origin);
         let [a, b, c] = local.map(|p| [p[x] - s[0] * p[z], p[y] - s[1] * p[z]]);

@@ -15,22 +15,24 @@ use crate::code::{FLAT, ProjectedLight, read_projected};
 use crate::error::DecodeError;
 
 /// The light of a projected image, or of one of its color channels, 0 to 1.
-pub(crate) enum Projected {
+#[derive(Clone, Debug)]
+pub enum Projected {
     /// It changes along one axis: its values along that.
     Line(Axis, Vec<f32>),
     /// It changes along both: its values, row by row.
     Image(Vec<f32>),
 }
 
-/// What the projector shows while each plane of the captures is taken.
-pub(crate) struct ProjectedPlanes {
+/// What the projector shows while each plane of the captures (an image, or one channel of one) is taken.
+#[derive(Clone, Debug)]
+pub struct ProjectedPlanes {
     /// Width and height, projector pixels.
     size: [usize; 2],
     planes: Vec<Projected>,
 }
 
 /// Gradients by the free taps of the blur along x and along y.
-pub(crate) type BlurGradient = [[f32; 2 * HALF]; 2];
+pub type BlurGradient = [[f32; 2 * HALF]; 2];
 
 impl ProjectedPlanes {
     /// Reads the projected images of a set: one value per plane of the captures, gray images for all its channels.
@@ -60,9 +62,9 @@ impl ProjectedPlanes {
         Ok(Self { size, planes: captured.planes.iter().map(plane).collect() })
     }
 
-    /// Makes planes of one size from what they show.
-    #[cfg(test)]
-    fn new(size: [usize; 2], planes: Vec<Projected>) -> Self {
+    /// Makes planes of one size (width, height; projector pixels) from what they show: an image has as many values as
+    /// pixels, a line as many as there are along its axis.
+    pub fn new(size: [usize; 2], planes: Vec<Projected>) -> Self {
         Self { size, planes }
     }
 
@@ -82,7 +84,7 @@ impl ProjectedPlanes {
     }
 
     /// Returns the blurred planes, each laid out as the plane itself; `blur` is along x and along y.
-    pub(crate) fn blurred(&self, blur: &[Blur; 2]) -> Vec<Vec<f32>> {
+    pub fn blurred(&self, blur: &[Blur; 2]) -> Vec<Vec<f32>> {
         let blurred = |plane: &Projected| {
             let mut out = match plane {
                 Projected::Line(axis, line) => blur[*axis as usize].convolve(line),
@@ -96,17 +98,18 @@ impl ProjectedPlanes {
         self.planes.par_iter().map(blurred).collect()
     }
 
-    /// Returns a value of a blurred plane between the projector's pixels, (bi)linear; 0 outside.
+    /// Returns the value of blurred plane `j` at a place (x, y; projector pixels) between the projector's pixels,
+    /// (bi)linear; 0 outside.
     #[inline]
-    pub(crate) fn sample(&self, j: usize, blurred: &[f32], place: [f32; 2]) -> f32 {
+    pub fn sample(&self, j: usize, blurred: &[f32], place: [f32; 2]) -> f32 {
         match &self.planes[j] {
             Projected::Line(axis, _) => blur::sample(blurred, place[*axis as usize]),
             Projected::Image(_) => self.corners(place).into_iter().flatten().map(|(i, w)| w * blurred[i]).sum(),
         }
     }
 
-    /// Adds the gradient of [`Self::sample`] by the blurred plane.
-    pub(crate) fn sample_backward(&self, j: usize, d_blurred: &mut [f32], place: [f32; 2], d: f32) {
+    /// Adds to `d_blurred` the gradient of [`Self::sample`] by the blurred plane, times `d`.
+    pub fn sample_backward(&self, j: usize, d_blurred: &mut [f32], place: [f32; 2], d: f32) {
         match &self.planes[j] {
             Projected::Line(axis, _) => blur::sample_backward(d_blurred, place[*axis as usize], d),
             Projected::Image(_) => {
@@ -115,16 +118,16 @@ impl ProjectedPlanes {
         }
     }
 
-    /// Returns where in a blurred plane the value of a projector pixel (of the whole image, row by row) lies.
-    pub(crate) fn index(&self, j: usize, pixel: usize) -> usize {
+    /// Returns where in blurred plane `j` the value of a projector pixel (of the whole image, row by row) lies.
+    pub fn index(&self, j: usize, pixel: usize) -> usize {
         match &self.planes[j] {
             Projected::Line(axis, _) => [pixel % self.size[0], pixel / self.size[0]][*axis as usize],
             Projected::Image(_) => pixel,
         }
     }
 
-    /// Returns the gradients by the free taps, given those by the blurred planes; in a fixed order.
-    pub(crate) fn blur_backward(&self, blur: &[Blur; 2], d_blurred: &[Vec<f32>]) -> BlurGradient {
+    /// Returns the gradients by the free taps, given those by the blurred planes; summed in a fixed order.
+    pub fn blur_backward(&self, blur: &[Blur; 2], d_blurred: &[Vec<f32>]) -> BlurGradient {
         let of_plane = |(plane, d): (&Projected, &Vec<f32>)| {
             let mut out = BlurGradient::default();
             match plane {
@@ -219,6 +222,3 @@ fn along_y(image: &[f32], [w, h]: [usize; 2], taps: &[f32; blur::TAPS]) -> Vec<f
     });
     out
 }
-
-#[cfg(test)]
-mod tests;

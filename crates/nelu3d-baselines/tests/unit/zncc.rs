@@ -1,8 +1,8 @@
 //! Columns, correlation and interpolation on sinusoids.
 
-use super::codewords::{CodewordTable, centered, largest};
-use super::refine::Refiner;
-use crate::wave::tests::sinusoids;
+use nelu3d_baselines::zncc::{CodewordTable, Refiner, centered, largest};
+
+use crate::sinusoids::sinusoids;
 
 #[test]
 fn columns_come_back_under_any_light_and_between_columns() {

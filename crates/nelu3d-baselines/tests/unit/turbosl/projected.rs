@@ -1,4 +1,6 @@
-use super::*;
+use nelu3d_baselines::turbosl::blur::{Blur, HALF};
+use nelu3d_baselines::turbosl::{Projected, ProjectedPlanes};
+use nelu3d_scan::pattern::Axis;
 
 const SIZE: [usize; 2] = [23, 17];
 

@@ -9,7 +9,8 @@ use nelu3d_scan::pattern::{Axis, Gray, Pattern, Ramp, Rgb, Sinusoid, decode_gray
 use nelu3d_scan::rig::{Need, Rig};
 use nelu3d_scan::{Image, Mesh, Projector, npy};
 use nelu3d_sim::spec::{AxisSpec, BlackImage, BoardBendSpec, LightSpec, PatternSetSpec, ShapeSpec, SweepSpec};
-use nelu3d_sim::{GroundTruth, SimulationError, Spec, simulate, simulate_until, sweep_poses};
+use nelu3d_sim::sweep::sweep_poses;
+use nelu3d_sim::{GroundTruth, SimulationError, Spec, simulate, simulate_until};
 
 /// The `shapes` preset at half the resolution and quick to render.
 fn small() -> Spec {

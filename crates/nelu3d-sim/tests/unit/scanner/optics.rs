@@ -6,7 +6,8 @@ use nelu3d_scan::board::Artwork;
 use nelu3d_scan::image::write_png8;
 use nelu3d_scan::pattern::{Axis, Gray, Pattern, Ramp};
 use nelu3d_sim::spec::{BoardSpec, FilmSpec, LightSpec, PerColor, SweepSpec};
-use nelu3d_sim::{Spec, simulate, sweep_poses};
+use nelu3d_sim::sweep::sweep_poses;
+use nelu3d_sim::{Spec, simulate};
 
 /// Column of the projector that lights the middle row's pixel x of a facing plane.
 fn column(x: f64, z_mm: f64) -> f64 {

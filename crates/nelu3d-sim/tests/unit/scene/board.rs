@@ -2,9 +2,9 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use nelu3d_scan::Ray;
-
-use super::*;
-use crate::spec::{AxisSpec, BoardBendSpec, Spec};
+use nelu3d_sim::Spec;
+use nelu3d_sim::scene::{Hand, PrintedBoard, VirtualScene};
+use nelu3d_sim::spec::{AxisSpec, BoardBendSpec};
 
 fn printed(bend: Option<BoardBendSpec>) -> (PrintedBoard, Spec) {
     let spec = Spec { board_bend: bend, ..Spec::preset("color").unwrap() };

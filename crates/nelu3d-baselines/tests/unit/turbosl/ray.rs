@@ -1,6 +1,7 @@
 //! The gradients of a ray against central differences.
 
-use super::*;
+use nelu3d_baselines::turbosl::ray::{Along, Gradient, Kind, RayLosses, Weights, ray};
+use nelu3d_field::volrend::midpoint::MidpointRay;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 

@@ -18,9 +18,6 @@
 //!
 //! Written once, for any scalar: central differences check it in `f64`, training runs it in `f32`.
 
-#[cfg(test)]
-mod tests;
-
 use nelu3d_field::Real;
 use nelu3d_field::volrend::midpoint::{self, Midpoint, MidpointRay};
 
@@ -30,15 +27,17 @@ const REFLECTANCE: [f64; 2] = [0.1, 1.0];
 const MASK_CLAMP: f64 = 1e-3;
 
 /// The samples of a ray, of either kind.
-pub(crate) struct Along<'a, T> {
+#[derive(Debug)]
+pub struct Along<'a, T> {
     /// The ray's samples, as midpoints of intervals.
-    pub(in crate::turbosl) ray: MidpointRay<'a, T>,
+    pub ray: MidpointRay<'a, T>,
     /// Unit directions to the light, per sample.
-    pub(in crate::turbosl) light: &'a [[T; 3]],
+    pub light: &'a [[T; 3]],
 }
 
-/// What is rendered.
-pub(crate) enum Kind<'a, T> {
+/// What is rendered: k values of c camera channels by turns.
+#[derive(Debug)]
+pub enum Kind<'a, T> {
     /// A camera pixel.
     Camera {
         /// Whether the pixel is lit: 1 or 0, what its opacity should be.
@@ -66,24 +65,29 @@ pub(crate) enum Kind<'a, T> {
 }
 
 /// Weights of the losses of one ray.
-#[derive(Clone, Copy)]
-pub(crate) struct Weights<T> {
-    pub(in crate::turbosl) l1: T,
-    pub(in crate::turbosl) l2: T,
+#[derive(Clone, Copy, Debug)]
+pub struct Weights<T> {
+    /// Weight of a residual's absolute value.
+    pub l1: T,
+    /// Weight of its square.
+    pub l2: T,
     /// Weight of one residual: 1 / (rays · k).
-    pub(in crate::turbosl) image: T,
+    pub image: T,
     /// Weight of a camera ray's mask loss.
-    pub(in crate::turbosl) mask: T,
+    pub mask: T,
 }
 
 /// Gradients of one ray; all are overwritten.
-pub(crate) struct Gradient<'a, T> {
-    pub(in crate::turbosl) d_sdf: &'a mut [T],
-    pub(in crate::turbosl) d_gradients: &'a mut [[T; 3]],
+#[derive(Debug)]
+pub struct Gradient<'a, T> {
+    /// By the signed distances of the samples.
+    pub d_sdf: &'a mut [T],
+    /// By the distances' gradients in space.
+    pub d_gradients: &'a mut [[T; 3]],
     /// Albedo, then ambient (a camera ray's), then the pattern's k (a projector ray's).
-    pub(in crate::turbosl) ray: &'a mut [T],
+    pub ray: &'a mut [T],
     /// Per sample: k colors (a camera ray's), or albedo, then ambient (a projector ray's).
-    pub(in crate::turbosl) samples: &'a mut [T],
+    pub samples: &'a mut [T],
 }
 
 fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
@@ -91,13 +95,14 @@ fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
 }
 
 /// Losses of one ray.
-pub(crate) struct RayLosses<T> {
+#[derive(Clone, Copy, Debug)]
+pub struct RayLosses<T> {
     /// Image loss, weighted.
-    pub(in crate::turbosl) image: T,
+    pub image: T,
     /// Mask loss, not weighted.
-    pub(in crate::turbosl) mask: T,
+    pub mask: T,
     /// Derivative of the weighted losses by the surface's sharpness.
-    pub(in crate::turbosl) d_inv_s: T,
+    pub d_inv_s: T,
 }
 
 /// Returns the cosines between the samples' normals and the directions to the light.
@@ -112,7 +117,7 @@ struct SampleGradient<T> {
 }
 
 /// Computes the losses of one ray and their gradients.
-pub(crate) fn ray<T: Real>(along: &Along<T>, kind: &Kind<T>, weights: Weights<T>, out: Gradient<T>) -> RayLosses<T> {
+pub fn ray<T: Real>(along: &Along<T>, kind: &Kind<T>, weights: Weights<T>, out: Gradient<T>) -> RayLosses<T> {
     let zero = T::of(0.0);
     let n = along.ray.sdf.len();
     out.ray.fill(zero);
