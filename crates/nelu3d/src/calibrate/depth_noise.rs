@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use nelu3d_scan::statistics::median;
 
 use super::shared_displacement::FAR;
-use crate::color_field::{DepthNoise, LEAST_MODEL_SIGMA};
+use crate::color_field::{DepthNoise, LEAST_MODEL_SIGMA, SupportedDepthNoise};
 
 /// Side of a tile, px. What all of a tile shares is not counted: it is a displacement.
 const TILE: usize = 16;
@@ -21,6 +21,8 @@ const MODELS: [f32; 6] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
 const TILES: usize = 600;
 /// Fewest tiles that tell.
 const MIN_TILES: usize = 20;
+/// Largest number of parts into which the tiles are divided by the number of positions that support the field there.
+const PARTS: usize = 4;
 /// Part of a square's pixels, or of a tile's, that has to be measured.
 const MIN_PART: f32 = 0.15;
 
@@ -37,6 +39,8 @@ struct TileSums {
     pixels: Vec<Pixel>,
     chi2: [f64; MODELS.len()],
     measurements: f64,
+    /// Sum over its pixels of the number of positions that support the field there, and number of pixels.
+    support: [f64; 2],
 }
 
 /// What a tile tells: χ² per measurement, and that of displacements of squares of pixels, per degree of freedom.
@@ -44,6 +48,8 @@ struct TileSums {
 struct Tile {
     chi2: [f32; MODELS.len()],
     along: [[f32; LEVELS]; MODELS.len()],
+    /// Mean number of positions that support the field.
+    support: f32,
 }
 
 /// Errors in depth of pixels of held-out boards, tile by tile.
@@ -79,11 +85,24 @@ impl DepthNoiseOfPosition {
         [i % self.width / TILE, i / self.width / TILE]
     }
 
-    /// Adds pixel `i`: errors, slopes and weights (one over the variance from noise; 0: not measured) of its channels.
-    pub(super) fn add(&mut self, i: usize, errors: impl Fn(usize) -> f32, slopes: &[f32], weights: &[f32]) {
-        let empty =
-            || TileSums { pixels: vec![Pixel::default(); TILE * TILE], chi2: [0.0; MODELS.len()], measurements: 0.0 };
+    /// Adds pixel `i`: errors, slopes and weights (one over the variance from noise; 0: not measured) of its channels,
+    /// and the number of positions that support the field there.
+    pub(super) fn add(
+        &mut self,
+        i: usize,
+        errors: impl Fn(usize) -> f32,
+        slopes: &[f32],
+        weights: &[f32],
+        support: u16,
+    ) {
+        let empty = || TileSums {
+            pixels: vec![Pixel::default(); TILE * TILE],
+            chi2: [0.0; MODELS.len()],
+            measurements: 0.0,
+            support: [0.0; 2],
+        };
         let sums = self.sums.entry(self.tile_of(i)).or_insert_with(empty);
+        sums.support = [sums.support[0] + f64::from(support), sums.support[1] + 1.0];
         let pixel = &mut sums.pixels[i / self.width % TILE * TILE + i % self.width % TILE];
         for (j, w) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
             let (e, d) = (errors(j), slopes[j]);
@@ -109,7 +128,8 @@ impl TileSums {
         if (measured as f32) < MIN_PART * (TILE * TILE) as f32 {
             return None;
         }
-        let mut out = Tile { chi2: [0.0; MODELS.len()], along: [[0.0; LEVELS]; MODELS.len()] };
+        let support = (self.support[0] / self.support[1]) as f32;
+        let mut out = Tile { chi2: [0.0; MODELS.len()], along: [[0.0; LEVELS]; MODELS.len()], support };
         for m in 0..MODELS.len() {
             let sum = |of: fn(&Pixel, usize) -> f32| self.pixels.iter().map(|p| f64::from(of(p, m))).sum::<f64>();
             let (g, h) = (sum(|p, m| p.g[m]), sum(|p, m| p.h[m]));
@@ -154,21 +174,37 @@ impl DepthNoiseTiles {
             return None;
         }
         let at = (model_sigma / LEAST_MODEL_SIGMA).max(1.0).log2().min((MODELS.len() - 1) as f32);
-        let (m, part) = ((at as usize).min(MODELS.len() - 2), at - (at as usize).min(MODELS.len() - 2) as f32);
-        let between = |of: &dyn Fn(&Tile, usize) -> f32, t: &Tile| (1.0 - part) * of(t, m) + part * of(t, m + 1);
-        let all = |of: &dyn Fn(&Tile, usize) -> f32| -> Option<f64> {
-            let mut values: Vec<f32> = self.tiles.iter().map(|t| between(of, t)).collect();
-            let limit = FAR * median(&mut values)?;
-            let near: Vec<f64> = values.iter().filter(|v| **v <= limit).map(|v| f64::from(*v)).collect();
-            Some(near.iter().sum::<f64>() / near.len() as f64)
+        let by_side = by_side(&self.tiles, at)?;
+        // Of as many places each: those that few positions support first.
+        let mut sorted = self.tiles.clone();
+        sorted.sort_by(|a, b| a.support.total_cmp(&b.support));
+        let parts = (sorted.len() / MIN_TILES).min(PARTS);
+        let of_part = |tiles: &[Tile]| {
+            let positions = tiles.iter().map(|t| f64::from(t.support)).sum::<f64>() / tiles.len() as f64;
+            Some(SupportedDepthNoise { positions, by_side: self::by_side(tiles, at)? })
         };
-        let chi2 = all(&|t, m| t.chi2[m])?;
-        let mut by_side = [0.0; LEVELS];
-        for (level, out) in by_side.iter_mut().enumerate() {
-            *out = all(&|t, m| t.along[m][level])? / chi2;
-        }
-        by_side.iter().all(|v| v.is_finite()).then_some(DepthNoise { by_side })
+        let by_support = sorted.chunks(sorted.len().div_ceil(parts)).filter(|tiles| tiles.len() >= MIN_TILES / 2);
+        Some(DepthNoise { by_side, by_support: by_support.filter_map(of_part).collect() })
     }
+}
+
+/// The ratio of variances per side of squares, of some tiles; `at` is the binary logarithm of the field's own error over
+/// the least. `None` where errors are none.
+fn by_side(tiles: &[Tile], at: f32) -> Option<[f64; LEVELS]> {
+    let (m, part) = ((at as usize).min(MODELS.len() - 2), at - (at as usize).min(MODELS.len() - 2) as f32);
+    let between = |of: &dyn Fn(&Tile, usize) -> f32, t: &Tile| (1.0 - part) * of(t, m) + part * of(t, m + 1);
+    let all = |of: &dyn Fn(&Tile, usize) -> f32| -> Option<f64> {
+        let mut values: Vec<f32> = tiles.iter().map(|t| between(of, t)).collect();
+        let limit = FAR * median(&mut values)?;
+        let near: Vec<f64> = values.iter().filter(|v| **v <= limit).map(|v| f64::from(*v)).collect();
+        Some(near.iter().sum::<f64>() / near.len() as f64)
+    };
+    let chi2 = all(&|t, m| t.chi2[m])?;
+    let mut by_side = [0.0; LEVELS];
+    for (level, out) in by_side.iter_mut().enumerate() {
+        *out = all(&|t, m| t.along[m][level])? / chi2;
+    }
+    by_side.iter().all(|v| v.is_finite()).then_some(by_side)
 }
 
 #[cfg(test)]
@@ -195,7 +231,7 @@ mod tests {
                 // One channel after the other has a slope, as in a Gray code.
                 let slopes: Vec<f32> = (0..k).map(|j| if j == i % k { 0.5 } else { 0.0 }).collect();
                 let errors: Vec<f32> = slopes.iter().map(|d| d * moved + level * sigma * normal()).collect();
-                tiles.add(i, |j| errors[j], &slopes, &vec![1.0 / (sigma * sigma); k]);
+                tiles.add(i, |j| errors[j], &slopes, &vec![1.0 / (sigma * sigma); k], 1);
             }
             tiles.finish().depth_noise(LEAST_MODEL_SIGMA).unwrap().by_side
         };
@@ -212,13 +248,35 @@ mod tests {
         }
     }
 
+    /// Where few positions support the field, its own errors are larger.
+    #[test]
+    fn errors_are_told_by_the_number_of_positions() {
+        let size = [480, 320];
+        let mut rng = rand::rngs::StdRng::seed_from_u64(6);
+        let mut normal = move || -> f32 { StandardNormal.sample(&mut rng) };
+        let mut tiles = DepthNoiseOfPosition::new(size, 0, 1);
+        let squares: Vec<f32> = (0..120 * 80).map(|_| 0.04 * normal()).collect();
+        for i in 0..size[0] * size[1] {
+            let (x, y) = (i % size[0], i / size[0]);
+            let (support, moved) = if x < 240 { (2, squares[y / 4 * 120 + x / 4]) } else { (20, 0.0) };
+            let errors: Vec<f32> =
+                (0..3).map(|j| if j == i % 3 { 0.5 * moved } else { 0.0 } + 0.02 * normal()).collect();
+            let slopes: Vec<f32> = (0..3).map(|j| if j == i % 3 { 0.5 } else { 0.0 }).collect();
+            tiles.add(i, |j| errors[j], &slopes, &[2500.0; 3], support);
+        }
+        let noise = tiles.finish().depth_noise(LEAST_MODEL_SIGMA).unwrap();
+        let [few, many] = [2, 20].map(|n| noise.factor(16.0, Some(n)));
+        assert!(few > 8.0 && many < 1.3, "{few} {many}: {noise:?}");
+        assert!(noise.factor(16.0, Some(6)) < 0.5 * few, "{noise:?}");
+    }
+
     #[test]
     fn too_few_tiles_tell_nothing_and_no_errors_neither() {
         let mut tiles = DepthNoiseOfPosition::new([64, 32], 0, 1);
-        (0..64 * 32).for_each(|i| tiles.add(i, |_| 0.01, &[1.0, 0.5], &[100.0, 100.0]));
+        (0..64 * 32).for_each(|i| tiles.add(i, |_| 0.01, &[1.0, 0.5], &[100.0, 100.0], 1));
         assert!(tiles.finish().depth_noise(0.01).is_none());
         let mut tiles = DepthNoiseOfPosition::new([480, 320], 0, 1);
-        (0..480 * 320).for_each(|i| tiles.add(i, |_| 0.0, &[1.0, 0.5], &[100.0, 100.0]));
+        (0..480 * 320).for_each(|i| tiles.add(i, |_| 0.0, &[1.0, 0.5], &[100.0, 100.0], 1));
         assert!(tiles.finish().depth_noise(0.01).is_none());
     }
 }

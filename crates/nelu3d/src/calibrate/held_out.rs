@@ -142,7 +142,7 @@ impl HeldOutErrors {
                 && position.contrast[i * channels..][..channels].iter().all(|contrast| *contrast >= lit)
                 && w.iter().all(|w| w * position.edge[i] < OF_EDGES)
             {
-                tiles.add(i, |j| c[j] - v[j], &d, w);
+                tiles.add(i, |j| c[j] - v[j], &d, w, others);
             }
             if with_depth && h > 0.0 {
                 s.depth.push((g / h).abs());

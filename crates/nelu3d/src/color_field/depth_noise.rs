@@ -5,11 +5,24 @@ use serde::{Deserialize, Serialize};
 /// The variance of errors in depth at positions that were held out, over what the noise model gives, per χ² per
 /// measurement there: 1 where errors along the code's slope are as large as those across it, which are all that a scan
 /// shows. Errors of a field (cells that are wider than the code's edges, noise of the sweep) go with the slope, and
-/// neighbors share them.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// neighbors share them. They are larger where fewer positions have lit the same rays of light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DepthNoise {
     /// Ratio of variances of depth errors of single pixels, and of means over squares of 2, 4, and 8 pixels, beside what
-    /// squares of 16 share.
+    /// squares of 16 share: of all places together.
+    pub by_side: [f64; DepthNoise::SIDES],
+    /// The same by the number of other positions that have lit the same rays, from few to many. Empty where too little
+    /// tells them apart, and in fields of older versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub by_support: Vec<SupportedDepthNoise>,
+}
+
+/// [`DepthNoise`] at places that about as many positions support.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SupportedDepthNoise {
+    /// Number of positions that have lit the same rays of light, on average.
+    pub positions: f64,
+    /// Ratios of variances, as [`DepthNoise::by_side`].
     pub by_side: [f64; DepthNoise::SIDES],
 }
 
@@ -17,13 +30,34 @@ impl DepthNoise {
     /// Number of sides of squares: 1, 2, 4, 8 px.
     pub const SIDES: usize = 4;
 
-    /// Returns the factor of the noise's variance for depths that average over so many pixels; at least 1.
-    pub fn factor(&self, pixels: f32) -> f32 {
-        let at = (0.5 * pixels.max(1.0).log2()).min((Self::SIDES - 1) as f32);
-        let i = (at as usize).min(Self::SIDES - 2);
-        let [before, after] = [self.by_side[i], self.by_side[i + 1]].map(|v| v as f32);
-        (before + (at - i as f32) * (after - before)).max(1.0)
+    /// Returns the factor of the noise's variance for depths that average over so many pixels, where so many positions
+    /// support the field (`None`: not counted); at least 1. Between the numbers of positions that were compared, it is linear in one over
+    /// them: averages over n positions have an n-th of their noise.
+    pub fn factor(&self, pixels: f32, positions: Option<u8>) -> f32 {
+        let inverse = |n: f32| 1.0 / n.max(1.0);
+        let of = |s: &SupportedDepthNoise| (inverse(s.positions as f32), of_sides(&s.by_side, pixels));
+        let Some((positions, most)) = positions.map(f32::from).zip(self.by_support.last()) else {
+            return of_sides(&self.by_side, pixels).max(1.0);
+        };
+        let factor = match self.by_support.iter().position(|s| s.positions as f32 >= positions) {
+            None => of(most).1,
+            Some(0) => of(&self.by_support[0]).1,
+            Some(i) => {
+                let [(at_before, before), (at_after, after)] = [i - 1, i].map(|i| of(&self.by_support[i]));
+                let part = (inverse(positions) - at_before) / (at_after - at_before);
+                if part.is_finite() { before + part.clamp(0.0, 1.0) * (after - before) } else { after }
+            }
+        };
+        factor.max(1.0)
     }
+}
+
+/// The ratio for so many pixels, linear in the logarithm of the side of their square.
+fn of_sides(by_side: &[f64; DepthNoise::SIDES], pixels: f32) -> f32 {
+    let at = (0.5 * pixels.max(1.0).log2()).min((DepthNoise::SIDES - 1) as f32);
+    let i = (at as usize).min(DepthNoise::SIDES - 2);
+    let [before, after] = [by_side[i], by_side[i + 1]].map(|v| v as f32);
+    before + (at - i as f32) * (after - before)
 }
 
 #[cfg(test)]
@@ -32,10 +66,23 @@ mod tests {
 
     #[test]
     fn squares_of_any_size_lie_between_those_that_were_measured() {
-        let noise = DepthNoise { by_side: [2.0, 4.0, 8.0, 0.5] };
+        let noise = DepthNoise { by_side: [2.0, 4.0, 8.0, 0.5], by_support: Vec::new() };
         for (pixels, expected) in [(0.1, 2.0), (1.0, 2.0), (4.0, 4.0), (8.0, 6.0), (16.0, 8.0), (64.0, 1.0), (1e4, 1.0)]
         {
-            assert!((noise.factor(pixels) - expected).abs() < 1e-6, "{pixels}: {}", noise.factor(pixels));
+            let factor = noise.factor(pixels, Some(3));
+            assert!((factor - expected).abs() < 1e-6, "{pixels}: {factor}");
+        }
+    }
+
+    #[test]
+    fn fewer_positions_scatter_more() {
+        let by_side = |at: f64| [1.0, 1.0 + 10.0 / at, 1.0 + 20.0 / at, 1.0 + 40.0 / at];
+        let by_support =
+            [2.0, 5.0, 20.0].map(|positions| SupportedDepthNoise { positions, by_side: by_side(positions) });
+        let noise = DepthNoise { by_side: [9.0; 4], by_support: by_support.to_vec() };
+        for (positions, expected) in [(1, 21.0), (2, 21.0), (4, 11.0), (5, 9.0), (10, 5.0), (24, 3.0)] {
+            let factor = noise.factor(64.0, Some(positions));
+            assert!((factor - expected).abs() < 1e-4, "{positions}: {factor}");
         }
     }
 }

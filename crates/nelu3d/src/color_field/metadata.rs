@@ -71,9 +71,10 @@ pub struct FieldMetadata {
 }
 
 impl FieldMetadata {
-    /// Returns the factor of the noise's variance for depths that average over so many pixels; see [`DepthNoise`].
-    pub fn depth_noise_factor(&self, pixels: f32) -> f32 {
-        self.quality.as_ref().and_then(|q| q.depth_noise).map_or(1.0, |noise| noise.factor(pixels))
+    /// Returns the factor of the noise's variance for depths that average over so many pixels, where so many positions
+    /// support the field (`None`: not counted); see [`DepthNoise`].
+    pub fn depth_noise_factor(&self, pixels: f32, positions: Option<u8>) -> f32 {
+        self.quality.as_ref().and_then(|q| q.depth_noise.as_ref()).map_or(1.0, |n| n.factor(pixels, positions))
     }
 
     /// Returns the variances of the field's errors, noise included, and of noise alone, normalized intensity squared:

@@ -27,7 +27,7 @@ pub mod validity;
 
 pub use camera_rays::CameraRays;
 pub use compatibility::{FieldMismatch, camera_key, check_field, check_mono};
-pub use depth_noise::DepthNoise;
+pub use depth_noise::{DepthNoise, SupportedDepthNoise};
 pub use field::{ColorField, Form};
 pub(crate) use metadata::LEAST_MODEL_SIGMA;
 pub use metadata::{BoardPlace, FieldMetadata, PixelQuality, ProjectorResidual, Quality};

@@ -147,6 +147,24 @@ impl Validity {
         self.positions.get(column).copied().filter(|n| *n > 0)
     }
 
+    /// Returns the fewest positions that have lit the ray of light at unit coordinates or one of the four beside it, 0
+    /// outside of what was lit; `None` where positions were not counted.
+    pub fn fewest_positions_at(&self, q: [f32; 3]) -> Option<u8> {
+        if self.positions.is_empty() {
+            return None;
+        }
+        let [nx, ny, nz] = self.shape.cells;
+        let Some(column) = self.cell(q).map(|cell| cell / nz) else { return Some(0) };
+        let (x, y) = (column % nx, column / nx);
+        let beside =
+            [(x.checked_sub(1), Some(y)), (Some(x + 1), Some(y)), (Some(x), y.checked_sub(1)), (Some(x), Some(y + 1))];
+        let count = |(x, y): (Option<usize>, Option<usize>)| match (x.filter(|x| *x < nx), y.filter(|y| *y < ny)) {
+            (Some(x), Some(y)) => self.positions.get(y * nx + x).copied().unwrap_or(0),
+            _ => 0,
+        };
+        beside.into_iter().map(count).chain(self.positions.get(column).copied()).min()
+    }
+
     /// Closes pinholes: an unlit cell between lit ones along w becomes lit (board positions may be farther apart than
     /// cells).
     pub fn close(&mut self) {

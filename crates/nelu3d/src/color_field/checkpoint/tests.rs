@@ -52,7 +52,7 @@ fn field(form: Form) -> ColorField {
             pose_covariance: None,
             depth_by_support: None,
             gross: None,
-            depth_noise: Some(DepthNoise { by_side: [1.0, 1.5, 2.0, 2.5] }),
+            depth_noise: Some(DepthNoise { by_side: [1.0, 1.5, 2.0, 2.5], by_support: Vec::new() }),
             pixels: None,
         }),
         residual: None,

@@ -257,8 +257,16 @@ impl<'a> Refinement<'a> {
             }
         }
         let systematic = systematic(&whitened, &slopes, k, &prior.active, w, rows.len());
-        let factor = |pixels: f32| self.scene.field.metadata.depth_noise_factor(pixels);
+        let factor = |at: usize, pixels: f32| self.depth_noise_factor(start + at, pixels);
         uncertainty::sigma(&prior, &self.x[start..start + n], &information, &systematic, factor)
+    }
+
+    /// Returns the factor of the noise's variance at a pixel of the window, for a depth that averages over so many.
+    fn depth_noise_factor(&self, i: usize, pixels: f32) -> f32 {
+        let (px, field) = (self.window.at(i), &self.scene.field);
+        let distance = f64::from(1.0 / (self.inv_z(i) * self.scene.rays.dir_z(px)));
+        let positions = field.validity.fewest_positions_at(self.scene.rays.in_frame(px).at(distance).q);
+        field.metadata.depth_noise_factor(pixels, positions)
     }
 
     /// Returns the maps of the refined surface.

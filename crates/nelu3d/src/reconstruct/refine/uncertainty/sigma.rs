@@ -13,14 +13,14 @@ const POOL_RADIUS: usize = 2;
 const NOISE_RADIUS: usize = 8;
 
 /// Returns one standard deviation of the unknown per pixel of the prior's window; NaN where there is no surface. `x` is
-/// the solution, `systematic` the variance that [`super::systematic()`] estimates; `factor` tells how much more depths
-/// that average over so many pixels scatter than their χ² says.
+/// the solution, `systematic` the variance that [`super::systematic()`] estimates; `factor` tells how much more
+/// depths scatter at a pixel that average over so many pixels than their χ² says.
 pub(in crate::reconstruct::refine) fn sigma(
     prior: &ThinPlatePrior,
     x: &[f32],
     information: &[Information],
     systematic: &[f32],
-    factor: impl Fn(f32) -> f32,
+    factor: impl Fn(usize, f32) -> f32,
 ) -> Vec<f32> {
     let (w, h, n) = (prior.width, prior.height, information.len());
     let posterior = Posterior::new(prior, information);
@@ -28,7 +28,9 @@ pub(in crate::reconstruct::refine) fn sigma(
     let (noise, smoothing) = (pooled(&posterior.noise), pooled(&posterior.prior));
     let chi2: Vec<f32> = information.iter().map(|i| i.chi2).collect();
     let mut noise_ratio = masked_mean(&chi2, &prior.active, w, h, NOISE_RADIUS);
-    noise_ratio.iter_mut().zip(&posterior.pixels).for_each(|(ratio, pixels)| *ratio *= factor(*pixels));
+    for i in (0..n).filter(|i| prior.active[*i]) {
+        noise_ratio[i] *= factor(i, posterior.pixels[i]);
+    }
     let scale = posterior.prior_scale(prior, x, &noise_ratio);
     (0..n)
         .into_par_iter()

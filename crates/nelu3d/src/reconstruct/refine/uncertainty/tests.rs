@@ -79,7 +79,7 @@ fn strips_of_a_surface_have_its_uncertainties() {
         let (from, to) = (rows.start * w, rows.end * w);
         let shared =
             systematic(&residuals[from * k..to * k], &slopes[from * k..to * k], k, &prior.active, w, rows.len());
-        sigma(prior, &x[from..to], &information[from..to], &shared, |_| 1.0)
+        sigma(prior, &x[from..to], &information[from..to], &shared, |_, _| 1.0)
     };
     let (all, strip) = (of(&whole, 0..h), of(&whole.of_rows(55..145), 55..145));
     for i in (95 * w..105 * w).filter(|i| whole.active[*i]) {
@@ -125,7 +125,7 @@ fn sigma_is_that_of_the_errors_whatever_the_roughness() {
         let noise = normals(n, 31 + case as u64);
         let b: Vec<f32> = (0..n).map(|i| data[i] * expected[i] + data[i].sqrt() * noise[i]).collect();
         let x = solution(&data, &b);
-        let s = sigma(&prior, &x, &info, &vec![0.0; n], |_| 1.0);
+        let s = sigma(&prior, &x, &info, &vec![0.0; n], |_, _| 1.0);
         let inner: Vec<usize> =
             (0..n).filter(|i| (8..w - 8).contains(&(i % w)) && (8..h - 8).contains(&(i / w))).collect();
         let within = inner.iter().filter(|i| (x[**i] - expected[**i]).abs() <= s[**i]).count();
