@@ -30,6 +30,7 @@ pub use frame::{Format as FrameFormat, Frame, read as read_frame};
 pub use levels::{Codes as SensorCodes, Levels as SensorLevels, of as sensor_levels};
 pub use report::ImportReport;
 pub use request::{ImportRequest, ImportTarget};
+pub use store::write as write_codes;
 
 use self::batch::{Batch, numbered};
 use self::destination::{Destination, Plan};

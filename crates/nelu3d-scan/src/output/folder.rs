@@ -117,8 +117,8 @@ impl OutputDir {
         Err(io::Error::new(io::ErrorKind::ResourceBusy, "other runs write it over and over; choose another name"))
     }
 
-    /// Moves the earlier result aside, and this one into its place: what [`OutputDir::commit`] does where folders cannot
-    /// be exchanged, which no disk of the tests is like.
+    /// Moves the earlier result aside, and this one into its place: what [`OutputDir::commit`] does where folders
+    /// cannot be exchanged, which no disk of the tests is like.
     ///
     /// # Errors
     ///

@@ -152,12 +152,13 @@ impl Alacarte {
     }
 }
 
-/// Returns the expected fraction of columns that zero-mean normalized cross-correlation decodes wrongly, in the soft form
-/// that [`Alacarte`] minimizes, and its gradient with respect to the codewords, column by column (`n × count`).
+/// Returns the expected fraction of columns that zero-mean normalized cross-correlation decodes wrongly, in the soft
+/// form that [`Alacarte`] minimizes, and its gradient with respect to the codewords, column by column (`n × count`).
 ///
-/// `lines` are the patterns, `count × n` values in `[0, 1]`. A column is seen together with `neighbors` columns on either
-/// side, with normal noise of standard deviation `noise`; columns up to `tolerance_px` away count as right; `sharpness` is
-/// the factor of the scores in the softmax. `seed` draws the columns and their noise: the same seed, the same draws.
+/// `lines` are the patterns, `count × n` values in `[0, 1]`. A column is seen together with `neighbors` columns on
+/// either side, with normal noise of standard deviation `noise`; columns up to `tolerance_px` away count as right;
+/// `sharpness` is the factor of the scores in the softmax. `seed` draws the columns and their noise: the same seed, the
+/// same draws.
 ///
 /// # Panics
 ///

@@ -57,8 +57,8 @@ pub fn hilbert_codewords(n: usize, k: usize) -> Result<Codewords, PatternError> 
 }
 
 /// Returns the point at `index` along the Hilbert curve of `k` dimensions, `bits` each (Skilling, "Programming the
-/// Hilbert curve", AIP Conference Proceedings 707, 2004): `k` coordinates below 2^bits. Indices go from 0 to
-/// 2^(bits · k) − 1; the next index is the next point, one step away along one coordinate.
+/// Hilbert curve", AIP Conference Proceedings 707, 2004): `k` coordinates below 2^bits. There are
+/// 2^(bits · k) indices; the next index is the next point, one step away along one coordinate.
 pub fn hilbert_point(index: u64, k: usize, bits: u32) -> Vec<u32> {
     // The index's bits dealt out, from the most significant, to one coordinate after the other.
     let mut x = vec![0_u32; k];

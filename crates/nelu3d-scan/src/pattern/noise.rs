@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-/// The random numbers that patterns are made from: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014), which is the same on
-/// every machine and in every version. `SplitMix(seed)` starts it.
+/// The random numbers that patterns are made from: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014), which is the same
+/// on every machine and in every version. `SplitMix(seed)` starts it.
 #[derive(Clone, Debug)]
 pub struct SplitMix(pub u64);
 

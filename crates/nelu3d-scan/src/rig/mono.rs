@@ -19,8 +19,9 @@ pub fn luma(image: &Image) -> Image {
     Image { channels: 1, data: image.data.chunks_exact(3).map(value).collect(), ..*image }
 }
 
-/// Returns the color image whose channels all have the same ratio to the flash: that of `mono` to the flash's gray.
-/// All are linear and of one size; `mono` has one channel, `white` and `black` have three. A pixel that is clipped in `mono` or `white` is clipped in all channels.
+/// Returns the color image whose channels all have the same ratio to the flash: that of `mono` to the flash's gray. All
+/// are linear and of one size; `mono` has one channel, `white` and `black` have three. A pixel that is clipped in
+/// `mono` or `white` is clipped in all channels.
 pub fn spread_mono(mono: &Image, white: &Image, black: Option<&Image>) -> Image {
     let mut out = Image::new(mono.width, mono.height, 3);
     let bright = luma(white);

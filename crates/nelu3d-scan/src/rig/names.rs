@@ -13,7 +13,8 @@ pub fn is_name(word: &str) -> bool {
     !word.is_empty() && word.len() <= LONGEST && !word.starts_with('.') && !word.contains(odd) && word.trim() == word
 }
 
-/// Returns whether this is the name of a file in a folder of images, or below it: names as of [`is_name`] between slashes.
+/// Returns whether this is the name of a file in a folder of images, or below it: names as of [`is_name`] between
+/// slashes.
 pub fn is_file_name(path: &str) -> bool {
     path.split('/').all(is_name)
 }

@@ -1,5 +1,4 @@
 use std::io;
-use std::path::Path;
 
 use nelu3d_scan::input::{MAX_DATA, open_file, read_file, read_text, shortened};
 
@@ -37,7 +36,7 @@ fn pipes_and_devices_are_refused_at_once() {
     let dir = tempfile::tempdir().unwrap();
     let pipe = dir.path().join("pipe");
     rustix::fs::mknodat(rustix::fs::CWD, &pipe, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
-    for path in [pipe.as_path(), Path::new("/dev/zero")] {
+    for path in [pipe.as_path(), std::path::Path::new("/dev/zero")] {
         let e = read_file(path, MAX_DATA).unwrap_err().to_string();
         assert!(e.contains("a pipe, a socket or a device; give a regular file"), "{e}");
     }

@@ -34,7 +34,8 @@ pub(super) fn is_raw(path: &Path, bytes: &[u8]) -> bool {
     matches!(photometric, Some(CFA | LINEAR_RAW)) || matches!(bits, Some(10 | 12 | 14))
 }
 
-/// Decodes the content of a raw DNG file of this (width, height); `path` is only for messages. Returns its codes, and what the file says about the sensor.
+/// Decodes the content of a raw DNG file of this (width, height); `path` is only for messages. Returns its codes, and
+/// what the file says about the sensor.
 ///
 /// # Errors
 ///

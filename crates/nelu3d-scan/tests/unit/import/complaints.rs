@@ -39,13 +39,13 @@ fn frames_of_different_kinds() {
     let mono = |dir: &Path| ImportRequest { channels: Some(Channels::Mono), ..request(dir, sequence("s")) };
     let dir = tiffs(4);
     let bytes = Raw { width: W, height: H, channels: 1, data: RawData::U8(vec![7; W * H]) };
-    write_raw(&bytes, &dir.path().join("frames/frame_000003.tiff"));
+    write_codes(&bytes, &dir.path().join("frames/frame_000003.tiff")).unwrap();
     complaint(&mono(dir.path()), "frame_000003.tiff", "is 8-bit, but frame_000001.tiff is 16-bit");
     let color = Raw { width: W, height: H, channels: 3, data: RawData::U16(vec![7; 3 * W * H]) };
-    write_raw(&color, &dir.path().join("frames/frame_000003.tiff"));
+    write_codes(&color, &dir.path().join("frames/frame_000003.tiff")).unwrap();
     complaint(&mono(dir.path()), "frame_000003.tiff", "has 3 channels, but frame_000001.tiff has 1");
     fs::remove_file(dir.path().join("frames/frame_000003.tiff")).unwrap();
-    write_raw(&bytes, &dir.path().join("frames/frame_000003.png"));
+    write_codes(&bytes, &dir.path().join("frames/frame_000003.png")).unwrap();
     complaint(&mono(dir.path()), "frames", "has frames of two kinds");
 }
 
@@ -133,7 +133,7 @@ fn frames_of_another_camera_than_the_rigs() {
     let other = ImportRequest { frames: rgb.path().join("frames"), ..old.clone() };
     complaint(&other, "frame_000001.png", "has three channels");
     let bytes = Raw { width: W, height: H, channels: 1, data: RawData::U8(vec![7; W * H]) };
-    let small = recording(2, "png", |path, _| write_raw(&bytes, path));
+    let small = recording(2, "png", |path, _| write_codes(&bytes, path).unwrap());
     let other = ImportRequest { frames: small.path().join("frames"), ..old };
     complaint(&other, "frame_000001.png", "never reaches the saturation");
 }

@@ -9,11 +9,10 @@ use std::path::Path;
 
 use dng::chronos;
 use nelu3d_scan::camera::write_camera;
-use nelu3d_scan::image::{Channels, Raw, RawData, decode, write_raw_png, write_rgb8};
-use nelu3d_scan::import::{ImportError, ImportReport, ImportRequest, ImportTarget, run};
+use nelu3d_scan::image::{Channels, Raw, RawData, decode, write_rgb8};
+use nelu3d_scan::import::{ImportError, ImportReport, ImportRequest, ImportTarget, run, write_codes};
 use nelu3d_scan::rig::{Need, PatternSet};
 use nelu3d_scan::{Camera, Rig};
-use tiff::encoder::{TiffEncoder, colortype};
 
 use crate::output::names;
 
@@ -23,22 +22,6 @@ const H: usize = 6;
 /// Codes of the i-th frame, 12 bits.
 fn codes(i: usize) -> Vec<u16> {
     (0..W * H).map(|p| ((p * 37 + i * 411) % 4096) as u16).collect()
-}
-
-/// Writes codes as PNG, or as TIFF where the name says so.
-fn write_raw(raw: &Raw, path: &Path) {
-    if path.extension().unwrap() == "png" {
-        return write_raw_png(path, raw).unwrap();
-    }
-    let (w, h) = (raw.width as u32, raw.height as u32);
-    let mut encoder = TiffEncoder::new(fs::File::create(path).unwrap()).unwrap();
-    match (&raw.data, raw.channels) {
-        (RawData::U8(v), 1) => encoder.write_image::<colortype::Gray8>(w, h, v),
-        (RawData::U16(v), 1) => encoder.write_image::<colortype::Gray16>(w, h, v),
-        (RawData::U16(v), 3) => encoder.write_image::<colortype::RGB16>(w, h, v),
-        _ => panic!("{} channels of {:?}", raw.channels, raw.depth()),
-    }
-    .unwrap();
 }
 
 fn gray16(codes: Vec<u16>) -> Raw {
@@ -61,7 +44,7 @@ fn dngs(n: usize) -> tempfile::TempDir {
 }
 
 fn tiffs(n: usize) -> tempfile::TempDir {
-    recording(n, "tiff", |path, i| write_raw(&gray16(codes(i)), path))
+    recording(n, "tiff", |path, i| write_codes(&gray16(codes(i)), path).unwrap())
 }
 
 fn words(order: &str) -> Option<Vec<String>> {

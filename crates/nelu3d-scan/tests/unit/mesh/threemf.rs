@@ -5,7 +5,8 @@ use nelu3d_scan::Mesh;
 /// Name of the model in the archive.
 const MODEL: &str = "3D/3dmodel.model";
 
-/// Reads back what [`Mesh::write`] wrote; other programs' archives may hold more than one object, which this is not for.
+/// Reads back what [`Mesh::write`] wrote; other programs' archives may hold more than one object, which this is not
+/// for.
 pub(super) fn read_own(bytes: &[u8]) -> Mesh {
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).expect("an archive");
     let mut xml = String::new();

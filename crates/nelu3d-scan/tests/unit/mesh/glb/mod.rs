@@ -7,7 +7,8 @@ use std::path::Path;
 use nelu3d_scan::Mesh;
 use serde_json::{Value, json};
 
-/// A quad and a lonely vertex in one interleaved view, positions and normals; then indices as `u8`, colors as `u8` and `f32`.
+/// A quad and a lonely vertex in one interleaved view, positions and normals; then indices as `u8`, colors as `u8` and
+/// `f32`.
 fn document() -> (Value, Vec<u8>) {
     let corners = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [3.0, 3.0, 3.0]];
     let vertex = |p: &[f32; 3]| p.iter().chain(&[0.0, 0.0, 1.0]).flat_map(|c| c.to_le_bytes()).collect::<Vec<u8>>();
