@@ -15,10 +15,6 @@ mod error;
 mod layout;
 mod marker_frame;
 pub mod print;
-#[cfg(test)]
-pub(crate) mod render;
-#[cfg(test)]
-mod tests;
 
 pub use artwork::Artwork;
 pub use detect::Detector;

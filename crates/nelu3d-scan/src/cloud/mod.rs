@@ -44,6 +44,3 @@ pub fn write_e57(path: &Path, cloud: &OrganizedCloud, guid: &str) -> io::Result<
     let bytes = e57::encode(cloud, guid).map_err(|e| io::Error::other(format!("{}: {e}", path.display())))?;
     write_atomic(path, |w| w.write_all(&bytes))
 }
-
-#[cfg(test)]
-mod tests;

@@ -10,17 +10,3 @@ pub fn bilinear(map: &[f32], [width, height]: [usize; 2], [x, y]: [f64; 2]) -> f
     let row = |y: usize| map[y * width + x0] * (1.0 - fx) + map[y * width + x1] * fx;
     row(y0) * (1.0 - fy) + row(y1) * fy
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_plane_is_interpolated_exactly_and_its_border_goes_on() {
-        let plane: Vec<f32> = (0..12).map(|i| (i % 4) as f32 + 10.0 * (i / 4) as f32).collect();
-        for (at, expected) in [([1.5, 0.25], 4.0), ([3.0, 2.0], 23.0), ([-5.0, 1.0], 10.0), ([9.0, 9.0], 23.0)] {
-            assert_eq!(bilinear(&plane, [4, 3], at), expected, "{at:?}");
-        }
-        assert_eq!(bilinear(&[7.0], [1, 1], [0.3, -0.2]), 7.0);
-    }
-}

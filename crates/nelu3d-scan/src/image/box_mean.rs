@@ -49,29 +49,3 @@ pub fn box_mean(v: &mut [f32], w: usize, h: usize, radius: usize) {
         row.iter_mut().zip(&sums).for_each(|(v, s)| *v = *s as f32 * norm);
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn is_the_mean_over_the_square() {
-        let (w, h) = (13, 9);
-        let v: Vec<f32> = (0..w * h).map(|i| (i * 37 % 101) as f32).collect();
-        for radius in [0, 1, 3, 6, 20] {
-            let mut out = v.clone();
-            box_mean(&mut out, w, h, radius);
-            for i in 0..w * h {
-                let (x, y) = (i % w, i / w);
-                let mut sum = 0.0;
-                for yy in y.saturating_sub(radius)..(y + radius + 1).min(h) {
-                    for xx in x.saturating_sub(radius)..(x + radius + 1).min(w) {
-                        sum += v[yy * w + xx];
-                    }
-                }
-                let side = (2 * radius + 1) as f32;
-                assert!((out[i] - sum / (side * side)).abs() < 1e-3, "{radius}: {x} {y}");
-            }
-        }
-    }
-}

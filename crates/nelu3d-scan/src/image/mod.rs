@@ -135,6 +135,3 @@ impl Image {
         self.data.chunks_exact(self.channels).map(|p| p.iter().sum::<f32>() / n).collect()
     }
 }
-
-#[cfg(test)]
-mod tests;

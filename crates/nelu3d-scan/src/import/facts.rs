@@ -4,7 +4,7 @@ use crate::image::Channels;
 
 /// What a file says about the sensor. Only DNG files say anything.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Facts {
+pub struct Facts {
     /// How the sensor delivers color.
     pub channels: Option<Channels>,
     /// Sensor code for no light.

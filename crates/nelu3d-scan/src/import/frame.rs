@@ -6,9 +6,9 @@ use super::facts::Facts;
 use super::{ImportError, dng};
 use crate::image::{ImageFileError, Raw, RawData, decode_bytes, read_image_file};
 
-/// The format of a frame's file.
+/// The format of the file of a recording's frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Format {
+pub enum Format {
     /// A PNG file, which a rig can hold as it is.
     Png,
     /// A TIFF file, which a rig can hold as it is.
@@ -17,8 +17,9 @@ pub(super) enum Format {
     Dng,
 }
 
-/// A frame that has been read.
-pub(super) struct Frame {
+/// A frame of a recording that has been read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
     /// The file that it was read from.
     pub path: PathBuf,
     /// The format of that file.
@@ -29,8 +30,12 @@ pub(super) struct Frame {
     pub facts: Facts,
 }
 
-/// Reads a frame of this (width, height).
-pub(super) fn read(path: &Path, size: (usize, usize)) -> Result<Frame, ImageFileError> {
+/// Reads a frame of this (width, height): PNG, TIFF, or raw DNG, told by its content.
+///
+/// # Errors
+///
+/// The file cannot be read, is damaged, of another size, or of another format.
+pub fn read(path: &Path, size: (usize, usize)) -> Result<Frame, ImageFileError> {
     let bytes = read_image_file(path, Some(size))?;
     let (format, raw, facts) = if bytes.starts_with(b"\x89PNG") {
         (Format::Png, decode_bytes(path, &bytes, Some(size))?, Facts::default())

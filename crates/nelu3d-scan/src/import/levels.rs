@@ -8,7 +8,7 @@ use crate::image::{Raw, RawData};
 
 /// What the codes of a recording have in common.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Codes {
+pub struct Codes {
     /// The largest code.
     pub max: u16,
     /// Every bit that is set in any code.
@@ -16,7 +16,8 @@ pub(super) struct Codes {
 }
 
 impl Codes {
-    pub(super) fn of(raw: &Raw) -> Self {
+    /// Returns what the codes of one image have in common; nothing for floating-point numbers.
+    pub fn of(raw: &Raw) -> Self {
         match &raw.data {
             RawData::U8(v) => v.iter().fold(Self::default(), |s, &c| s.with(u16::from(c))),
             RawData::U16(v) => v.iter().fold(Self::default(), |s, &c| s.with(c)),
@@ -28,7 +29,8 @@ impl Codes {
         self.and(Self { max: code, bits: code })
     }
 
-    pub(super) fn and(self, other: Self) -> Self {
+    /// Returns what the codes of this and of other images have in common.
+    pub fn and(self, other: Self) -> Self {
         Self { max: self.max.max(other.max), bits: self.bits | other.bits }
     }
 
@@ -40,16 +42,20 @@ impl Codes {
 
 /// Black level and saturation, and how they were found.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Levels {
+pub struct Levels {
+    /// Sensor code for no light.
     pub black: f64,
+    /// Sensor code at which a value is clipped.
     pub saturation: f64,
     /// Whether the levels are more than a guess.
     pub certain: bool,
+    /// How they were found, for people.
     pub reason: String,
 }
 
-/// Returns the levels of a recording.
-pub(super) fn of(like: &Raw, facts: &Facts, codes: Codes) -> Levels {
+/// Returns the levels of a recording whose images are `like` this one, from what its files say and from the codes that
+/// are used in all of it: codes that end at the left of their 16 bits are scaled as they are, whatever the files say.
+pub fn of(like: &Raw, facts: &Facts, codes: Codes) -> Levels {
     let black = facts.black_level.unwrap_or(0.0);
     let from = |black, saturation, certain, reason: String| Levels { black, saturation, certain, reason };
     match &like.data {

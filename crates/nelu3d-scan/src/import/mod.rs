@@ -23,13 +23,18 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicUsize;
 
+pub use dng::decode as decode_dng_with_facts;
 pub use error::ImportError;
+pub use facts::Facts as SensorFacts;
+pub use frame::{Format as FrameFormat, Frame, read as read_frame};
+pub use levels::{Codes as SensorCodes, Levels as SensorLevels, of as sensor_levels};
 pub use report::ImportReport;
 pub use request::{ImportRequest, ImportTarget};
+pub use store::write as write_codes;
 
 use self::batch::{Batch, numbered};
 use self::destination::{Destination, Plan};
-use self::frame::{Frame, Kind};
+use self::frame::Kind;
 use self::levels::{Codes, Levels};
 use self::order::Slots;
 use crate::image::{ImageFileError, Raw};
@@ -288,6 +293,3 @@ fn output_of(rig: &Rig, target: &ImportTarget) -> Result<PathBuf, ImportError> {
     }
     Ok(rig.root.join(folder).join(name))
 }
-
-#[cfg(test)]
-mod tests;

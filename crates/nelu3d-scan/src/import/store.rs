@@ -20,8 +20,12 @@ pub(super) fn put(frame: &Frame, path: &Path) -> io::Result<()> {
     if same { link_or_copy(&frame.path, path) } else { write(&frame.raw, path) }
 }
 
-/// Writes codes as PNG, or as TIFF where the name says so.
-pub(super) fn write(raw: &Raw, path: &Path) -> io::Result<()> {
+/// Writes a sensor's codes as they are: as TIFF where the name ends in `.tif` or `.tiff`, else as PNG.
+///
+/// # Errors
+///
+/// The file cannot be written, or floating-point numbers would have to go into a PNG, which holds none.
+pub fn write(raw: &Raw, path: &Path) -> io::Result<()> {
     let Raw { width, height, channels, data } = raw;
     if ending(path).starts_with("tif") {
         return write_tiff(raw, path);

@@ -15,8 +15,6 @@ mod options;
 mod parameters;
 mod report;
 mod start;
-#[cfg(test)]
-mod tests;
 mod view;
 
 pub use error::IntrinsicsError;

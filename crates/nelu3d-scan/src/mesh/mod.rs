@@ -146,6 +146,3 @@ pub fn write_points(
 fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }
-
-#[cfg(test)]
-mod tests;

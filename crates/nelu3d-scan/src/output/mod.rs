@@ -13,13 +13,5 @@ mod swap;
 pub use file::{AtomicFile, ReservedPath, write_atomic};
 pub use folder::{OutputDir, remove_abandoned};
 pub use parents::{create_dir, link_or_copy};
-pub use partial::remove_partial;
-
-/// Returns the names of everything in a folder, sorted.
-#[cfg(test)]
-pub(crate) fn names(dir: &std::path::Path) -> Vec<String> {
-    let name = |e: std::io::Result<std::fs::DirEntry>| e.unwrap().file_name().to_string_lossy().into_owned();
-    let mut all: Vec<String> = std::fs::read_dir(dir).unwrap().map(name).collect();
-    all.sort();
-    all
-}
+pub use partial::{explain as write_error, remove_partial};
+pub use swap::exchange as exchange_folders;

@@ -56,8 +56,9 @@ fn final_path(path: &Path) -> PathBuf {
     moved.unwrap_or_else(|| path.to_path_buf())
 }
 
-/// Returns an error of writing with the path and a remedy in its message.
-pub(super) fn explain(path: &Path, e: &io::Error) -> io::Error {
+/// Returns an error of writing `path` with the path and a remedy in its message. A path in something under construction
+/// in this process is told as it will be: whoever reads the message never sees the temporary name.
+pub fn explain(path: &Path, e: &io::Error) -> io::Error {
     let remedy = match e.kind() {
         io::ErrorKind::NotFound => "; create its folder first",
         io::ErrorKind::PermissionDenied => "; choose a folder you may write to, or change its permissions",
@@ -73,27 +74,4 @@ pub(super) fn explain(path: &Path, e: &io::Error) -> io::Error {
     // The crate that makes temporary files names them; they mean nothing to whoever reads this.
     let text = text.split(" at path \"").next().unwrap_or_default();
     io::Error::new(e.kind(), format!("{}: cannot be written: {text}{remedy}", final_path(path).display()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn noted(path: &Path) -> bool {
-        entries().iter().any(|e| e.temp.starts_with(path))
-    }
-
-    #[test]
-    fn what_is_under_construction_is_known_until_it_is_done() {
-        let dir = tempfile::tempdir().unwrap();
-        let temp = dir.path().join(".result.partial-1");
-        let partial = Partial::new(&temp, &dir.path().join("result"));
-        assert!(noted(&temp));
-        let full = io::Error::new(io::ErrorKind::StorageFull, "no space at path \"/x/.depth.npy.a8.partial\"");
-        let e = explain(&temp.join("depth.npy"), &full).to_string();
-        let expected = format!("{}: cannot be written: no space; free", dir.path().join("result/depth.npy").display());
-        assert!(e.starts_with(&expected), "{e}");
-        drop(partial);
-        assert!(!noted(&temp));
-    }
 }

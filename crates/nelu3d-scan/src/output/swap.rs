@@ -10,7 +10,7 @@ use std::path::Path;
 ///
 /// The file system refuses for another reason.
 #[cfg(any(target_os = "linux", target_os = "android", target_vendor = "apple"))]
-pub(super) fn exchange(a: &Path, b: &Path) -> io::Result<bool> {
+pub fn exchange(a: &Path, b: &Path) -> io::Result<bool> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
     use rustix::io::Errno;
     match renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE) {
@@ -20,8 +20,12 @@ pub(super) fn exchange(a: &Path, b: &Path) -> io::Result<bool> {
     }
 }
 
-/// Returns that this system cannot.
+/// Exchanges the names of two folders in one step where the system can; this one cannot.
+///
+/// # Errors
+///
+/// None: it is always `Ok(false)`.
 #[cfg(not(any(target_os = "linux", target_os = "android", target_vendor = "apple")))]
-pub(super) fn exchange(_: &Path, _: &Path) -> io::Result<bool> {
+pub fn exchange(_: &Path, _: &Path) -> io::Result<bool> {
     Ok(false)
 }

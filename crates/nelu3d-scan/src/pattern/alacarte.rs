@@ -152,6 +152,30 @@ impl Alacarte {
     }
 }
 
+/// Returns the expected fraction of columns that zero-mean normalized cross-correlation decodes wrongly, in the soft
+/// form that [`Alacarte`] minimizes, and its gradient with respect to the codewords, column by column (`n × count`).
+///
+/// `lines` are the patterns, `count × n` values in `[0, 1]`. A column is seen together with `neighbors` columns on
+/// either side, with normal noise of standard deviation `noise`; columns up to `tolerance_px` away count as right;
+/// `sharpness` is the factor of the scores in the softmax. `seed` draws the columns and their noise: the same seed, the
+/// same draws.
+///
+/// # Panics
+///
+/// If there are no patterns, or they differ in length.
+pub fn expected_zncc_error(
+    lines: &[Vec<f64>],
+    neighbors: usize,
+    noise: f64,
+    tolerance_px: usize,
+    sharpness: f64,
+    seed: u64,
+) -> (f64, Vec<f64>) {
+    let n = lines[0].len();
+    assert!(lines.iter().all(|line| line.len() == n), "patterns of one length");
+    Windows::new(lines, n, lines.len(), neighbors).gradient(noise, tolerance_px, sharpness, &mut SplitMix(seed))
+}
+
 /// Where an optimization starts.
 #[derive(Clone, Copy)]
 enum Start {
@@ -412,94 +436,6 @@ impl Adam {
             *m = 0.9 * *m + 0.1 * g;
             *v = 0.99 * *v + 0.01 * g * g;
             *x -= rate * size * (*m / corrections.0) / ((*v / corrections.1).sqrt() + 1e-12);
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::codewords::Codewords;
-    use super::super::score::{ScoreOptions, score};
-    use super::super::{Mps, PhaseShift};
-    use super::*;
-
-    fn zncc_errors(images: &[Image], sigma: f64) -> Vec<f64> {
-        let words = Codewords::of_images(images, Axis::X);
-        let options = ScoreOptions { distances_px: vec![2, 10], sigma, samples: 8, seed: 4 };
-        score(&words, &options).zncc.unwrap().beyond
-    }
-
-    #[test]
-    fn fewer_errors_than_sinusoids_under_the_same_cap() {
-        let (n, cap, sigma) = (640, 8.0, 0.02);
-        let p = Alacarte { count: 4, max_frequency: cap, iterations: 400, ..Alacarte::default() };
-        let ours = zncc_errors(&p.generate(n, 1).unwrap(), sigma);
-        // Four images: one period in four steps, from the slowest to the cap, or two frequencies as micro phase
-        // shifting.
-        let mut best = f64::INFINITY;
-        for cycles in [1.0, 2.0, 4.0, 8.0] {
-            let sine = PhaseShift { axis: Axis::X, periods_px: vec![n as f64 * 0.99 / cycles], steps: vec![4] };
-            best = best.min(zncc_errors(&sine.generate(n, 1).unwrap(), sigma)[0]);
-        }
-        assert!(ours[0] < 0.5 * best, "{ours:?}, sinusoids {best}");
-        let micro = Mps { frequencies: 2, mean_period_px: 120.0, band: 0.33, ..Mps::default() };
-        let micro = zncc_errors(&micro.generate(n, 1).unwrap(), sigma)[0];
-        assert!(ours[0] < micro, "{ours:?}, micro phase shifting {micro}");
-    }
-
-    #[test]
-    fn a_seed_decides_and_the_cap_holds() {
-        let p = Alacarte { count: 3, max_frequency: 6.0, iterations: 30, ..Alacarte::default() };
-        let images = p.generate(300, 2).unwrap();
-        assert_eq!(images, p.generate(300, 2).unwrap());
-        assert_ne!(images, Alacarte { seed: 1, ..p.clone() }.generate(300, 2).unwrap());
-        for image in &images {
-            let line = &image.data[..300];
-            assert!(line.contains(&0.0) && line.contains(&1.0));
-            // A second difference is at most (2π·6/300)² / 4 of each wave's amplitude times two.
-            let bend = line.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).fold(0.0, f32::max);
-            assert!(bend < 0.02, "{bend}");
-        }
-        // Many columns take no longer: optimized on fewer.
-        assert_eq!(Alacarte { iterations: 1, ..p }.generate(5000, 1).unwrap()[0].data.len(), 5000);
-    }
-
-    /// Central differences of the soft error in the words, the noise held.
-    #[test]
-    fn the_gradient_is_that_of_the_expected_error() {
-        let (n, count) = (40, 3);
-        let mut waves = Waves::new(n, count, 4.0);
-        waves.start(Start::Noise, &mut SplitMix(2));
-        for reach in [0, 1] {
-            let at =
-                |lines: &[Vec<f64>]| Windows::new(lines, n, count, reach).gradient(0.02, 1, 40.0, &mut SplitMix(9));
-            let (_, gradient) = at(&waves.lines);
-            for (j, u) in [(0, 3), (1, 0), (2, 17), (0, 39)] {
-                let h = 2e-3;
-                let moved = |by: f64| {
-                    let mut lines = waves.lines.clone();
-                    lines[j][u] += by;
-                    at(&lines).0
-                };
-                let difference = (moved(h) - moved(-h)) / (2.0 * h);
-                let got = gradient[u * count + j];
-                assert!((difference - got).abs() < 0.02 * got.abs() + 2e-4, "{j}, {u}: {got}, not {difference}");
-            }
-        }
-    }
-
-    #[test]
-    fn impossible_settings_are_refused() {
-        let good = Alacarte { iterations: 1, ..Alacarte::default() };
-        for p in [
-            Alacarte { count: 2, ..good.clone() },
-            Alacarte { max_frequency: f64::NAN, ..good.clone() },
-            Alacarte { max_frequency: 50.0, ..good.clone() },
-            Alacarte { neighbors: 17, ..good.clone() },
-            Alacarte { noise: 0.0, ..good.clone() },
-            Alacarte { iterations: 1_000_000, ..good },
-        ] {
-            assert!(p.generate(64, 2).is_err(), "{p:?}");
         }
     }
 }

@@ -67,8 +67,9 @@ impl BitCode {
         Some(self.column(word, values.len() as u32))
     }
 
-    /// Makes the images of all bits, the most significant first, and their inverses if asked for.
-    pub(super) fn generate(self, axis: Axis, inverse: bool, width: usize, height: usize) -> [Vec<Image>; 2] {
+    /// Makes the images of all bits, the most significant first, and their inverses if asked for (else none): `height ×
+    /// width`, one channel, 0 or 1.
+    pub fn generate(self, axis: Axis, inverse: bool, width: usize, height: usize) -> [Vec<Image>; 2] {
         let bits = n_bits(axis.length(width, height));
         let image =
             |b: u32, flip: u32| along(axis, width, height, |u| f64::from((self.word(u as u32, bits) >> b & 1) ^ flip));
@@ -116,67 +117,4 @@ pub(super) fn base_bit(base_px: u32, columns: usize) -> Result<u32, PatternError
     }
     let remedy = "give a power of 2 from 2 to the number of columns, as 2 (XOR-02) or 4 (XOR-04)";
     Err(PatternError::Setting { family: "xor", key: "base_px", value: f64::from(base_px), remedy })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const CODES: [BitCode; 5] = [
-        BitCode::Binary,
-        BitCode::Gray,
-        BitCode::Xor { base_bit: 0 },
-        BitCode::Xor { base_bit: 1 },
-        BitCode::Xor { base_bit: 4 },
-    ];
-
-    #[test]
-    fn words_are_columns_and_back() {
-        for code in CODES {
-            for bits in [5, 11, 31, 32] {
-                let mut seen = std::collections::HashSet::new();
-                let last = u32::MAX >> (32 - bits);
-                for u in (0..2000).map(|i| i * (last / 1999).max(1)).filter(|&u| u <= last) {
-                    let word = code.word(u, bits);
-                    assert!(word <= last && seen.insert(word), "{code:?}: word {word} of {u} twice");
-                    assert_eq!(code.column(word, bits), u, "{code:?} of {bits} bits");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn captures_with_gain_offset_codes_and_noise_decode() {
-        let mut random = super::super::noise::SplitMix(7);
-        for code in CODES {
-            for (axis, n) in [(Axis::X, 1280), (Axis::Y, 801), (Axis::X, 33)] {
-                let (w, h) = if axis == Axis::X { (n, 2) } else { (2, n) };
-                let [mut images, mut inverse] = code.generate(axis, true, w, h);
-                for image in images.iter_mut().chain(&mut inverse) {
-                    for v in &mut image.data {
-                        let seen = 0.7 * f64::from(*v) + 0.15 + 0.05 * random.normal();
-                        *v = ((seen * 255.0).round() / 255.0) as f32;
-                    }
-                }
-                for inverse in [inverse.as_slice(), &[]] {
-                    let got = code.decode_images(&images, inverse, 0.02);
-                    for (i, column) in got.iter().enumerate() {
-                        let expected = if axis == Axis::X { i % w } else { i / w };
-                        assert_eq!(*column, Some(expected as u32), "{code:?} of {n} along {axis:?}");
-                    }
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn weak_and_absent_bits_do_not_decode() {
-        for code in CODES {
-            let [mut images, _] = code.generate(Axis::X, false, 64, 1);
-            images[2].data[10] = 0.55;
-            images[4].data[11] = f32::NAN;
-            let got = code.decode_images(&images, &[], 0.1);
-            assert_eq!((got[9], got[10], got[11], got[12]), (Some(9), None, None, Some(12)));
-        }
-    }
 }

@@ -29,7 +29,7 @@ mod triangle;
 mod wave;
 mod xor;
 
-pub use alacarte::Alacarte;
+pub use alacarte::{Alacarte, expected_zncc_error};
 pub use axis::Axis;
 pub use binary::{Binary, decode_binary};
 pub use bits::BitCode;
@@ -42,8 +42,9 @@ pub use error::PatternError;
 pub use family::{Pattern, PatternImage, PatternImages, Rgb, generate};
 pub use film::Film;
 pub use gray::{Gray, decode_gray};
-pub use hilbert::{Hilbert, hilbert_codewords};
+pub use hilbert::{Hilbert, hilbert_codewords, hilbert_point};
 pub use mps::Mps;
+pub use noise::SplitMix;
 pub use phase::PhaseShift;
 pub use ramp::Ramp;
 pub use random::Random;
@@ -54,6 +55,3 @@ pub use superposition::Superposition;
 pub use triangle::Triangle;
 pub use wave::{FittedWave, Wave};
 pub use xor::{Xor, decode_xor};
-
-#[cfg(test)]
-mod tests;

@@ -2,13 +2,14 @@
 
 use std::f64::consts::TAU;
 
-/// SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
+/// The random numbers that patterns are made from: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014), which is the same
+/// on every machine and in every version. `SplitMix(seed)` starts it.
 #[derive(Clone, Debug)]
-pub(super) struct SplitMix(pub(super) u64);
+pub struct SplitMix(pub u64);
 
 impl SplitMix {
     /// Returns the next number, in `[0, 1)`.
-    pub(super) fn uniform(&mut self) -> f64 {
+    pub fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -17,7 +18,7 @@ impl SplitMix {
     }
 
     /// Returns the next number of the standard normal distribution (Box and Muller 1958, one of the pair).
-    pub(super) fn normal(&mut self) -> f64 {
+    pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         radius * (TAU * self.uniform()).cos()
     }

@@ -22,17 +22,3 @@ impl Ramp {
         vec![along(self.axis, width, height, |u| u as f64 / last)]
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_value_is_the_column() {
-        let image = &Ramp { axis: Axis::X }.generate(641, 2)[0];
-        for u in 0..641 {
-            assert!((image.pixel(u, 1)[0] * 640.0 - u as f32).abs() < 1e-3);
-        }
-        assert_eq!(Ramp { axis: Axis::Y }.generate(2, 5)[0].pixel(1, 4), [1.0]);
-    }
-}

@@ -69,19 +69,3 @@ fn list(reasons: &[(String, String)]) -> String {
     }
     told.join(", ")
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn reasons_are_told_once() {
-        let reasons =
-            |all: &[(&str, &str)]| all.iter().map(|(p, r)| (p.to_string(), r.to_string())).collect::<Vec<_>>();
-        assert_eq!(list(&reasons(&[("0", "dark")])), "0: dark");
-        assert_eq!(list(&reasons(&[("0", "far"), ("1", "dark"), ("2", "dark")])), "1, 2: dark, 0: far");
-        let many: Vec<_> =
-            (0..9).map(|i| (i.to_string(), if i < 5 { "dark".into() } else { format!("odd {i}") })).collect();
-        assert_eq!(list(&many), "0 to 4, 5 in all: dark, 5: odd 5, 6: odd 6, 2 more for other reasons");
-    }
-}

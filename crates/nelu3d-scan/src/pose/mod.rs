@@ -8,8 +8,6 @@ mod pnp;
 mod robust;
 mod stage;
 mod systematic;
-#[cfg(test)]
-mod tests;
 mod trajectory;
 
 pub use bend::{Bend, Flatness};

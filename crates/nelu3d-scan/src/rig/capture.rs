@@ -157,7 +157,8 @@ impl Rig {
         if let Some(cell) = cell {
             let (white_rgb, black_rgb) = (demosaic(&white, cell), black.as_ref().map(|b| demosaic(b, cell)));
             for pattern in &mut patterns {
-                *pattern = mosaic::pattern(pattern, &white, black.as_ref(), &white_rgb, black_rgb.as_ref(), cell);
+                *pattern =
+                    mosaic::pattern_of_mosaic(pattern, &white, black.as_ref(), &white_rgb, black_rgb.as_ref(), cell);
             }
             (white, black) = (white_rgb, black_rgb);
         }
@@ -224,5 +225,5 @@ fn is_jpeg(path: &Path) -> bool {
 
 /// Returns a pattern with as many channels as its flash, and whether it had fewer.
 fn colored(image: Image, white: &Image, black: Option<&Image>) -> (Image, bool) {
-    if image.channels == white.channels { (image, false) } else { (mono::spread(&image, white, black), true) }
+    if image.channels == white.channels { (image, false) } else { (mono::spread_mono(&image, white, black), true) }
 }

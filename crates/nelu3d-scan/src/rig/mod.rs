@@ -17,8 +17,9 @@ pub use check::{Finding, Severity, check};
 pub use error::RigError;
 pub use file::{board_lines, read_board, state_response};
 pub use memory::{MemoryImages, StoredImage};
-pub use mono::LUMA;
-pub(crate) use names::{NAME_RULE, is_name};
+pub use mono::{LUMA, luma, spread_mono};
+pub use mosaic::pattern_of_mosaic;
+pub use names::{NAME_RULE, is_file_name, is_name};
 pub use shots::natural_order;
 
 use crate::board::Board;
@@ -136,6 +137,3 @@ impl Rig {
         self.poses.iter().find(|p| p.position == position).map(|p| &p.cam_from_board)
     }
 }
-
-#[cfg(test)]
-mod tests;

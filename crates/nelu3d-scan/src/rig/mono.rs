@@ -9,8 +9,9 @@ use crate::image::Image;
 /// (`cvtColor`), Pillow (`convert("L")`) and most cameras make gray. For gray objects any weights would do.
 pub const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
 
-/// Returns the mono image that a camera's color image `image` would have been. ≥ 1 where any channel is.
-fn luma(image: &Image) -> Image {
+/// Returns the mono image that a linear image of three channels would have been, by [`LUMA`]. ≥ 1 (clipped) where any
+/// channel is.
+pub fn luma(image: &Image) -> Image {
     let value = |p: &[f32]| {
         let clipped = p.iter().copied().fold(f32::NEG_INFINITY, f32::max);
         if clipped >= 1.0 { clipped } else { p.iter().zip(LUMA).map(|(v, w)| v * w).sum() }
@@ -18,9 +19,10 @@ fn luma(image: &Image) -> Image {
     Image { channels: 1, data: image.data.chunks_exact(3).map(value).collect(), ..*image }
 }
 
-/// Returns the color image whose channels all have the same ratio to the flash: that of `mono` to the flash's gray.
-/// `white` and `black` have three channels. A pixel that is clipped in `mono` or `white` is clipped in all channels.
-pub(super) fn spread(mono: &Image, white: &Image, black: Option<&Image>) -> Image {
+/// Returns the color image whose channels all have the same ratio to the flash: that of `mono` to the flash's gray. All
+/// are linear and of one size; `mono` has one channel, `white` and `black` have three. A pixel that is clipped in
+/// `mono` or `white` is clipped in all channels.
+pub fn spread_mono(mono: &Image, white: &Image, black: Option<&Image>) -> Image {
     let mut out = Image::new(mono.width, mono.height, 3);
     let bright = luma(white);
     let dark = black.map(luma);
@@ -38,36 +40,4 @@ pub(super) fn spread(mono: &Image, white: &Image, black: Option<&Image>) -> Imag
         }
     }
     out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn image(channels: usize, data: &[f32]) -> Image {
-        Image { width: data.len() / channels, height: 1, channels, data: data.to_vec() }
-    }
-
-    /// Pixels of any color return the share of light that fell on them, over ambient light of any color.
-    #[test]
-    fn every_channel_has_the_ratio_to_the_flash() {
-        let black = image(3, &[0.02, 0.05, 0.01, 0.0, 0.0, 0.03]);
-        let white = image(3, &[0.9, 0.3, 0.1, 0.2, 0.4, 0.8]);
-        for share in [0.0, 0.3, 1.0] {
-            let lit = |i: usize| black.data[i] + share * (white.data[i] - black.data[i]);
-            let color = image(3, &(0..6).map(lit).collect::<Vec<_>>());
-            let found = spread(&luma(&color), &white, Some(&black));
-            assert!(found.data.iter().zip(&color.data).all(|(a, b)| (a - b).abs() < 1e-6), "{share}: {found:?}");
-        }
-    }
-
-    #[test]
-    fn clipped_pixels_are_clipped_in_all_channels() {
-        let white = image(3, &[0.5, 0.5, 0.5, 0.9, 1.0, 0.2, 0.5, 0.5, 0.5, 0.0, 0.0, 0.0]);
-        let found = spread(&image(1, &[1.0, 0.3, 0.6, 0.1]), &white, None);
-        let clipped: Vec<bool> = found.data.iter().map(|v| *v >= 1.0).collect();
-        let expected: Vec<bool> = [true, true, false, false].iter().flat_map(|c| [*c; 3]).collect();
-        // More than the flash is not clipped, and neither is what has no light.
-        assert_eq!(clipped, expected, "{found:?}");
-    }
 }

@@ -13,9 +13,7 @@ mod png;
 mod shapes;
 mod sheet;
 mod svg;
-#[cfg(test)]
-mod tests;
-
+pub use outline::outlines;
 pub use paper::Paper;
 pub use plan::{BoardPrint, PrintOptions};
 pub use sheet::{Label, Shape, Sheet};

@@ -217,6 +217,3 @@ fn finite(source: &Source, key: &str, values: &[f64]) -> Result<(), CameraFileEr
         None => Ok(()),
     }
 }
-
-#[cfg(test)]
-mod tests;

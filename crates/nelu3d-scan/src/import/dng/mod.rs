@@ -34,8 +34,13 @@ pub(super) fn is_raw(path: &Path, bytes: &[u8]) -> bool {
     matches!(photometric, Some(CFA | LINEAR_RAW)) || matches!(bits, Some(10 | 12 | 14))
 }
 
-/// Decodes the raw image in a file of this (width, height); returns its codes, and what the file says about the sensor.
-pub(super) fn decode(path: &Path, bytes: Vec<u8>, size: (usize, usize)) -> Result<(Raw, Facts), ImageFileError> {
+/// Decodes the content of a raw DNG file of this (width, height); `path` is only for messages. Returns its codes, and
+/// what the file says about the sensor.
+///
+/// # Errors
+///
+/// The file is damaged, compressed, of another size, or no raw image.
+pub fn decode(path: &Path, bytes: Vec<u8>, size: (usize, usize)) -> Result<(Raw, Facts), ImageFileError> {
     let file = File { path, size };
     if bytes.is_empty() {
         return Err(file.damaged("it is empty"));

@@ -196,6 +196,3 @@ fn linear_u16(c: u8) -> u16 {
     let linear = if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
     (linear * 65535.0).round() as u16
 }
-
-#[cfg(test)]
-mod tests;
