@@ -3,7 +3,7 @@
 
 #[path = "../../../fuzz/targets.rs"]
 mod targets;
-#[path = "../../nelu3d-scan/tests/foreign_bytes/watched.rs"]
+#[path = "../../nelu3d-scan/tests/unit/foreign_bytes/watched.rs"]
 mod watched;
 
 use std::fs;

@@ -8,7 +8,6 @@ mod mutation;
 mod numbers;
 mod rigs;
 // The test `fuzz` of nelu3d-cli shares it.
-#[path = "../../foreign_bytes/watched.rs"]
 mod watched;
 
 use std::any::Any;
