@@ -23,8 +23,8 @@ fn spec() -> Spec {
     let mut spec = Spec::preset("shapes").expect("a preset");
     // In the end every pixel is rendered, which takes longer than many of these trainings.
     let c = &mut spec.camera;
-    (c.width, c.height) = (c.width / 2, c.height / 2);
-    (c.fx, c.fy, c.cx, c.cy) = (0.5 * c.fx, 0.5 * c.fy, 0.5 * (c.cx + 0.5) - 0.5, 0.5 * (c.cy + 0.5) - 0.5);
+    (c.width, c.height) = (c.width * 3 / 4, c.height * 3 / 4);
+    (c.fx, c.fy, c.cx, c.cy) = (0.75 * c.fx, 0.75 * c.fy, 0.75 * (c.cx + 0.5) - 0.5, 0.75 * (c.cy + 0.5) - 0.5);
     spec.scenes.retain(|s| s.name == "sphere");
     (spec.camera.full_well_electrons, spec.camera.read_noise_electrons) = (1e9, 0.01);
     spec.camera.electrons_per_sec = (0.8e9 / spec.camera.exposure_secs).into();
