@@ -14,7 +14,7 @@ use super::refined::Refined;
 use super::settings::RefineSettings;
 use super::slopes::{cosine, slopes};
 use super::thin_plate::ThinPlatePrior;
-use super::uncertainty::{self, Information, systematic};
+use super::uncertainty::{self, Information, Nuisances, systematic};
 use super::window::Window;
 use crate::color_field::SplineEvaluator;
 use crate::reconstruct::initialize::InitialDepth;
@@ -246,6 +246,7 @@ impl<'a> Refinement<'a> {
         let (start, n) = (rows.start * w, prior.active.len());
         let mut information = vec![Information::default(); n];
         let (mut whitened, mut slopes) = (vec![0.0f32; n * k], vec![0.0f32; n * k]);
+        let (mut offset, mut gain) = (vec![0.0f32; n * k], vec![0.0f32; n * k]);
         for at in (0..n).filter(|at| prior.active[*at]) {
             let i = start + at;
             let px = self.window.at(i);
@@ -254,9 +255,12 @@ impl<'a> Refinement<'a> {
                 let weight = m.inv_var[px * k + j].sqrt();
                 whitened[at * k + j] = weight * self.residual(i, px, j);
                 slopes[at * k + j] = weight * self.rendered[i * 2 * k + k + j];
+                offset[at * k + j] = weight;
+                gain[at * k + j] = weight * self.rendered[i * 2 * k + j];
             }
         }
-        let systematic = systematic(&whitened, &slopes, k, &prior.active, w, rows.len());
+        let nuisances = Nuisances { offset: &offset, gain: &gain, patterns: k / self.channels };
+        let systematic = systematic(&whitened, &slopes, &nuisances, k, &prior.active, w, rows.len());
         let factor = |at: usize, pixels: f32| self.depth_noise_factor(start + at, pixels);
         uncertainty::sigma(&prior, &self.x[start..start + n], &information, &systematic, factor)
     }

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::information::Information;
 use super::masked_mean::masked_mean;
 use super::posterior::Posterior;
+use super::systematic::Systematic;
 use crate::reconstruct::refine::thin_plate::ThinPlatePrior;
 
 /// Radius over which the variances of neighbors are averaged, px.
@@ -13,13 +14,13 @@ const POOL_RADIUS: usize = 2;
 const NOISE_RADIUS: usize = 8;
 
 /// Returns one standard deviation of the unknown per pixel of the prior's window; NaN where there is no surface. `x` is
-/// the solution, `systematic` the variance that [`super::systematic()`] estimates; `factor` tells how much more
+/// the solution, `systematic` what neighbors share of the residuals, which is no noise; `factor` tells how much more
 /// depths scatter at a pixel that average over so many pixels than their χ² says.
 pub(in crate::reconstruct::refine) fn sigma(
     prior: &ThinPlatePrior,
     x: &[f32],
     information: &[Information],
-    systematic: &[f32],
+    systematic: &Systematic,
     factor: impl Fn(usize, f32) -> f32,
 ) -> Vec<f32> {
     let (w, h, n) = (prior.width, prior.height, information.len());
@@ -29,7 +30,7 @@ pub(in crate::reconstruct::refine) fn sigma(
     let chi2: Vec<f32> = information.iter().map(|i| i.chi2).collect();
     let mut noise_ratio = masked_mean(&chi2, &prior.active, w, h, NOISE_RADIUS);
     for i in (0..n).filter(|i| prior.active[*i]) {
-        noise_ratio[i] *= factor(i, posterior.pixels[i]);
+        noise_ratio[i] *= systematic.unshared[i] * factor(i, posterior.pixels[i]);
     }
     let scale = posterior.prior_scale(prior, x, &noise_ratio);
     (0..n)
@@ -39,7 +40,7 @@ pub(in crate::reconstruct::refine) fn sigma(
             if !prior.active[i] {
                 return f32::NAN;
             }
-            (noise[i] * noise_ratio[i] + scale[i] * smoothing[i] + systematic[i]).sqrt()
+            (noise[i] * noise_ratio[i] + scale[i] * smoothing[i] + systematic.variance[i]).sqrt()
         })
         .collect()
 }

@@ -5,70 +5,215 @@ use rayon::prelude::*;
 
 /// Radius of the squares that share a systematic error, px: about what the prior averages over.
 const SHARED_RADIUS: usize = 2;
+/// Side of these squares, px.
+const SIDE: f32 = (2 * SHARED_RADIUS + 1) as f32;
 /// Radius over which the size of systematic errors is estimated, px.
 const SYSTEMATIC_RADIUS: usize = 16;
 
-/// Returns the variance of the unknown that comes from systematic errors, per pixel of a window of width `w` and height
-/// `h`.
+/// What neighbors share of the residuals, per pixel of a window.
+pub(in crate::reconstruct::refine) struct Systematic {
+    /// Variance of the unknown that comes from it.
+    pub(in crate::reconstruct::refine) variance: Vec<f32>,
+    /// Part of the residuals' variance that neighbors do not share, 0 to 1: noise.
+    pub(in crate::reconstruct::refine) unshared: Vec<f32>,
+}
+
+/// The errors that scenes have whatever their depth, per channel of a pixel, divided by the noise's standard deviation:
+/// what light that no pattern takes away adds to all channels alike, and what scales all of them (a white image that is
+/// off, a defocused or mixed code).
+pub(in crate::reconstruct::refine) struct Nuisances<'a> {
+    /// `n × k`: one.
+    pub(in crate::reconstruct::refine) offset: &'a [f32],
+    /// `n × k`: the predicted normalized intensity.
+    pub(in crate::reconstruct::refine) gain: &'a [f32],
+    /// Number of images of patterns, of whatever number of channels.
+    pub(in crate::reconstruct::refine) patterns: usize,
+}
+
+/// Fewest patterns of which depth, offset, and gain leave so much that other errors show in it. Color channels see the
+/// same light, unless it is colored, and are off together.
+const MIN_PATTERNS: usize = 5;
+/// Part of a direction's square that has to be left across the others.
+const MIN_LEFT: f32 = 0.02;
+
+/// Tells what is systematic in the residuals of a window of width `w` and height `h` from noise.
 ///
 /// `residuals` and `slopes` are `n × k`: residuals r of the normalized intensities and their slopes g along the
-/// unknown, both divided by the noise's standard deviation. Depth has taken from the residuals what lies along g. What
-/// channel j has across g has, averaged over squares of n pixels, variance 1/n (1 − g_j²/|g|²) from noise alone. Any
-/// variance above that is shared; its size s_j² is estimated over the surroundings, where g points elsewhere. It
+/// unknown, both divided by the noise's standard deviation. Depth has taken from the residuals what lies along g. With
+/// five patterns and more, an offset and a gain of the pixel are taken from them as well, and change the unknown by what
+/// of them lies along g: in a code of sinusoids, which moves across them, next to nothing. What channel j has across all
+/// of these has, averaged over squares of n pixels, variance P_jj/n from noise alone, with P the projection across them.
+/// Any variance above that is shared; its size s_j² is estimated over the surroundings, where g points elsewhere. It
 /// changes the unknown by Σ g_j s_j / |g|².
 pub(in crate::reconstruct::refine) fn systematic(
     residuals: &[f32],
     slopes: &[f32],
+    nuisances: &Nuisances<'_>,
     k: usize,
     active: &[bool],
     w: usize,
     h: usize,
-) -> Vec<f32> {
+) -> Systematic {
     let n = active.len();
     assert!(residuals.len() == n * k && slopes.len() == n * k && n == w * h, "maps of one size");
     if k < 2 {
-        return vec![0.0; n];
+        return Systematic { variance: vec![0.0; n], unshared: vec![1.0; n] };
     }
-    let mut near: Vec<f32> = active.iter().map(|a| if *a { 1.0 } else { 0.0 }).collect();
-    box_mean(&mut near, w, h, SHARED_RADIUS);
-    let squared_norm = |map: &'_ [f32], i: usize| -> f32 { map[i * k..(i + 1) * k].iter().map(|v| v * v).sum() };
-    let square: Vec<f32> = (0..n).into_par_iter().map(|i| squared_norm(slopes, i)).collect();
-    let along: Vec<f32> = (0..n)
-        .into_par_iter()
-        .map(|i| {
-            let gr: f32 = (i * k..(i + 1) * k).map(|j| slopes[j] * residuals[j]).sum();
-            if square[i] > 0.0 { gr / square[i] } else { 0.0 }
-        })
-        .collect();
-    let side = (2 * SHARED_RADIUS + 1) as f32;
-    // Excess that noise alone has by chance, where nothing is shared: half a standard deviation of its mean over as
-    // many squares as there are, 0.4 of which remain on average when negative values become 0.
-    let squares = ((2 * SYSTEMATIC_RADIUS + 1) as f32 / side).powi(2);
-    let chance = 0.5 * (2.0 / squares).sqrt() / (side * side);
+    let parts = Parts::new(residuals, slopes, nuisances, k, active);
+    let shared = Shared::new(active, w, h);
+    let channel =
+        |map: &[f32], j: usize| -> Vec<f32> { map[j..].iter().step_by(k).map(|v| v.clamp(-10.0, 10.0)).collect() };
 
-    let mut out = vec![0.0f32; n];
+    let moved = shared.square(&parts.moved);
+    let mut variance: Vec<f32> =
+        moved.shared.iter().zip(&moved.all).map(|(s, all)| (s - shared.chance * all).max(0.0)).collect();
+    // Of all channels: what is shared, and all.
+    let (mut shared_square, mut all_squares) = (vec![0.0f32; n], vec![0.0f32; n]);
     for j in 0..k {
         // A single outlier (a highlight, an edge) is not what its neighbors share.
-        let across = |i: usize| (residuals[i * k + j] - slopes[i * k + j] * along[i]).clamp(-10.0, 10.0);
-        let own: Vec<f32> = (0..n).into_par_iter().map(|i| if active[i] { across(i) } else { 0.0 }).collect();
-        let mut mean = own.clone();
-        box_mean(&mut mean, w, h, SHARED_RADIUS);
-        let (mut excess, mut visible) = (vec![0.0f32; n], vec![0.0f32; n]);
-        for i in (0..n).filter(|i| active[*i] && square[*i] > 0.0) {
-            let shared = (mean[i] / near[i]).powi(2);
-            // Variance of the mean from noise, by the residuals' own spread: a wrong noise level does not look
-            // systematic.
-            let pixels = near[i] * side * side;
-            let noise = (own[i] * own[i] - shared) / (pixels - 1.0).max(1.0);
-            excess[i] = shared - noise;
-            visible[i] = 1.0 - slopes[i * k + j].powi(2) / square[i];
-        }
-        box_mean(&mut excess, w, h, SYSTEMATIC_RADIUS);
+        let [across, rest] = [&parts.across, &parts.rest].map(|map| shared.square(&channel(map, j)));
+        let mut visible = channel(&parts.visible, j);
         box_mean(&mut visible, w, h, SYSTEMATIC_RADIUS);
-        for i in (0..n).filter(|i| active[*i] && square[*i] > 0.0) {
-            let size = (excess[i] / visible[i].max(0.05) - chance).max(0.0);
-            out[i] += size * (slopes[i * k + j] / square[i]).powi(2);
+        for i in (0..n).filter(|i| active[*i]) {
+            shared_square[i] += across.shared[i];
+            all_squares[i] += across.all[i];
+            let size = (rest.shared[i] / visible[i].max(0.05) - shared.chance).max(0.0);
+            variance[i] += size * parts.moves[i * k + j].powi(2);
         }
     }
-    out
+    let unshared = |(shared, all): (&f32, &f32)| if *all > 0.0 { (1.0 - shared / all).clamp(0.0, 1.0) } else { 1.0 };
+    Systematic { variance, unshared: shared_square.iter().zip(&all_squares).map(unshared).collect() }
+}
+
+/// The parts of the residuals of every pixel, 0 where a pixel is not active or nothing tells its depth.
+struct Parts {
+    /// Residuals across the slopes, `n × k`.
+    across: Vec<f32>,
+    /// Residuals across offset and gain as well, `n × k`.
+    rest: Vec<f32>,
+    /// Part of the noise that is left in `rest`, `n × k`.
+    visible: Vec<f32>,
+    /// Change of the unknown by an error, `n × k`.
+    moves: Vec<f32>,
+    /// Change of the unknown by the offset and gain that were found, `n`.
+    moved: Vec<f32>,
+}
+
+impl Parts {
+    fn new(residuals: &[f32], slopes: &[f32], nuisances: &Nuisances<'_>, k: usize, active: &[bool]) -> Self {
+        let (n, zeros) = (active.len(), || vec![0.0f32; residuals.len()]);
+        let mut out = Self { across: zeros(), rest: zeros(), visible: zeros(), moves: zeros(), moved: vec![0.0; n] };
+        let residual = out.across.par_chunks_mut(k).zip(out.rest.par_chunks_mut(k));
+        let others = out.visible.par_chunks_mut(k).zip(out.moves.par_chunks_mut(k)).zip(&mut out.moved);
+        residual.zip(others).enumerate().with_min_len(1 << 10).for_each(
+            |(i, ((across, rest), ((visible, moves), moved)))| {
+                let of = |map: &'_ [f32]| map[i * k..(i + 1) * k].to_vec();
+                let slopes = &slopes[i * k..(i + 1) * k];
+                let square = dot(slopes, slopes);
+                if !active[i] || square <= 0.0 {
+                    return;
+                }
+                moves.iter_mut().zip(slopes).for_each(|(m, g)| *m = g / square);
+                visible.iter_mut().zip(slopes).for_each(|(v, g)| *v = 1.0 - g * g / square);
+                across.copy_from_slice(&residuals[i * k..(i + 1) * k]);
+                subtract(across, slopes, dot(moves, across));
+                rest.copy_from_slice(across);
+                if nuisances.patterns >= MIN_PATTERNS {
+                    let directions = [of(nuisances.offset), of(nuisances.gain)];
+                    *moved = take_out(rest, visible, directions, slopes, moves);
+                }
+            },
+        );
+        out
+    }
+}
+
+/// Takes what lies along some directions, as far as it is across the slopes, out of residuals that are, and what it has
+/// of their noise out of `visible`. Returns how much it changes the unknown, which an error changes by `moves`.
+fn take_out(
+    residuals: &mut [f32],
+    visible: &mut [f32],
+    directions: [Vec<f32>; 2],
+    slopes: &[f32],
+    moves: &[f32],
+) -> f32 {
+    let mut moved = 0.0;
+    // Gram and Schmidt; what a direction has along the slopes is how much its size changes the unknown.
+    let mut before: Option<(Vec<f32>, f32)> = None;
+    for mut direction in directions {
+        let whole = dot(&direction, &direction);
+        let mut change = dot(moves, &direction);
+        subtract(&mut direction, slopes, change);
+        if let Some((first, change_of_first)) = &before {
+            let part = dot(&direction, first) / dot(first, first);
+            subtract(&mut direction, first, part);
+            change -= part * change_of_first;
+        }
+        let left = dot(&direction, &direction);
+        // Nearly what depth or the other does.
+        if left <= MIN_LEFT * whole {
+            continue;
+        }
+        let size = dot(&direction, residuals) / left;
+        subtract(residuals, &direction, size);
+        visible.iter_mut().zip(&direction).for_each(|(v, d)| *v -= d * d / left);
+        moved += size * change;
+        before = Some((direction, change));
+    }
+    moved
+}
+
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Subtracts `part` of `b` from `a`.
+fn subtract(a: &mut [f32], b: &[f32], part: f32) {
+    a.iter_mut().zip(b).for_each(|(a, b)| *a -= part * b);
+}
+
+/// Squares of what neighbors share.
+struct Shared<'a> {
+    active: &'a [bool],
+    w: usize,
+    h: usize,
+    /// Part of the pixels around each that are active.
+    near: Vec<f32>,
+    /// Excess that noise alone has by chance.
+    chance: f32,
+}
+
+/// Means around every pixel, of what squares of pixels share beyond chance and of all.
+struct SharedSquares {
+    shared: Vec<f32>,
+    all: Vec<f32>,
+}
+
+impl<'a> Shared<'a> {
+    fn new(active: &'a [bool], w: usize, h: usize) -> Self {
+        let mut near: Vec<f32> = active.iter().map(|a| if *a { 1.0 } else { 0.0 }).collect();
+        box_mean(&mut near, w, h, SHARED_RADIUS);
+        // Where nothing is shared: half a standard deviation of its mean over as many squares as there are, 0.4 of which
+        // remain on average when negative values become 0.
+        let squares = ((2 * SYSTEMATIC_RADIUS + 1) as f32 / SIDE).powi(2);
+        Self { active, w, h, near, chance: 0.5 * (2.0 / squares).sqrt() / (SIDE * SIDE) }
+    }
+
+    /// Returns the mean squares of a map around every pixel.
+    fn square(&self, own: &[f32]) -> SharedSquares {
+        let mut mean = own.to_vec();
+        box_mean(&mut mean, self.w, self.h, SHARED_RADIUS);
+        let mut out = SharedSquares { shared: vec![0.0; own.len()], all: vec![0.0; own.len()] };
+        for i in (0..own.len()).filter(|i| self.active[*i]) {
+            let shared = (mean[i] / self.near[i]).powi(2);
+            // Variance of the mean from noise, by the residuals' own spread: a wrong noise level does not look
+            // systematic.
+            let pixels = self.near[i] * SIDE * SIDE;
+            out.all[i] = own[i] * own[i];
+            out.shared[i] = shared - (out.all[i] - shared) / (pixels - 1.0).max(1.0);
+        }
+        box_mean(&mut out.shared, self.w, self.h, SYSTEMATIC_RADIUS);
+        box_mean(&mut out.all, self.w, self.h, SYSTEMATIC_RADIUS);
+        out
+    }
 }

@@ -4,7 +4,8 @@ use rand_distr::{Distribution, StandardNormal};
 use nelu3d_field::plate::PlateStop;
 use nelu3d_field::plate::reference::solve;
 
-use super::{Information, sigma, systematic};
+use super::systematic::Systematic;
+use super::{Information, Nuisances, sigma, systematic};
 use crate::reconstruct::refine::thin_plate::ThinPlatePrior;
 
 fn normals(n: usize, seed: u64) -> Vec<f32> {
@@ -38,13 +39,15 @@ fn shared_errors_are_told_from_noise() {
         }
         rest
     };
+    // Three channels: depth, offset, and gain would leave nothing.
+    let none = Nuisances { offset: &[], gain: &[], patterns: 3 };
     for level in [1.0f32, 1.5] {
         let unshared: Vec<f32> = noise.iter().map(|v| level * v).collect();
-        let quiet = mean(&systematic(&across(&unshared), &slopes, k, &active, w, h));
+        let quiet = mean(&systematic(&across(&unshared), &slopes, &none, k, &active, w, h).variance);
         for channel in 0..k {
             let offset = |i: usize| if i % k == channel { 0.8 * ((i / k % w) as f32 * 0.05).cos() } else { 0.0 };
             let r: Vec<f32> = unshared.iter().enumerate().map(|(i, v)| v + offset(i)).collect();
-            let found = mean(&systematic(&across(&r), &slopes, k, &active, w, h));
+            let found = systematic(&across(&r), &slopes, &none, k, &active, w, h);
             let changes: Vec<f32> = (0..n)
                 .map(|i| {
                     let g = &slopes[i * k..(i + 1) * k];
@@ -54,9 +57,43 @@ fn shared_errors_are_told_from_noise() {
                 .collect();
             let expected = mean(&changes);
             assert!(quiet < 0.1 * expected, "{quiet} of {expected}");
-            assert!((found / expected - 1.0).abs() < 0.4, "{found} {expected}");
+            let variance = mean(&found.variance);
+            assert!((variance / expected - 1.0).abs() < 0.4, "{variance} {expected}");
+            // Of three channels' residuals one is taken by the unknown.
+            let (of_noise, unshared) = (2.0 * level * level, mean(&found.unshared));
+            let rest = across(&r);
+            let square: Vec<f32> = rest.chunks_exact(k).map(|r| r.iter().map(|r| r * r).sum()).collect();
+            let all = mean(&square);
+            assert!((unshared * all / of_noise - 1.0).abs() < 0.1, "{unshared} of {all}, {of_noise}");
         }
     }
+}
+
+/// An offset and a gain that neighbors share change the unknown by what of them lies along its slopes, which for a code
+/// of five phases is nothing; the same errors of one channel alone change it by a part of them.
+#[test]
+fn an_offset_and_a_gain_do_not_move_phases() {
+    let (w, h, k) = (96, 96, 5);
+    let (n, active) = (w * h, window(96, 96));
+    let noise = normals(n * k, 3);
+    let phase = |i: usize| (i / k % w) as f32 * 0.3 + (i % k) as f32 * std::f32::consts::TAU / k as f32;
+    let slopes: Vec<f32> = (0..n * k).map(|i| 2.0 * phase(i).cos()).collect();
+    let gain: Vec<f32> = (0..n * k).map(|i| 20.0 * (0.5 + 0.5 * phase(i).sin())).collect();
+    let nuisances = Nuisances { offset: &vec![20.0; n * k], gain: &gain, patterns: k };
+    let inner: Vec<usize> =
+        (0..n).filter(|i| (20..w - 20).contains(&(i % w)) && (20..h - 20).contains(&(i / w))).collect();
+    let mean = |error: &dyn Fn(usize) -> f32| {
+        let r: Vec<f32> = (0..n * k).map(|i| noise[i] + error(i)).collect();
+        let found = systematic(&r, &slopes, &nuisances, k, &active, w, h).variance;
+        inner.iter().map(|i| found[*i]).sum::<f32>() / inner.len() as f32
+    };
+    let quiet = mean(&|_| 0.0);
+    let both = mean(&|i| 1.0 + 0.1 * gain[i]);
+    let one = mean(&|i| if i % k == 0 { 2.0 } else { 0.0 });
+    // 2 of one channel, over |g|² = 10: g_j is 2 cos.
+    let expected = 2.0 * (2.0f32 / 10.0).powi(2);
+    assert!(both < 0.02 * expected && quiet < 0.02 * expected, "{quiet} {both} {expected}");
+    assert!((0.3..1.2).contains(&(one / expected)), "{one} {expected}");
 }
 
 /// Uncertainties of some rows are those of the whole surface, but near the rows that are missing.
@@ -75,10 +112,11 @@ fn strips_of_a_surface_have_its_uncertainties() {
     let (residuals, slopes) = random[2 * n..].split_at(n * k);
     let mut whole = ThinPlatePrior::new(w, h, active);
     whole.reweight(&x, 0.1, 0.5, 3);
+    let none = Nuisances { offset: &[], gain: &[], patterns: 3 };
     let of = |prior: &ThinPlatePrior, rows: std::ops::Range<usize>| {
         let (from, to) = (rows.start * w, rows.end * w);
         let shared =
-            systematic(&residuals[from * k..to * k], &slopes[from * k..to * k], k, &prior.active, w, rows.len());
+            systematic(&residuals[from * k..to * k], &slopes[from * k..to * k], &none, k, &prior.active, w, rows.len());
         sigma(prior, &x[from..to], &information[from..to], &shared, |_, _| 1.0)
     };
     let (all, strip) = (of(&whole, 0..h), of(&whole.of_rows(55..145), 55..145));
@@ -125,7 +163,8 @@ fn sigma_is_that_of_the_errors_whatever_the_roughness() {
         let noise = normals(n, 31 + case as u64);
         let b: Vec<f32> = (0..n).map(|i| data[i] * expected[i] + data[i].sqrt() * noise[i]).collect();
         let x = solution(&data, &b);
-        let s = sigma(&prior, &x, &info, &vec![0.0; n], |_, _| 1.0);
+        let none = Systematic { variance: vec![0.0; n], unshared: vec![1.0; n] };
+        let s = sigma(&prior, &x, &info, &none, |_, _| 1.0);
         let inner: Vec<usize> =
             (0..n).filter(|i| (8..w - 8).contains(&(i % w)) && (8..h - 8).contains(&(i / w))).collect();
         let within = inner.iter().filter(|i| (x[**i] - expected[**i]).abs() <= s[**i]).count();
