@@ -147,11 +147,10 @@ impl Candidate {
                 (true, ..4) => 2,
                 (true, _) => 3,
             };
-            // Depth errors of every fourth sample at most, however many positions are held out.
-            let stride = 4 * folds.iter().map(Vec::len).sum::<usize>().max(1);
+            let n_held_out = folds.iter().map(Vec::len).sum::<usize>().max(1);
             let predictor = Predictor::of(&fitted);
             let known = others.as_ref().map(|others| &others.known);
-            for (p, e) in pass.compare(fold, &predictor, stride, &support, (least, u16::from(in_turn)), known)? {
+            for (p, e) in pass.compare(fold, &predictor, n_held_out, &support, (least, u16::from(in_turn)), known)? {
                 by_position.extend(e.psnr_db().map(|db| (placed.sweep.shots[p].name.clone(), db)));
                 errors.merge(e);
             }

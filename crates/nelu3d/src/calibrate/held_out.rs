@@ -71,15 +71,14 @@ impl HeldOutErrors {
         (self.allowed.1 > 0).then(|| -10.0 * (self.allowed.0 / self.allowed.1 as f64).log10())
     }
 
-    /// The errors of a field at position `p`, where `supporting` other positions support it at all; depth errors of
-    /// every `stride`th sample.
+    /// The errors of a field at position `p`, one of `n_held_out`, where `supporting` other positions support it at all.
     pub(super) fn of(
         placed: &PlacedSweep<'_>,
         frame: &FieldFrame,
         field: &Predictor<'_>,
         p: usize,
         position: &Position,
-        stride: usize,
+        n_held_out: usize,
         supporting: impl Fn([f32; 3]) -> u16,
     ) -> Self {
         let (k, channels) = (placed.sweep.k, placed.sweep.channels);
@@ -87,7 +86,9 @@ impl HeldOutErrors {
         let (mut c, mut d) = (vec![0.0; k], vec![0.0; k]);
         let mut tiles = field
             .spline()
-            .map(|_| DepthNoiseOfPosition::new([placed.camera.width, placed.camera.height], p, stride / 4));
+            .map(|_| DepthNoiseOfPosition::new([placed.camera.width, placed.camera.height], p, n_held_out));
+        // Depth errors of so many samples, however many positions are held out.
+        let stride = 4 * n_held_out;
         let mut beside = [vec![0.0; k], vec![0.0; k], vec![0.0; k], vec![0.0; k]];
         let predicted = field.predict(k, stride, |f| {
             placed.for_each_usable(p, position, |i, t| {

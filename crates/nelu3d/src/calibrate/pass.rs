@@ -98,13 +98,13 @@ impl Pass<'_, '_> {
     }
 
     /// Compares positions with a field where at least `least` positions support it, of which `counted` are not in the
-    /// field; every `stride`th sample's depth error is kept. Then adds them to bins and validity. `known` is where the
+    /// field; `n_held_out` positions are compared in all. Then adds them to bins and validity. `known` is where the
     /// field is known, where displacements are to be told by the number of boards that support it.
     pub(super) fn compare(
         &mut self,
         which: &[usize],
         field: &Predictor<'_>,
-        stride: usize,
+        n_held_out: usize,
         support: &Support,
         (least, counted): (u16, u16),
         known: Option<&Validity>,
@@ -113,7 +113,7 @@ impl Pass<'_, '_> {
         let map = |p: usize, (): (), read: &Position| {
             let passed = Passed::of(placed, frame, (&empty, &blank), p, read);
             let supporting = |q: [f32; 3]| support.at(q, least).saturating_sub(counted);
-            let mut errors = HeldOutErrors::of(placed, frame, field, p, read, stride, supporting);
+            let mut errors = HeldOutErrors::of(placed, frame, field, p, read, n_held_out, supporting);
             if let (Some(known), Some(grid)) = (known, field.spline()) {
                 let support = |q: [f32; 3]| match support.at(q, 1 + counted).saturating_sub(counted) {
                     0 => Some((0, known.known_at(q))).filter(|(_, axes)| !axes.is_none()),

@@ -200,4 +200,29 @@ mod tests {
             }
         }
     }
+
+    /// A function costs as much on a lattice of 4 times fewer cells across as on the fine one, whose nodes have a
+    /// sixteenth of the samples each; but a factor of 1 is not lowered.
+    #[test]
+    fn a_function_costs_the_same_on_a_coarser_lattice() {
+        let smooth = Smoothness { across: 0.3, along: 0.0, slope_along: 0.0, of_channels: vec![[1e5, 1e4, 1.0]] };
+        let cost = |cells: usize, smooth: &Smoothness| {
+            let mut grid = Grid::new([cells, cells, 1], 1);
+            let [na, nb, nw] = grid.nodes();
+            // The coefficients of a cubic spline are nearly its values at places a cell apart.
+            let at = |i: usize| (i as f32 - 1.0) / cells as f32;
+            for (i, c) in grid.coeffs.iter_mut().enumerate() {
+                *c = (5.0 * at(i / nw % na)).sin() + (4.0 * at(i / nw / na)).cos();
+            }
+            assert_eq!(grid.coeffs.len(), na * nb * nw);
+            let mut y = vec![0.0; grid.coeffs.len()];
+            let samples_per_node = 1e6 / (cells * cells) as f32;
+            Penalty::new(&grid, smooth, &[samples_per_node]).apply(&grid.coeffs, &mut y);
+            grid.coeffs.iter().zip(&y).map(|(c, y)| f64::from(c * y)).sum::<f64>()
+        };
+        let (fine, coarse) = (cost(160, &smooth), cost(40, &smooth.of_coarser(4)));
+        assert!((coarse / fine - 1.0).abs() < 0.15, "{fine} {coarse}");
+        let least = Smoothness { of_channels: vec![[1.0, 0.5, 1.0]], ..smooth };
+        assert_eq!(least.of_coarser(4).of_channels, [[1.0, 0.5, 1.0]]);
+    }
 }
