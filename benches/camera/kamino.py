@@ -2,7 +2,7 @@
 """Five real boards (../shared/data/kamino): cameras of four of them, ours and OpenCV's, judged on the fifth.
 
     python3 -m venv /tmp/venv && /tmp/venv/bin/pip install opencv-contrib-python-headless
-    NELU3D_CORNERS=/tmp/k.json cargo test --release -p nelu3d-scan --lib real_boards -- --nocapture 2>&1 | tee /tmp/k.log
+    NELU3D_CORNERS=/tmp/k.json cargo test --release -p nelu3d-scan --test unit real_boards -- --nocapture 2>&1 | tee /tmp/k.log
     /tmp/venv/bin/python benches/camera/kamino.py /tmp/k.json /tmp/k.log
 
 OpenCV gets the corners that ours found, and solves as many coefficients as ours chose. Errors are the RMS distance (px)
