@@ -212,7 +212,7 @@ mod tests {
             // The coefficients of a cubic spline are nearly its values at places a cell apart.
             let at = |i: usize| (i as f32 - 1.0) / cells as f32;
             for (i, c) in grid.coeffs.iter_mut().enumerate() {
-                *c = (5.0 * at(i / nw % na)).sin() + (4.0 * at(i / nw / na)).cos();
+                *c = (20.0 * at(i / nw % na)).sin() + (16.0 * at(i / nw / na)).cos();
             }
             assert_eq!(grid.coeffs.len(), na * nb * nw);
             let mut y = vec![0.0; grid.coeffs.len()];
