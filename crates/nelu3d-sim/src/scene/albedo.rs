@@ -15,7 +15,7 @@ use crate::spec::AlbedoSpec;
 /// The reflectance of a surface by its point; see [`AlbedoSpec`].
 #[derive(Clone, Debug)]
 pub enum Albedo {
-    /// The same everywhere: red, green and blue.
+    /// One reflectance of red, green, and blue, 0 to 1, for the whole surface.
     Constant([f32; 3]),
     /// Smooth waves along all three axes.
     Waves {

@@ -11,8 +11,8 @@ pub struct DepthNoise {
     /// Ratio of variances of depth errors of single pixels, and of means over squares of 2, 4, and 8 pixels, beside what
     /// squares of 16 share: of all places together.
     pub by_side: [f64; DepthNoise::SIDES],
-    /// The same by the number of other positions that have lit the same rays, from few to many. Empty where too little
-    /// tells them apart, and in fields of older versions.
+    /// Ratios of variances where about as many other positions have lit the same rays, from few to many. Empty where too
+    /// little tells them apart, and in fields of older versions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub by_support: Vec<SupportedDepthNoise>,
 }

@@ -10,23 +10,13 @@ use rand::seq::IndexedRandom;
 
 use super::mutation::{arbitrary, damaged};
 use super::{cases, watched};
+use crate::mesh::tetrahedron;
 
 fn written(mesh: &Mesh, ending: &str) -> Vec<u8> {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(format!("a.{ending}"));
     mesh.write(&path).unwrap();
     std::fs::read(path).unwrap()
-}
-
-fn tetrahedron() -> Mesh {
-    let mut mesh = Mesh {
-        vertices: vec![[0.0, 0.0, 500.25], [10.5, 0.0, 500.0], [0.0, 11.0, 500.0], [0.125, 0.25, 490.0]],
-        colors: vec![[255, 0, 0], [0, 128, 0], [1, 2, 3], [250, 251, 252]],
-        faces: vec![[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]],
-        normals: vec![],
-    };
-    mesh.compute_normals();
-    mesh
 }
 
 /// Valid files of every kind, with their endings.

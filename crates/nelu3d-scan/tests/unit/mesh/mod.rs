@@ -8,7 +8,7 @@ use nelu3d_scan::Mesh;
 use nelu3d_scan::mesh::{TexturedMesh, write_points, write_textured_glb, write_textured_obj};
 
 /// A tetrahedron with outward faces.
-fn tetrahedron() -> Mesh {
+pub(crate) fn tetrahedron() -> Mesh {
     let mut mesh = Mesh {
         vertices: vec![[0.0, 0.0, 500.25], [10.5, 0.0, 500.0], [0.0, 11.0, 500.0], [0.125, 0.25, 490.0]],
         colors: vec![[255, 0, 0], [0, 128, 0], [1, 2, 3], [250, 251, 252]],
