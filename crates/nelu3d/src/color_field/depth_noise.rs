@@ -31,8 +31,8 @@ impl DepthNoise {
     pub const SIDES: usize = 4;
 
     /// Returns the factor of the noise's variance for depths that average over so many pixels, where so many positions
-    /// support the field (`None`: not counted); at least 1. Between the numbers of positions that were compared, it is linear in one over
-    /// them: averages over n positions have an n-th of their noise.
+    /// support the field (`None`: not counted); at least 1. Between the numbers of positions that were compared, it is
+    /// linear in one over them: averages over n positions have an n-th of their noise.
     pub fn factor(&self, pixels: f32, positions: Option<u8>) -> f32 {
         let inverse = |n: f32| 1.0 / n.max(1.0);
         let of = |s: &SupportedDepthNoise| (inverse(s.positions as f32), of_sides(&s.by_side, pixels));

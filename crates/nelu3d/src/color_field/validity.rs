@@ -156,13 +156,9 @@ impl Validity {
         let [nx, ny, nz] = self.shape.cells;
         let Some(column) = self.cell(q).map(|cell| cell / nz) else { return Some(0) };
         let (x, y) = (column % nx, column / nx);
-        let beside =
-            [(x.checked_sub(1), Some(y)), (Some(x + 1), Some(y)), (Some(x), y.checked_sub(1)), (Some(x), Some(y + 1))];
-        let count = |(x, y): (Option<usize>, Option<usize>)| match (x.filter(|x| *x < nx), y.filter(|y| *y < ny)) {
-            (Some(x), Some(y)) => self.positions.get(y * nx + x).copied().unwrap_or(0),
-            _ => 0,
-        };
-        beside.into_iter().map(count).chain(self.positions.get(column).copied()).min()
+        let around = [[x, y], [x.wrapping_sub(1), y], [x + 1, y], [x, y.wrapping_sub(1)], [x, y + 1]];
+        let count = |[x, y]: [usize; 2]| if x < nx && y < ny { self.positions[y * nx + x] } else { 0 };
+        around.into_iter().map(count).min()
     }
 
     /// Closes pinholes: an unlit cell between lit ones along w becomes lit (board positions may be farther apart than
@@ -390,5 +386,10 @@ mod tests {
         let count = [[0.1, 0.2, 0.9], [0.9, 0.2, 0.1], [0.5, 0.5, 0.1], [0.9, 0.9, 0.9]].map(|q| both.positions_at(q));
         assert_eq!(count, [Some(1), Some(1), Some(2), None]);
         assert_eq!(all.positions_at([0.5; 3]), None);
+        assert_eq!(all.fewest_positions_at([0.5; 3]), None);
+        let mut wide = Validity::new(8, 8, 8, [3, 3, 1]);
+        wide.positions = vec![9, 4, 9, 5, 8, 6, 9, 7, 9];
+        let fewest = [[0.5, 0.5, 0.5], [0.1, 0.5, 0.5], [1.5, 0.5, 0.5]].map(|q| wide.fewest_positions_at(q));
+        assert_eq!(fewest, [Some(4), Some(0), Some(0)]);
     }
 }

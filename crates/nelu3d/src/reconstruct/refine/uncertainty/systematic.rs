@@ -30,6 +30,13 @@ pub(in crate::reconstruct::refine) struct Nuisances<'a> {
     pub(in crate::reconstruct::refine) patterns: usize,
 }
 
+impl Nuisances<'_> {
+    /// Returns whether enough is left across depth, offset, and gain. If not, neither map is read.
+    pub(in crate::reconstruct::refine) fn are_taken(&self) -> bool {
+        self.patterns >= MIN_PATTERNS
+    }
+}
+
 /// Fewest patterns of which depth, offset, and gain leave so much that other errors show in it. Color channels see the
 /// same light, unless it is colored, and are off together.
 const MIN_PATTERNS: usize = 5;
@@ -71,7 +78,9 @@ pub(in crate::reconstruct::refine) fn systematic(
     let (mut shared_square, mut all_squares) = (vec![0.0f32; n], vec![0.0f32; n]);
     for j in 0..k {
         // A single outlier (a highlight, an edge) is not what its neighbors share.
-        let [across, rest] = [&parts.across, &parts.rest].map(|map| shared.square(&channel(map, j)));
+        let across = shared.square(&channel(&parts.across, j));
+        let of_rest = nuisances.are_taken().then(|| shared.square(&channel(&parts.rest, j)));
+        let rest = of_rest.as_ref().unwrap_or(&across);
         let mut visible = channel(&parts.visible, j);
         box_mean(&mut visible, w, h, SYSTEMATIC_RADIUS);
         for i in (0..n).filter(|i| active[*i]) {
@@ -118,7 +127,7 @@ impl Parts {
                 across.copy_from_slice(&residuals[i * k..(i + 1) * k]);
                 subtract(across, slopes, dot(moves, across));
                 rest.copy_from_slice(across);
-                if nuisances.patterns >= MIN_PATTERNS {
+                if nuisances.are_taken() {
                     let directions = [of(nuisances.offset), of(nuisances.gain)];
                     *moved = take_out(rest, visible, directions, slopes, moves);
                 }
