@@ -78,16 +78,21 @@ def main():
     scale = ITERATIONS / iterations
     rows = []
 
+    def row(*cells):
+        """One row, also told at once: a lent machine may be gone before the table is whole."""
+        rows.append(cells)
+        print("| " + " | ".join(cells) + " |", file=sys.stderr, flush=True)
+
     found, _ = run(program, "devices")
     print(json.dumps(found, indent=1), file=sys.stderr)
     bench, _ = run(program, "bench", "--device", device, "--samples", samples, "--seconds", 0.3)
     torch = torch_step(options.torch_device, samples)
     ratio = f"{torch / bench['step_secs']:.1f}x PyTorch" if torch else "no PyTorch"
-    rows.append(("a step of recipe `paper`", f"{1e3 * bench['step_secs']:.2f} ms, {bench['n_samples']} samples", ratio))
-    rows.append(("its memory", f"{bench['memory_bytes'] / 1e6:.0f} MB", "target 1000 MB"))
-    rows.append(("ceilings", f"{bench['flops_per_sec'] / 1e12:.2f} TFLOP/s", f"{bench['bytes_per_sec'] / 1e9:.0f} GB/s"))
+    row("a step of recipe `paper`", f"{1e3 * bench['step_secs']:.2f} ms, {bench['n_samples']} samples", ratio)
+    row("its memory", f"{bench['memory_bytes'] / 1e6:.0f} MB", "target 1000 MB")
+    row("ceilings", f"{bench['flops_per_sec'] / 1e12:.2f} TFLOP/s", f"{bench['bytes_per_sec'] / 1e9:.0f} GB/s")
     for p in bench["phases"]:
-        rows.append((f"phase {p['name']}", f"{1e3 * p['secs']:.3f} ms", f"{100 * p['share_of_ceiling']:.0f} % of {p['bound']}"))
+        row(f"phase {p['name']}", f"{1e3 * p['secs']:.3f} ms", f"{100 * p['share_of_ceiling']:.0f} % of {p['bound']}")
 
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
@@ -103,22 +108,22 @@ def main():
                 # A spline is fitted on the CPU whatever the device.
                 for d in [device, "cpu"] if form == "hash" else ["cpu"]:
                     _, secs = run(program, "calibrate", rig, "--form", form, "--device", d, "-o", field)
-                    rows.append((f"{label}: calibrate, {form}", f"{secs:.1f} s", d))
+                    row(f"{label}: calibrate, {form}", f"{secs:.1f} s", d)
             run(program, "calibrate", rig, "--device", "cpu", "-o", field)
             for d in [device, "cpu"] * (1 if options.small else 2):
                 out = folder / f"fast-{d}"
                 _, secs = run(program, "reconstruct", rig, scene, "--field", field, "--device", d, "-o", out)
                 text = f"{secs:.2f} s, cost volume {stage(out, 'cost volume'):.2f} s, refinement {stage(out, 'refine'):.2f} s"
-                rows.append((f"{label} {scene}: fast", text, d))
+                row(f"{label} {scene}: fast", text, d)
             if paper:
                 out = folder / "paper"
                 arguments = ["--recipe", "paper", "--steps", iterations, "--samples", samples, "--device", device, "-o", out]
                 run(program, "reconstruct", rig, scene, "--field", field, *arguments)
                 training = stage(out, "volume rendering") * scale
                 text = f"{training:.1f} s of training" + (f" (scaled up from {iterations} iterations)" if scale > 1 else "")
-                rows.append((f"{label} {scene}: paper, {ITERATIONS} iterations", text, device))
+                row(f"{label} {scene}: paper, {ITERATIONS} iterations", text, device)
                 if torch:
-                    rows.append((f"the same in PyTorch, {ITERATIONS} steps", f"{torch * ITERATIONS:.0f} s", options.torch_device))
+                    row(f"the same in PyTorch, {ITERATIONS} steps", f"{torch * ITERATIONS:.0f} s", options.torch_device)
         if options.film.is_dir():
             field = folder / "film.safetensors"
             run(program, "calibrate", options.film, "-o", field)
@@ -126,7 +131,7 @@ def main():
             for d in [device, "cpu"]:
                 out = folder / f"sequence-{d}"
                 answer, secs = run(program, "sequence", options.film, sequence, "--field", field, "--device", d, "-o", out)
-                rows.append((f"film {sequence}", f"{len(answer['table']) / secs:.2f} frames/s", d))
+                row(f"film {sequence}", f"{len(answer['table']) / secs:.2f} frames/s", d)
         else:
             print(f"LEFT OUT: {options.film} is not there", file=sys.stderr)
 

@@ -11,9 +11,9 @@ use serde_json::Value;
 use super::common::{RigCopy, nelu3d, stderr};
 
 /// Arguments of the trainings, small ones.
-const PAPER: &[&str] = &["reconstruct", "--recipe", "paper", "--start", "plane", "--device", "cpu"];
+const PAPER: &[&str] = &["reconstruct", "--recipe", "paper", "--start", "random", "--device", "cpu"];
 const TURBOSL: &[&str] = &["decode", "--method", "turbosl"];
-const SMALL: &[&str] = &["--steps", "50", "--samples", "1024", "--checkpoint-every", "5", "--quiet"];
+const SMALL: &[&str] = &["--steps", "30", "--samples", "1024", "--checkpoint-every", "5", "--quiet"];
 
 /// A training on a rig, and where its checkpoint lies.
 struct Training<'a> {
@@ -121,7 +121,7 @@ fn a_training_of_turbosl_that_was_stopped_goes_on() {
         fs::read(Path::new(&training.path(result)).join("depth.npy")).unwrap()
     };
     let whole = run("whole", None, &[]);
-    let part = run("part", Some("state"), &["--stop-after", "25"]);
+    let part = run("part", Some("state"), &["--stop-after", "15"]);
     let continued = run("continued", Some("state"), &["--threads", "1"]);
     assert!(whole == continued && whole != part);
 }
