@@ -21,7 +21,7 @@ mod table;
 mod trace;
 
 pub use comparison::{Comparison, compare};
-pub use evaluation::{EvaluatedMaps, evaluate};
+pub use evaluation::{EvaluatedMaps, angle_deg, evaluate};
 pub use ground_truth::{GroundTruth, GroundTruthError};
 pub use jumps::depth_jumps;
 pub use metrics::{Metrics, RegionMetrics, UncertaintyCalibration};

@@ -23,9 +23,8 @@ mod search;
 mod starts;
 mod surface;
 mod table;
-#[cfg(test)]
-mod tests;
-mod tree;
+#[doc(hidden)]
+pub mod tree;
 
 pub use comparison::{CadComparison, compare_with_cad};
 pub use error::CadError;

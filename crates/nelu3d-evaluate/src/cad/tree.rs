@@ -7,7 +7,7 @@ const MAX_LEAF: usize = 4;
 
 /// The part of a triangle that a point lies on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Feature {
+pub enum Feature {
     /// The inside of the triangle.
     Face,
     /// The edge from corner i to corner i + 1.
@@ -18,7 +18,7 @@ pub(super) enum Feature {
 
 /// The closest point of a [`TriangleTree`].
 #[derive(Clone, Copy, Debug)]
-pub(super) struct TreeHit {
+pub struct TreeHit {
     /// The point itself.
     pub point: Point3<f64>,
     /// Index of the closest triangle; of several equally close ones any, but always the same.
@@ -29,7 +29,7 @@ pub(super) struct TreeHit {
 
 /// Triangles that can be asked for closest points.
 #[derive(Clone, Debug)]
-pub(super) struct TriangleTree {
+pub struct TriangleTree {
     vertices: Vec<Point3<f64>>,
     faces: Vec<[u32; 3]>,
     /// The first is the root; both children of a node stand side by side after it.
@@ -59,7 +59,7 @@ impl Node {
 
 impl TriangleTree {
     /// Builds the tree by halves along the longest side. There is at least one triangle, and all have their vertices.
-    pub(super) fn new(vertices: Vec<Point3<f64>>, faces: Vec<[u32; 3]>) -> Self {
+    pub fn new(vertices: Vec<Point3<f64>>, faces: Vec<[u32; 3]>) -> Self {
         let corners = |face: u32| faces[face as usize].map(|i| vertices[i as usize]);
         let centers: Vec<Vector3<f64>> = (0..faces.len() as u32)
             .map(|face| corners(face).iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / 3.0)
@@ -104,12 +104,12 @@ impl TriangleTree {
     }
 
     /// Returns the corners of a triangle.
-    pub(super) fn corners(&self, face: usize) -> [Point3<f64>; 3] {
+    pub fn corners(&self, face: usize) -> [Point3<f64>; 3] {
         self.faces[face].map(|i| self.vertices[i as usize])
     }
 
     /// Returns the closest point, if there is one within `reach`.
-    pub(super) fn closest(&self, p: &Point3<f64>, reach: f64) -> Option<TreeHit> {
+    pub fn closest(&self, p: &Point3<f64>, reach: f64) -> Option<TreeHit> {
         let mut best = None;
         let mut best_squared = reach * reach;
         // A node and its distance; the nearer child on top.
@@ -175,62 +175,4 @@ fn closest_of_triangle(p: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> (Point3
     }
     let sum = weight_a + weight_b + weight_c;
     (a + ab * (weight_b / sum) + ac * (weight_c / sum), Feature::Face)
-}
-
-#[cfg(test)]
-mod tests {
-    use rand::rngs::StdRng;
-    use rand::{RngExt, SeedableRng};
-
-    use super::*;
-
-    /// Random triangles against a search through all of them, and against points all over each triangle.
-    #[test]
-    fn nothing_is_closer() {
-        let mut rng = StdRng::seed_from_u64(7);
-        let mut point = |scale: f64| Point3::from([0; 3].map(|_| scale * rng.random_range(-1.0..1.0)));
-        let mut vertices = Vec::new();
-        for _ in 0..200 {
-            let center = point(10.0);
-            vertices.extend([0; 3].map(|_| center + point(2.0).coords));
-        }
-        let faces: Vec<[u32; 3]> = (0..200).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        let tree = TriangleTree::new(vertices, faces);
-        let mut seen = [0; 3];
-        for _ in 0..500 {
-            let p = point(15.0);
-            let found = tree.closest(&p, f64::MAX).unwrap();
-            let distance = (found.point - p).norm();
-            for face in 0..200 {
-                let [a, b, c] = tree.corners(face);
-                for (i, j) in
-                    (0..=10).flat_map(|i| (0..=10 - i).map(move |j| (f64::from(i) / 10.0, f64::from(j) / 10.0)))
-                {
-                    let q = a + (b - a) * i + (c - a) * j;
-                    assert!((q - p).norm() >= distance - 1e-12, "{p} has {q} nearer than {found:?}");
-                }
-            }
-            // It lies on the part that is named.
-            let corners = tree.corners(found.face);
-            match found.feature {
-                Feature::Vertex(i) => assert_eq!(found.point, corners[i]),
-                Feature::Edge(i) => {
-                    let (a, b) = (corners[i], corners[(i + 1) % 3]);
-                    assert!((found.point - a).cross(&(b - a)).norm() < 1e-9);
-                    assert!((p - found.point).dot(&(b - a)).abs() < 1e-9);
-                }
-                Feature::Face => {
-                    let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).normalize();
-                    assert!((p - found.point).cross(&normal).norm() < 1e-9);
-                }
-            }
-            seen[match found.feature {
-                Feature::Face => 0,
-                Feature::Edge(_) => 1,
-                Feature::Vertex(_) => 2,
-            }] += 1;
-            assert!(tree.closest(&p, 0.999 * distance).is_none() && tree.closest(&p, 1.001 * distance).is_some());
-        }
-        assert!(seen.iter().all(|&n| n > 30), "{seen:?}");
-    }
 }

@@ -10,22 +10,7 @@ const ENOUGH_PIXELS: usize = 4_000_000;
 
 /// Returns the side of the blocks of pixels that are read as one: larger than 1 where the sensor has more pixels than a
 /// field of `k` channels has cells across at most, with one cell along, which has four coefficients.
-pub(super) fn binning(n_pixels: usize, k: usize) -> usize {
+pub fn binning(n_pixels: usize, k: usize) -> usize {
     let side = |pixels: usize| (n_pixels as f64 / pixels as f64).sqrt() as usize;
     side(ENOUGH_PIXELS).min(side(MAX_COEFFS / (4 * k.max(1)))).max(1)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_sensors_of_more_pixels_than_a_field_holds_are_binned() {
-        assert_eq!(binning(640 * 480, 3), 1);
-        assert_eq!(binning(640 * 480, 44), 1);
-        assert_eq!(binning(12_000_000, 3), 1);
-        assert_eq!(binning(6400 * 4800, 3), 2);
-        // A single channel leaves room for twelve million cells.
-        assert_eq!(binning(6400 * 4800, 1), 1);
-    }
 }

@@ -5,13 +5,14 @@ use super::judge::Fingerprint;
 use super::sweep::Position;
 
 /// Most positions that are judged.
-const MAX_POSITIONS: usize = 64;
-/// About how many samples are drawn from all positions, and the fewest and most from one.
+pub const MAX_POSITIONS: usize = 64;
+/// About how many samples are drawn from all positions.
 const SAMPLES_IN_ALL: usize = 200_000;
-const SAMPLES: std::ops::RangeInclusive<usize> = 4_000..=12_000;
+/// The fewest and the most samples that are drawn from one position.
+pub const SAMPLES: std::ops::RangeInclusive<usize> = 4_000..=12_000;
 
 /// Returns the indices of the positions that are judged, of `n`: all of them, or an even selection with both ends.
-pub(super) fn selection(n: usize) -> Vec<usize> {
+pub fn selection(n: usize) -> Vec<usize> {
     match n {
         ..=MAX_POSITIONS => (0..n).collect(),
         _ => (0..MAX_POSITIONS).map(|i| i * (n - 1) / (MAX_POSITIONS - 1)).collect(),
@@ -20,7 +21,7 @@ pub(super) fn selection(n: usize) -> Vec<usize> {
 
 /// What is kept of a position.
 #[derive(Clone)]
-pub(super) struct Drawn {
+pub struct Drawn {
     /// Hash of its images.
     pub(super) fingerprint: Fingerprint,
     /// Contrast from which a sample is well lit.
@@ -28,14 +29,14 @@ pub(super) struct Drawn {
     k: usize,
     channels: usize,
     /// Indices of pixels.
-    pixels: Vec<usize>,
+    pub pixels: Vec<usize>,
     /// Normalized intensities, `[sample][k]`.
-    values: Vec<f32>,
+    pub values: Vec<f32>,
     /// White − black, `[sample][channel]`.
-    contrast: Vec<f32>,
+    pub contrast: Vec<f32>,
     /// Contrast (white − black) of what is bright around a sample, and the variance of its codeword that edges of ink
     /// leave open, `[sample]`.
-    around_and_edge: Vec<[f32; 2]>,
+    pub around_and_edge: Vec<[f32; 2]>,
 }
 
 /// A sample that was drawn.
@@ -54,7 +55,7 @@ pub(super) struct DrawnSample<'a> {
 
 impl Drawn {
     /// Draws samples that are usable from a position, one of `n_positions`.
-    pub(super) fn of(position: &Position, fingerprint: Fingerprint, lit: f32, n_positions: usize) -> Self {
+    pub fn of(position: &Position, fingerprint: Fingerprint, lit: f32, n_positions: usize) -> Self {
         let (k, channels, n) = (position.k, position.channels, position.around.len());
         let samples = (SAMPLES_IN_ALL / n_positions.max(1)).clamp(*SAMPLES.start(), *SAMPLES.end());
         let every = (n / samples).max(1) as u64;
@@ -81,45 +82,5 @@ impl Drawn {
             let contrast = &self.contrast[number * self.channels..][..self.channels];
             DrawnSample { pixel, values, contrast, around: *around, edge: *edge }
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_selection_is_bounded_and_has_both_ends() {
-        assert_eq!(selection(MAX_POSITIONS), (0..MAX_POSITIONS).collect::<Vec<_>>());
-        let of_many = selection(1000);
-        assert_eq!((of_many.len(), of_many[0], of_many[MAX_POSITIONS - 1]), (MAX_POSITIONS, 0, 999));
-    }
-
-    #[test]
-    fn usable_samples_are_drawn_from_all_over_an_image() {
-        let (width, height) = (400, 300);
-        let n = width * height;
-        let contrast: Vec<f32> = (0..n).map(|i| if i % width < 100 { 0.0 } else { 0.5 }).collect();
-        let position = Position {
-            width,
-            height,
-            k: 2,
-            channels: 1,
-            values: (0..2 * n).map(|i| i as f32).collect(),
-            around: (0..n).map(|i| 3.0 * i as f32).collect(),
-            edge: (0..n).map(|i| 5.0 * i as f32).collect(),
-            contrast,
-        };
-        let drawn = Drawn::of(&position, Fingerprint::default(), 0.1, 5);
-        let count = drawn.pixels.len();
-        assert!((SAMPLES.end() * 6 / 10..SAMPLES.end() * 9 / 10).contains(&count), "{count}");
-        for (number, i) in drawn.pixels.iter().copied().enumerate() {
-            assert!(i % width >= 100 && drawn.contrast[number] == 0.5);
-            assert_eq!(drawn.values[2 * number..][..2], [2.0 * i as f32, 2.0 * i as f32 + 1.0]);
-            assert_eq!(drawn.around_and_edge[number], [3.0 * i as f32, 5.0 * i as f32]);
-        }
-        // Of every quarter of the rows about as many.
-        let per_quarter = |q: usize| drawn.pixels.iter().filter(|i| **i / width / 75 == q).count();
-        assert!((0..4).all(|q| (count / 5..count / 3).contains(&per_quarter(q))));
     }
 }

@@ -2,7 +2,7 @@
 
 /// Blocks of pixels of one image that are left out of the sweep: something stood before the board there.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct ExcludedBlocks {
+pub struct ExcludedBlocks {
     /// Side of a block, px.
     pub(super) block: usize,
     /// Number of blocks across and down; pixels beyond the last belong to it.
@@ -19,7 +19,7 @@ impl ExcludedBlocks {
 
     /// Returns whether pixel (x, y) is left out.
     #[inline]
-    pub(super) fn contains(&self, x: usize, y: usize) -> bool {
+    pub fn contains(&self, x: usize, y: usize) -> bool {
         let at = |v: usize, n: usize| (v / self.block).min(n - 1);
         self.blocks[at(y, self.counts[1]) * self.counts[0] + at(x, self.counts[0])]
     }

@@ -23,7 +23,7 @@ const OF_EDGES: f32 = 0.1;
 
 /// The contrast (white − black) from which a sample is well lit: a tenth of full scale, or half of what the best tenth
 /// of the position's samples have where the exposure is short. Black ink is below it.
-pub(super) fn well_lit(contrast: &[f32]) -> f32 {
+pub fn well_lit(contrast: &[f32]) -> f32 {
     /// Samples that are looked at, about.
     const ENOUGH: usize = 40_000;
     // No multiple of the number of channels.
@@ -254,13 +254,13 @@ fn evaluate_beside(
 
 /// By how much a board seems to be displaced along the rays from the field of the others.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Displacement {
+pub struct Displacement {
     /// Index of the board's position.
     pub(super) position: usize,
     /// Mean over its samples, mm.
-    mm: f64,
+    pub mm: f64,
     /// (a, b, c) of a + b x/z + c y/z, mm: poses are wrong by angles, too.
-    pub(super) plane: Vector3<f64>,
+    pub plane: Vector3<f64>,
     /// Mean square of what squares of pixels are displaced by beside that plane, as far as neighboring squares share
     /// it, mm²: a board that is not flat, distortion of the lens that is left.
     uneven_mm2: f64,
@@ -269,7 +269,7 @@ pub(super) struct Displacement {
 impl Displacement {
     /// Finds the displacement that explains the errors of many samples best, without those that lie far beyond the
     /// others. `None` where too few tell.
-    fn of(position: usize, samples: &[Sample]) -> Option<Self> {
+    pub fn of(position: usize, samples: &[Sample]) -> Option<Self> {
         const MIN_SAMPLES: usize = 50;
         let limit = FAR * median(&mut samples.iter().map(Sample::size).collect::<Vec<_>>())?;
         let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
@@ -286,45 +286,5 @@ impl Displacement {
         let plane = normal.cholesky().map_or(Vector3::new(mm, 0.0, 0.0), |n| n.solve(&right));
         let uneven_mm2 = SharedSquare::of(near(), &plane).mm2();
         Some(Self { position, mm, plane, uneven_mm2 })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_displaced_board_is_told_from_noise() {
-        // 0.3 mm in the middle, 5 mm more per unit of x/z, noise of 2 mm a sample, and some samples that are far off.
-        let noise = |i: usize| 2.0 * (((i * 7919) % 1000) as f32 / 500.0 - 1.0);
-        let samples: Vec<Sample> = (0..5000)
-            .map(|i| {
-                let plane = [f64::from(i % 71) / 350.0 - 0.1, f64::from(i % 53) / 260.0 - 0.1];
-                let mm = if i % 50 == 0 { 900.0 } else { 0.3 + 5.0 * plane[0] as f32 + noise(i as usize) };
-                let block = [i % 71 / 8, i % 53 / 8].map(|b| b as usize);
-                Sample { g: 4.0 * mm, h: 4.0, plane, block }
-            })
-            .collect();
-        let found = Displacement::of(0, &samples).unwrap();
-        assert!((found.mm - 0.3).abs() < 0.05, "{}", found.mm);
-        let error = found.plane - Vector3::new(0.3, 5.0, 0.0);
-        assert!(error[0].abs() < 0.05 && error[1].abs() < 1.0 && error[2].abs() < 1.0, "{}", found.plane);
-        assert!(Displacement::of(0, &samples[..10]).is_none());
-    }
-
-    #[test]
-    fn well_lit_follows_the_exposure_but_not_the_ink() {
-        // A third ink of a twentieth of the paper's albedo; a few highlights; unusable pixels.
-        let board = |paper: f32| -> Vec<f32> {
-            let kinds = [paper, paper, 0.05 * paper, 0.0];
-            let mut all: Vec<f32> = (0..4000).map(|i| kinds[i % 4]).collect();
-            all[..20].fill(0.9);
-            all
-        };
-        for paper in [0.8f32, 0.3, 0.08, 0.03] {
-            let limit = well_lit(&board(paper));
-            assert!(limit <= 0.1 && limit > 0.05 * paper && limit < paper, "{paper}: {limit}");
-        }
-        assert_eq!(well_lit(&board(0.8)), 0.1);
     }
 }

@@ -1,32 +1,45 @@
 //! Calibration: from a board sweep to a color field (paper, Sec. 3.1): find the boards and their poses, find the center
 //! of the light, fit c, and measure its quality at held-out positions.
 
-mod binning;
+#[doc(hidden)]
+pub mod binning;
 mod board_poses;
 mod candidate;
-mod depth_noise;
-mod drawn;
+#[doc(hidden)]
+pub mod depth_noise;
+#[doc(hidden)]
+pub mod drawn;
 mod error;
 mod excluded;
 mod frame_choice;
-mod fringes;
-mod held_out;
-mod judge;
-mod light;
+#[doc(hidden)]
+pub mod fringes;
+#[doc(hidden)]
+pub mod held_out;
+#[doc(hidden)]
+pub mod judge;
+#[doc(hidden)]
+pub mod light;
 mod options;
 mod pass;
 mod placed_sweep;
 mod pose_refinement;
-mod position;
+#[doc(hidden)]
+pub mod position;
 mod predictor;
 mod report;
 mod resolution;
-mod shared_displacement;
-mod smoothing;
-mod spline_fit;
+#[doc(hidden)]
+pub mod shared_displacement;
+#[doc(hidden)]
+pub mod smoothing;
+#[doc(hidden)]
+pub mod spline_fit;
 mod support;
-mod sweep;
-mod views;
+#[doc(hidden)]
+pub mod sweep;
+#[doc(hidden)]
+pub mod views;
 
 use nalgebra::Isometry3;
 use nelu3d_field::device::Device;

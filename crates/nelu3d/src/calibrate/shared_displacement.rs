@@ -25,16 +25,19 @@ const MIN_IN_SQUARE: usize = 8;
 const GROSS: f64 = 5.0;
 const OWN_NOISE: f64 = 3.0;
 /// Numbers of boards that are told apart: none but carried codewords, one, two, and more.
-pub(super) const CLASSES: usize = 4;
+pub const CLASSES: usize = 4;
 
-/// A sample's normal equation `h · displacement = g`, where the camera sees it, (x/z, y/z),
-/// and the square of pixels that it lies in, across and down.
+/// A sample's normal equation `h · displacement = g`, the displacement in mm, and where it lies in the image.
 #[derive(Clone, Copy)]
-pub(super) struct Sample {
-    pub(super) g: f32,
-    pub(super) h: f32,
-    pub(super) plane: [f64; 2],
-    pub(super) block: [usize; 2],
+pub struct Sample {
+    /// Right-hand side of its normal equation.
+    pub g: f32,
+    /// Coefficient of the displacement in its normal equation.
+    pub h: f32,
+    /// Where the camera sees it: (x/z, y/z).
+    pub plane: [f64; 2],
+    /// The square of pixels that it lies in, across and down.
+    pub block: [usize; 2],
 }
 
 impl Sample {
@@ -44,7 +47,7 @@ impl Sample {
     }
 
     /// Returns the size of its displacement, mm.
-    pub(super) fn size(&self) -> f32 {
+    pub fn size(&self) -> f32 {
         (self.g / self.h).abs()
     }
 
@@ -62,15 +65,18 @@ impl Sample {
 
 /// Sum over pairs of neighboring squares of pixels: their number, weights, and weighted products of displacements, mm².
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct SharedSquare {
-    pairs: f64,
-    weight: f64,
-    product: f64,
+pub struct SharedSquare {
+    /// Number of pairs.
+    pub pairs: f64,
+    /// Sum of their weights.
+    pub weight: f64,
+    /// Weighted sum of the products of their displacements, mm².
+    pub product: f64,
 }
 
 impl SharedSquare {
     /// Sums over samples, beside the displacement `plane`: (a, b, c) of a + b x/z + c y/z, mm.
-    pub(super) fn of<'a>(samples: impl Iterator<Item = &'a Sample>, plane: &Vector3<f64>) -> Self {
+    pub fn of<'a>(samples: impl Iterator<Item = &'a Sample>, plane: &Vector3<f64>) -> Self {
         let mut blocks: BTreeMap<[usize; 2], [f64; 2]> = BTreeMap::new();
         for s in samples {
             let [h, g] = blocks.entry(s.block).or_default();
@@ -98,16 +104,16 @@ impl SharedSquare {
 
     /// Returns the mean square of what neighboring squares share, mm²: noise, which they do not share, adds nothing on
     /// average. 0 where nothing is shared.
-    pub(super) fn mm2(&self) -> f64 {
+    pub fn mm2(&self) -> f64 {
         if self.weight > 0.0 { (self.product / self.weight).max(0.0) } else { 0.0 }
     }
 }
 
 /// The typical displacement of a square of pixels.
 #[derive(Clone, Copy, Debug)]
-struct SquareDisplacement {
+pub struct SquareDisplacement {
     /// Position, by index.
-    position: usize,
+    pub position: usize,
     /// Number of other boards that have lit its rays, or more.
     class: usize,
     /// Median over its samples, mm.
@@ -119,20 +125,22 @@ struct SquareDisplacement {
 /// Displacements of boards from fields that were not made from them, by the number of other boards that have lit the
 /// same rays of light: 0 (codewords were carried there), 1, 2, and more.
 #[derive(Clone, Debug, Default)]
-pub(super) struct DisplacementsBySupport {
-    shared: [SharedSquare; CLASSES],
-    squares: Vec<SquareDisplacement>,
+pub struct DisplacementsBySupport {
+    /// What neighbors share, by the number of other boards.
+    pub shared: [SharedSquare; CLASSES],
+    /// Displacements of all squares of pixels.
+    pub squares: Vec<SquareDisplacement>,
 }
 
 /// Squares of pixels on the held-out boards that are further off than the others let expect.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct GrossSquares {
+pub struct GrossSquares {
     /// Fraction of all squares.
-    pub(super) share: f64,
+    pub share: f64,
     /// Position that has most of them, by index.
-    pub(super) position: usize,
+    pub position: usize,
     /// Fraction of that position's squares.
-    pub(super) of_position: f64,
+    pub of_position: f64,
 }
 
 impl DisplacementsBySupport {
@@ -182,7 +190,7 @@ impl DisplacementsBySupport {
     }
 
     /// Joins what another position tells.
-    pub(super) fn add(&mut self, other: &Self) {
+    pub fn add(&mut self, other: &Self) {
         self.shared.iter_mut().zip(other.shared).for_each(|(sum, s)| sum.add(s));
         self.squares.extend_from_slice(&other.squares);
     }
@@ -196,7 +204,7 @@ impl DisplacementsBySupport {
 
     /// Returns how many squares of the boards are gross errors: beyond five times the root mean square of
     /// [`Self::rms_mm`] and three times their own noise. `None` if there are too few squares to tell.
-    pub(super) fn gross(&self) -> Option<GrossSquares> {
+    pub fn gross(&self) -> Option<GrossSquares> {
         let rms = self.rms_mm()?;
         let is_gross =
             |s: &&SquareDisplacement| f64::from(s.mm.abs()) > GROSS * rms[s.class] + OWN_NOISE * f64::from(s.sigma_mm);
@@ -222,7 +230,7 @@ impl DisplacementsBySupport {
 
     /// Returns the root mean square displacement, mm, per number of boards: none, one, two, and more; `None` if there
     /// are too few of them to tell. More boards are never worse than fewer.
-    pub(super) fn rms_mm(&self) -> Option<[f64; CLASSES]> {
+    pub fn rms_mm(&self) -> Option<[f64; CLASSES]> {
         let known: [Option<f64>; CLASSES] = self.shared.map(|s| (s.pairs >= MIN_PAIRS).then(|| s.mm2()));
         // A field of n boards and one more are (1 + 1/n) times as far apart as a board is off.
         let of_board = |n: usize| 1.0 + 1.0 / n as f64;
@@ -252,7 +260,11 @@ impl DisplacementsBySupport {
 const STUDENT: f64 = 0.58;
 
 /// Returns the displacement of every square of pixels that has enough samples of a class.
-fn square_displacements(samples: &[Sample], position: usize, class: usize) -> impl Iterator<Item = SquareDisplacement> {
+pub fn square_displacements(
+    samples: &[Sample],
+    position: usize,
+    class: usize,
+) -> impl Iterator<Item = SquareDisplacement> {
     let mut blocks: BTreeMap<[usize; 2], Vec<f32>> = BTreeMap::new();
     for s in samples {
         blocks.entry(s.block).or_default().push(s.g / s.h);
@@ -263,72 +275,4 @@ fn square_displacements(samples: &[Sample], position: usize, class: usize) -> im
         let scatter = median(&mut of_square.iter().map(|x| (x - mm).abs()).collect::<Vec<_>>())?;
         Some(SquareDisplacement { position, class, mm, sigma_mm: 1.5 * scatter / n.sqrt() })
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Samples over 30 × 20 squares, whose displacement is `mm(x, y)` and up to 1 mm of noise each.
-    fn samples(mm: impl Fn(f64, f64) -> f64) -> Vec<Sample> {
-        let noise = |i: usize| 2.0 * ((i as f64 * 0.618_034).fract() - 0.5);
-        (0..30 * 20 * 16)
-            .map(|i| {
-                let block = [i / 16 % 30, i / 480];
-                let plane = [block[0] as f64 / 300.0, block[1] as f64 / 300.0];
-                let d = mm(plane[0], plane[1]) + noise(i * 7919);
-                Sample { g: (4.0 * d) as f32, h: 4.0, plane, block }
-            })
-            .collect()
-    }
-
-    #[test]
-    fn what_neighbors_share_is_no_noise() {
-        let flat = samples(|_, _| 0.0);
-        let none = SharedSquare::of(flat.iter(), &Vector3::zeros());
-        assert!(none.mm2() < 0.003, "{none:?}");
-        // A bend of 0.4 mm, root mean square, on a tilted plane.
-        let plane = Vector3::new(0.5, -3.0, 2.0);
-        let bent = samples(|x, y| 0.57 * (80.0 * x).sin() + 0.5 - 3.0 * x + 2.0 * y);
-        let beside = SharedSquare::of(bent.iter(), &plane).mm2().sqrt();
-        assert!((0.33..0.43).contains(&beside), "{beside}");
-        assert!(SharedSquare::of(bent.iter(), &Vector3::zeros()).mm2().sqrt() > 0.45);
-    }
-
-    #[test]
-    fn fewer_boards_are_never_better() {
-        let of = |mm: [f64; CLASSES], pairs: [f64; CLASSES]| {
-            let class =
-                |i: usize| SharedSquare { pairs: pairs[i], weight: pairs[i], product: pairs[i] * mm[i] * mm[i] };
-            DisplacementsBySupport { shared: [0, 1, 2, 3].map(class), squares: Vec::new() }.rms_mm()
-        };
-        let close = |a: [f64; CLASSES], b: [f64; CLASSES]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
-        assert!(close(of([4.0, 2.0, 1.0, 0.5], [99.0; 4]).unwrap(), [4.0, 2.0, 1.0, 0.5]));
-        assert!(close(of([4.0, 0.7, 1.0, 0.5], [99.0; 4]).unwrap(), [4.0, 1.0, 1.0, 0.5]));
-        // From two boards alone: one board is √(3/2) off, and √2 from another.
-        let expected = [2.0, 2.0, 1.5, 4.0 / 3.0].map(f64::sqrt);
-        assert!(close(of([0.0, 0.0, 1.5f64.sqrt(), 0.0], [3.0, 3.0, 99.0, 3.0]).unwrap(), expected));
-        assert_eq!(of([1.0; 4], [99.0, 3.0, 3.0, 3.0]), None);
-    }
-
-    #[test]
-    fn a_part_of_one_board_that_is_far_off_is_found() {
-        let mut all = DisplacementsBySupport::default();
-        for position in 0..4 {
-            // The last board's lower left corner shows another period of the code.
-            let of = samples(|x, y| if position == 3 && x < 0.03 && y > 0.03 { 40.0 } else { 0.3 * (60.0 * x).sin() });
-            let shared = [0, 0, 1, 0].map(|is| {
-                let near = of.iter().filter(|s| is == 1 && s.size() < 5.0);
-                SharedSquare::of(near, &Vector3::zeros())
-            });
-            let squares = square_displacements(&of, position, 2).collect();
-            all.add(&DisplacementsBySupport { shared, squares });
-        }
-        let gross = all.gross().unwrap();
-        let expected = 9.0 * 10.0 / 600.0;
-        assert!(gross.position == 3 && (gross.of_position - expected).abs() < 0.02, "{gross:?}");
-        assert!((gross.share - expected / 4.0).abs() < 0.005, "{gross:?}");
-        all.squares.retain(|s| s.position != 3);
-        assert_eq!(all.gross().unwrap().share, 0.0);
-    }
 }

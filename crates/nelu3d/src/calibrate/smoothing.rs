@@ -14,9 +14,9 @@ use crate::color_field::frame::Center;
 use crate::color_field::grid::Grid;
 
 /// Factor between strengths that are tried.
-const RATIO: f32 = 30.0;
+pub const RATIO: f32 = 30.0;
 /// Strengths that are tried, at most: powers of [`RATIO`] below this one.
-const MAX_POWER: i32 = 6;
+pub const MAX_POWER: i32 = 6;
 /// What is tried in turn: more smoothness along all axes, across, along w, along b, and along a. Most codes are stripes,
 /// along which they do not change.
 const LINES: [[i32; 3]; 5] = [[1, 1, 1], [1, 1, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0]];
@@ -39,18 +39,18 @@ pub(super) fn smoothness(center: Center, of_channels: Vec<[f32; 3]>) -> Smoothne
 }
 
 /// What is set aside.
-pub(super) struct Aside {
+pub struct Aside {
     /// Positions of the sweep.
-    positions: Vec<usize>,
+    pub positions: Vec<usize>,
     /// The strip's rows.
-    rows: Range<usize>,
+    pub rows: Range<usize>,
     /// Their samples in the strip and about it.
-    samples: Vec<Gathered>,
+    pub samples: Vec<Gathered>,
 }
 
 impl Aside {
     /// Sets some of the positions `used` aside, and a strip in the middle of a field of `cells`.
-    pub(super) fn new(used: &[usize], cells: [usize; 3]) -> Self {
+    pub fn new(used: &[usize], cells: [usize; 3]) -> Self {
         let n = (cells[1] / PART_OF_ROWS).max(MIN_ROWS).min(cells[1]);
         let first = (cells[1] - n) / 2;
         let positions = used.iter().skip(1).step_by(EVERY).copied().collect();
@@ -58,7 +58,7 @@ impl Aside {
     }
 
     /// Keeps the samples of a position that is set aside.
-    pub(super) fn keep(&mut self, position: usize, samples: &Gathered) {
+    pub fn keep(&mut self, position: usize, samples: &Gathered) {
         if self.positions.contains(&position) {
             self.samples.push(samples.around(&self.rows));
         }
@@ -66,7 +66,7 @@ impl Aside {
 
     /// Chooses the smoothness of a field that is fitted to `bins`, which have the samples that were set aside, too. `fit`
     /// fits a spline to the bins of the strip, which has so many cells.
-    pub(super) fn choose(
+    pub fn choose(
         &self,
         bins: &mut Bins,
         cells: [usize; 3],
@@ -116,9 +116,9 @@ impl Aside {
     }
 }
 
-/// The search for a channel's strengths: along each of [`LINES`] for as long as the error falls.
+/// The search for a channel's strengths: along each of `LINES` for as long as the error falls.
 #[derive(Clone, Debug, Default)]
-struct Search {
+pub struct Search {
     /// Where the line begins: powers of [`RATIO`] along a, b and w.
     start: [i32; 3],
     /// Which of [`LINES`] is searched.
@@ -130,7 +130,8 @@ struct Search {
 }
 
 impl Search {
-    fn is_done(&self) -> bool {
+    /// Returns whether all lines have been searched.
+    pub fn is_done(&self) -> bool {
         self.line == LINES.len()
     }
 
@@ -141,19 +142,19 @@ impl Search {
     }
 
     /// Returns the factors to try next; the best ones where the search is done.
-    fn next(&self) -> [f32; 3] {
+    pub fn next(&self) -> [f32; 3] {
         if self.is_done() { self.best() } else { self.after(self.errors.len()).map(|power| RATIO.powi(power)) }
     }
 
     /// Returns the best factors.
-    fn best(&self) -> [f32; 3] {
+    pub fn best(&self) -> [f32; 3] {
         [0, 1, 2].map(|i| RATIO.powf(self.start[i] as f32 + self.between[i]))
     }
 
     /// Takes the squared error at what was tried. Where the line has its least error between others, the best strength
     /// is that of the parabola through the three, in logarithms of both: strengths are far apart, and one that is five
     /// times too strong for a code hardly shows where paper is bright, but bends the field where samples are dim.
-    fn take(&mut self, error: f64) {
+    pub fn take(&mut self, error: f64) {
         if self.is_done() {
             return;
         }
@@ -190,80 +191,4 @@ fn columns_with_samples(bins: &Bins) -> Vec<bool> {
         bins.for_each_in_row(b, |s| known[b * na + ((s.q[0] * na as f32) as usize).min(na - 1)] = true);
     }
     known
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::calibrate::spline_fit::{OF_MANY, fit_spline};
-    use crate::progress::Progress;
-
-    /// The strengths lie where the error has its minimum, between those that are tried, or at the end to which it falls.
-    #[test]
-    fn the_best_strength_lies_between_those_that_are_tried() {
-        let found = |error: &dyn Fn([f64; 3]) -> f64| {
-            let mut search = Search::default();
-            let mut tried = 0;
-            while !search.is_done() {
-                search.take(error(search.next().map(f64::from)));
-                tried += 1;
-                assert!(tried < 30);
-            }
-            search.best()
-        };
-        let off = |factor: f64, best: f64| 0.1 * (factor / best).ln().powi(2);
-        for best in [60.0f64, 300.0, 3e4] {
-            for found in found(&|f| 7.0 * f.map(|f| off(f, best)).iter().sum::<f64>().exp()) {
-                assert!((f64::from(found) / best - 1.0).abs() < 1e-3, "{best}: {found}");
-            }
-        }
-        // Each has its own.
-        let [a, b, w] = found(&|[a, b, w]| 7.0 * (off(a, 900.0) + off(b, 3e5) + off(w, 900.0)).exp());
-        let near = |found: f32, best: f32| (found / best).ln().abs() < f32::ln(RATIO);
-        assert!(near(a, 900.0) && near(b, 3e5) && near(w, 900.0) && a < b && w < b, "{a} {b} {w}");
-        assert_eq!(found(&|f| f.iter().product()), [1.0; 3]);
-        assert_eq!(found(&|f| 1.0 / f.iter().product::<f64>()), [RATIO.powi(MAX_POWER - 1); 3]);
-        assert_eq!(found(&|_| 0.0), [1.0; 3]);
-    }
-
-    /// Of a channel of slow waves and one of fast ones under the same noise, the slow one is smoothed more; what was
-    /// set aside is in the bins again.
-    #[test]
-    fn a_slow_code_is_smoothed_more_than_a_fast_one() {
-        let cells = [96, 96, 1];
-        let mut bins = Bins::new([96, 96, 4], 2);
-        let positions: Vec<usize> = (0..8).collect();
-        let mut aside = Aside::new(&positions, cells);
-        assert_eq!((aside.positions.as_slice(), aside.rows.clone()), (&[1, 5][..], 24..72));
-        let mut state = 3u64;
-        let mut unit = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 40) as f32 / (1u64 << 24) as f32
-        };
-        for p in positions {
-            let mut samples = bins.gathered();
-            for i in 0..96 * 96 {
-                let at = [(i % 96) as f32 + unit(), (i / 96) as f32 + unit()].map(|v| v / 96.0);
-                let wave = |periods: f32| 0.5 + 0.5 * (std::f32::consts::TAU * at[0] * periods).cos();
-                let mut noisy = |v: f32| v + 0.1 * (unit() + unit() + unit() - 1.5);
-                let values = [noisy(wave(1.0)), noisy(wave(20.0))];
-                samples.push([at[0], at[1], (p as f32 + 0.5) / 8.0], &values, &[100.0, 100.0]);
-            }
-            aside.keep(p, &samples);
-            bins.add_all(&[samples]);
-        }
-        assert_eq!(aside.samples.len(), 2);
-        let count = |bins: &Bins| {
-            let mut sum = 0.0;
-            bins.for_each_sample(|_, _, w| sum += f64::from(w[0]));
-            sum
-        };
-        let before = count(&bins);
-        let fit = |bins: &Bins, cells: [usize; 3], smooth: &Smoothness| {
-            fit_spline(bins, cells, smooth, OF_MANY, &Progress::none())
-        };
-        let chosen = aside.choose(&mut bins, cells, Center::Light, fit).of_channels;
-        assert!(chosen[0][0] >= 1e3 && chosen[1][0] <= 30.0, "{chosen:?}");
-        assert!((count(&bins) / before - 1.0).abs() < 1e-6);
-    }
 }

@@ -7,7 +7,7 @@ use crate::progress::Progress;
 
 /// How a spline is fitted from nothing.
 #[derive(Clone, Copy)]
-pub(super) struct Schedule {
+pub struct Schedule {
     /// Fits before that of all cells, the coarsest last: by what the cells across are divided, and the steps.
     pub(super) coarse: &'static [(usize, usize)],
     /// Steps of the fit of all cells.
@@ -18,7 +18,7 @@ pub(super) struct Schedule {
 /// it does is smooth: from a quarter of the cells alone, the field of a rig of another renderer was off by 0.01 at its
 /// nearest board; from here, by the noise. More fine steps follow the noise: 20 instead of 8 predict held-out positions
 /// of two rigs of other renderers worse, by 0.15 dB.
-pub(super) const OF_MANY: Schedule = Schedule { coarse: &[(4, 10), (8, 20), (16, 60)], steps: 8 };
+pub const OF_MANY: Schedule = Schedule { coarse: &[(4, 10), (8, 20), (16, 60)], steps: 8 };
 /// The schedule where few positions are held out in turn: much of the field rests on one or two boards there, and smooth
 /// codes are smoothed far. Steps of the coarse levels are cheap, and without them the coarsest is not solved: of three a
 /// la carte patterns under eight boards one was predicted 0.3 dB worse with 60 steps of it and 40 of the next. Under many
@@ -26,7 +26,7 @@ pub(super) const OF_MANY: Schedule = Schedule { coarse: &[(4, 10), (8, 20), (16,
 pub(super) const OF_FEW: Schedule = Schedule { coarse: &[(4, 30), (8, 100), (16, 300)], steps: 10 };
 
 /// Fits a spline of `cells` to `bins`, which have as many across.
-pub(super) fn fit_spline(
+pub fn fit_spline(
     bins: &Bins,
     cells: [usize; 3],
     smooth: &Smoothness,

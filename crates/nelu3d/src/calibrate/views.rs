@@ -16,47 +16,48 @@ use crate::sensor::{NoiseEstimator, quantization_step};
 
 /// Most positions that the search looks at. They are spread over the whole sweep, so more would only add shorter steps
 /// to the lever arms.
-const MAX_VIEWS: usize = 48;
+pub const MAX_VIEWS: usize = 48;
 /// Most bytes of their images; larger ones are averaged over square blocks of pixels.
-const VIEWS_BUDGET: usize = 1 << 28;
+pub const VIEWS_BUDGET: usize = 1 << 28;
 /// Validity of a sample of which more than half was usable.
 const MOSTLY: f32 = 0.51;
 /// Fewest samples along the shorter side of a level.
 const MIN_SIDE: usize = 12;
 
 /// Indices of the positions that the search looks at, of `n`: all of them, or an even selection with both ends.
-fn selection(n: usize) -> Vec<usize> {
+pub fn selection(n: usize) -> Vec<usize> {
     if n <= MAX_VIEWS { (0..n).collect() } else { (0..MAX_VIEWS).map(|i| i * (n - 1) / (MAX_VIEWS - 1)).collect() }
 }
 
 /// Codeword images of some positions, in the order of their depth, in levels of resolution, and where their boards are.
-pub(super) struct Views {
-    pub(super) k: usize,
+pub struct Views {
+    /// Number of pattern channels.
+    pub k: usize,
     /// Which position of the sweep each view is.
-    pub(super) positions: Vec<usize>,
+    pub positions: Vec<usize>,
     /// Normal and offset of each view's board.
-    pub(super) planes: Vec<(Vector3<f64>, f64)>,
+    pub planes: Vec<(Vector3<f64>, f64)>,
     /// The finest first; each of the others has half the resolution of the one before.
-    pub(super) levels: Vec<Level>,
+    pub levels: Vec<Level>,
 }
 
 /// The codeword images of all views at one resolution.
-pub(super) struct Level {
+pub struct Level {
     /// Samples across.
-    pub(super) width: usize,
+    pub width: usize,
     /// Samples down.
-    pub(super) height: usize,
+    pub height: usize,
     /// Pixels along the side of one sample's block; 1 = full resolution.
-    pub(super) block: usize,
+    pub block: usize,
     /// Validity from which a sample may be used.
     pub(super) min_validity: f32,
     /// Per view, `n × (k + 1)`: values, then validity (the part of the sample that was usable).
-    pub(super) images: Vec<Vec<f32>>,
+    pub images: Vec<Vec<f32>>,
 }
 
 impl Level {
     /// An empty level for blocks that keep the images of `n` positions of `k` channels within their budget.
-    pub(super) fn finest(camera: &Camera, k: usize, n: usize) -> Self {
+    pub fn finest(camera: &Camera, k: usize, n: usize) -> Self {
         let bytes = camera.n_pixels() * (k + 1) * 4 * n;
         let block = (1..).find(|f| bytes / (f * f) <= VIEWS_BUDGET).expect("some block is large enough");
         let (width, height) = (camera.width / block, camera.height / block);
@@ -112,7 +113,7 @@ impl Level {
 
 impl Views {
     /// Orders the views by the depth of their boards along `middle`, and adds the coarser levels.
-    pub(super) fn new(k: usize, boards: Vec<(usize, BoardPlane)>, mut finest: Level, middle: &Vector3<f64>) -> Self {
+    pub fn new(k: usize, boards: Vec<(usize, BoardPlane)>, mut finest: Level, middle: &Vector3<f64>) -> Self {
         let depth = |b: &BoardPlane| b.offset / b.normal.dot(middle);
         let mut order: Vec<usize> = (0..boards.len()).collect();
         order.sort_by(|a, b| depth(&boards[*a].1).total_cmp(&depth(&boards[*b].1)));
@@ -128,7 +129,8 @@ impl Views {
         Self { k, positions, planes, levels }
     }
 
-    pub(super) fn len(&self) -> usize {
+    /// Returns the number of views.
+    pub fn count(&self) -> usize {
         self.positions.len()
     }
 
@@ -198,7 +200,7 @@ pub(super) fn estimate_noise(
 /// A position's values where `keep` holds for its pixels, averaged over blocks of `block` pixels and smoothed by a
 /// small binomial kernel (linear interpolation between pixels is exact enough on the result), with validity 1 where the
 /// whole kernel was usable: `n × (k + 1)`. Ink is not: it reflects too little to tell its codeword.
-fn smoothed(position: &Position, keep: impl Fn(usize) -> bool, block: usize) -> Vec<f32> {
+pub fn smoothed(position: &Position, keep: impl Fn(usize) -> bool, block: usize) -> Vec<f32> {
     let channels = position.channels;
     let mut contrast = position.contrast.clone();
     for (i, contrast) in contrast.chunks_exact_mut(channels).enumerate() {
@@ -242,47 +244,5 @@ fn smoothed(position: &Position, keep: impl Fn(usize) -> bool, block: usize) -> 
 fn add_weighed(to: &mut [f32], [a, b, c, d, e]: [&[f32]; 5], weights: &[f32; 5]) {
     for ((((to, a), b), c), (d, e)) in to.iter_mut().zip(a).zip(b).zip(c).zip(d.iter().zip(e)) {
         *to += weights[0] * a + weights[1] * b + weights[2] * c + weights[3] * d + weights[4] * e;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_selection_is_bounded_even_and_has_both_ends() {
-        assert_eq!(selection(5), [0, 1, 2, 3, 4]);
-        for n in [49, 60, 96, 1000] {
-            let s = selection(n);
-            assert_eq!((s.len(), s[0], s[MAX_VIEWS - 1]), (MAX_VIEWS, 0, n - 1));
-            let step = (n - 1) as f64 / (MAX_VIEWS - 1) as f64;
-            assert!(s.windows(2).all(|w| w[1] > w[0] && ((w[1] - w[0]) as f64 - step).abs() < 1.0), "{s:?}");
-        }
-    }
-
-    #[test]
-    fn views_stay_within_their_budget_whatever_the_camera() {
-        let camera = Camera::pinhole(640, 480, 800.0, 800.0, 320.0, 240.0);
-        assert_eq!(Level::finest(&camera, 3, MAX_VIEWS).block, 1);
-        let large = Camera::pinhole(6400, 4800, 8000.0, 8000.0, 3200.0, 2400.0);
-        let v = Level::finest(&large, 11, MAX_VIEWS);
-        assert!(v.block > 1 && v.width * v.height * 12 * 4 * MAX_VIEWS <= VIEWS_BUDGET);
-    }
-
-    #[test]
-    fn smoothing_keeps_planes_and_knows_holes() {
-        let (width, height) = (12, 11);
-        let values = (0..width * height).map(|i| (i % width) as f32 * 0.02 + (i / width) as f32 * 0.03).collect();
-        let mut contrast = vec![0.5; width * height];
-        contrast[5 * width + 9] = 0.0;
-        let around = contrast.clone();
-        let edge = vec![0.0; contrast.len()];
-        let position = Position { width, height, k: 1, channels: 1, values, contrast, around, edge };
-        let out = smoothed(&position, |_| true, 1);
-        let at = |x: usize, y: usize| &out[(y * width + x) * 2..][..2];
-        assert!((at(4, 5)[0] - (4.0 * 0.02 + 5.0 * 0.03)).abs() < 1e-6 && (at(4, 5)[1] - 1.0).abs() < 1e-6);
-        // Within two pixels of the hole, the validity says so; the border has none.
-        assert!(at(8, 5)[1] < 0.99 && at(7, 5)[1] < 0.999 && (at(6, 5)[1] - 1.0).abs() < 1e-6);
-        assert!(at(4, 1)[1] == 0.0 && at(1, 5)[1] == 0.0);
     }
 }

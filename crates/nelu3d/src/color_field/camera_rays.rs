@@ -18,7 +18,7 @@ pub struct CameraRays {
     /// Per pixel, the axes of the code that are known all over its range.
     pub known: Vec<KnownAxes>,
     /// The color field's coordinates.
-    frame: FieldFrame,
+    pub frame: FieldFrame,
 }
 
 impl CameraRays {
@@ -71,22 +71,6 @@ impl CameraRays {
             .unzip();
         let focal_px = (0.5 * (camera.fx + camera.fy)) as f32 / f as f32;
         Self { focal_px, plane, range, known, frame: field.frame }
-    }
-
-    /// Makes the rays of a camera without a field.
-    #[cfg(test)]
-    pub(crate) fn for_test(focal_px: f32, plane: Vec<[f32; 2]>) -> Self {
-        let right = nalgebra::Vector3::x();
-        let frame = FieldFrame::around(nalgebra::Point3::origin(), nalgebra::Point3::new(0.0, 0.0, 500.0), right);
-        let n = plane.len();
-        Self { focal_px, range: vec![[0.0, 1e9]; n], known: vec![KnownAxes::ALL; n], plane, frame }
-    }
-
-    /// Makes the rays of a field without a camera.
-    #[cfg(test)]
-    pub(crate) fn of_field(focal_px: f32, plane: Vec<[f32; 2]>, range: Vec<[f32; 2]>, frame: FieldFrame) -> Self {
-        let known = vec![KnownAxes::ALL; plane.len()];
-        Self { focal_px, plane, range, known, frame }
     }
 
     /// Returns the z component of pixel `i`'s unit ray: depth = t · z.

@@ -11,7 +11,7 @@ use crate::sensor::{CrosstalkMatrix, DarkLevel, NoiseModel};
 
 /// Least standard deviation of a color field's own error, normalized intensity: interreflection, nonlinearity of the
 /// sensor and the like never vanish.
-pub(crate) const LEAST_MODEL_SIGMA: f32 = 0.005;
+pub const LEAST_MODEL_SIGMA: f32 = 0.005;
 
 /// Metadata of a color field, stored with it: what it was made from, and how good it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

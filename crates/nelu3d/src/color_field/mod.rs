@@ -29,7 +29,6 @@ pub use camera_rays::CameraRays;
 pub use compatibility::{FieldMismatch, camera_key, check_field, check_mono};
 pub use depth_noise::{DepthNoise, SupportedDepthNoise};
 pub use field::{ColorField, Form};
-pub(crate) use metadata::LEAST_MODEL_SIGMA;
-pub use metadata::{BoardPlace, FieldMetadata, PixelQuality, ProjectorResidual, Quality};
+pub use metadata::{BoardPlace, FieldMetadata, LEAST_MODEL_SIGMA, PixelQuality, ProjectorResidual, Quality};
 pub use motion::LightMotion;
 pub use spline_evaluator::SplineEvaluator;

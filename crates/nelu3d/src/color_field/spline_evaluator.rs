@@ -23,7 +23,7 @@ impl<'a> SplineEvaluator<'a> {
     }
 
     /// Returns the spline itself.
-    pub(crate) fn lattice(&self) -> Lattice<'a> {
+    pub fn lattice(&self) -> Lattice<'a> {
         self.spline.lattice()
     }
 

@@ -52,7 +52,7 @@ pub(super) fn read_patterns(
 }
 
 /// Returns a pattern's single row or column, of which all others are copies; the pattern itself where they are not.
-fn reduced(pattern: Image) -> Image {
+pub fn reduced(pattern: Image) -> Image {
     let w = pattern.width;
     if pattern.data.chunks_exact(w).all(|row| row == &pattern.data[..w]) {
         return Image { height: 1, data: pattern.data[..w].to_vec(), ..pattern };
@@ -112,23 +112,4 @@ pub(super) fn depth_range(
     }
     let z = crossing_depth(&rig.camera, projector);
     Ok([0.6 * z, 1.6 * z])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn patterns_along_one_axis_are_reduced_and_others_are_not() {
-        let make = |f: fn(usize, usize) -> f32| Image {
-            width: 6,
-            height: 4,
-            channels: 1,
-            data: (0..24).map(|i| f(i % 6, i / 6)).collect(),
-        };
-        let (across, down, both) = (make(|x, _| x as f32), make(|_, y| y as f32), make(|x, y| (x * y) as f32));
-        assert_eq!(reduced(across).data, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
-        assert_eq!(reduced(down).data, [0.0, 1.0, 2.0, 3.0]);
-        assert_eq!(reduced(both.clone()), both);
-    }
 }

@@ -5,10 +5,12 @@
 //! with what is known, compare the captures with the patterns where they were found to come from, and repeat.
 
 mod geometry;
-mod inputs;
+#[doc(hidden)]
+pub mod inputs;
 mod options;
 mod render;
-mod response;
+#[doc(hidden)]
+pub mod response;
 
 use nelu3d_scan::rig::{Capture, PatternSet};
 use nelu3d_scan::statistics::median;

@@ -10,15 +10,15 @@ use crate::reconstruct::Codeword;
 
 /// The normalized intensity of a projected value v in `[0, 1]`: v^gamma, blurred, then `offset + scale · v^gamma`.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
-pub(super) struct Response {
+pub struct Response {
     /// Standard deviation of the blur, projector px.
-    pub(super) blur_px: f32,
+    pub blur_px: f32,
     /// Normalized intensity of a dark projector pixel.
-    pub(super) offset: f32,
+    pub offset: f32,
     /// Normalized intensity that a bright projector pixel adds to it.
-    pub(super) scale: f32,
+    pub scale: f32,
     /// Exponent of the projected value.
-    pub(super) gamma: f32,
+    pub gamma: f32,
 }
 
 /// Blurs that the coarse search tries, projector px.
@@ -29,7 +29,7 @@ const GAMMAS: [f32; 5] = [0.8, 1.0, 1.3, 1.8, 2.2];
 const MAX_CODEWORDS: usize = 20_000;
 
 /// Returns the light of a projected pattern before offset and scale: v^gamma, blurred.
-pub(super) fn projected(pattern: &Image, blur_px: f32, gamma: f32) -> Image {
+pub fn projected(pattern: &Image, blur_px: f32, gamma: f32) -> Image {
     gaussian_blur(&raised(pattern, gamma), blur_px)
 }
 
@@ -40,7 +40,7 @@ fn raised(pattern: &Image, gamma: f32) -> Image {
 
 /// Returns whether an exponent changes more of the patterns than offset and scale do, which is so unless they are made
 /// of two values.
-pub(super) fn exponent_matters(patterns: &[Image]) -> bool {
+pub fn exponent_matters(patterns: &[Image]) -> bool {
     let values = patterns.iter().flat_map(|p| &p.data);
     let (low, high) = values.clone().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
     let tolerance = 0.01 * (high - low);
@@ -48,14 +48,14 @@ pub(super) fn exponent_matters(patterns: &[Image]) -> bool {
 }
 
 /// Returns the value of an image of one channel at a point between its pixels.
-pub(super) fn value_at(image: &Image, point: [f64; 2]) -> f32 {
+pub fn value_at(image: &Image, point: [f64; 2]) -> f32 {
     bilinear(&image.data, [image.width, image.height], point)
 }
 
 /// Fits blur and response to decoded codewords: for every blur and exponent the best affine map, over a coarse and then
 /// a fine search. Returns them with the median absolute residual, normalized intensity. The exponent stays 1 where it
 /// does not matter (see [`exponent_matters`]).
-pub(super) fn fit_response(patterns: &[Image], projector: &Projector, codewords: &[Codeword]) -> (Response, f64) {
+pub fn fit_response(patterns: &[Image], projector: &Projector, codewords: &[Codeword]) -> (Response, f64) {
     let step = (codewords.len() / MAX_CODEWORDS).max(1);
     let samples: Vec<([f64; 2], &[f32])> = codewords
         .iter()
@@ -128,77 +128,5 @@ impl AffineFit {
             pairs.iter().map(|(v, l)| (f64::from(*l) - offset - scale * f64::from(*v)).abs()).collect();
         let residual = median(&mut residuals).expect("codewords have usable channels");
         Self { residual, offset: offset as f32, scale: scale as f32 }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use nelu3d_scan::Camera;
-
-    use super::*;
-
-    /// Codewords measured through a known blur and response give them back.
-    #[test]
-    fn finds_blur_and_response() {
-        let (w, h) = (400, 60);
-        let mut data = vec![0.0f32; w * h];
-        let mut state = 7u32;
-        for x in 0..w {
-            if x % 5 == 0 {
-                state = state.wrapping_mul(1664525).wrapping_add(1013904223);
-            }
-            for y in 0..h {
-                data[y * w + x] = (state >> 8) as f32 / (1 << 24) as f32;
-            }
-        }
-        let pattern = Image { width: w, height: h, channels: 1, data };
-        let projector = Projector {
-            optics: Camera::pinhole(w, h, 500.0, 500.0, 200.0, 30.0),
-            proj_from_cam: nalgebra::Isometry3::translation(-100.0, 0.0, 0.0),
-        };
-        let expected = Response { blur_px: 1.7, offset: 0.03, scale: 0.9, gamma: 1.3 };
-        let image = projected(&pattern, expected.blur_px, expected.gamma);
-        let codewords: Vec<Codeword> = (0..4000)
-            .map(|i| {
-                let point = [100.0 + f64::from(i % 200 - 100) * 2.3, f64::from(i / 200 - 10) * 2.0, 650.0];
-                let px = projector.project(&Point3::from(point)).unwrap();
-                Codeword {
-                    point,
-                    intensities: vec![expected.offset + expected.scale * value_at(&image, px)],
-                    variance: 0.0,
-                }
-            })
-            .collect();
-        let (found, residual) = fit_response(&[pattern], &projector, &codewords);
-        assert!(residual < 0.005, "{residual}");
-        let near = |a: f32, b: f32, tolerance: f32| (a - b).abs() < tolerance;
-        assert!(near(found.blur_px, expected.blur_px, 0.25) && near(found.gamma, expected.gamma, 0.15), "{found:?}");
-    }
-
-    /// Patterns of two values look the same whatever the exponent, which stays 1; gray ones do not.
-    #[test]
-    fn the_exponent_matters_to_gray_patterns_alone() {
-        let stripes = |values: &[f32]| Image {
-            width: 240,
-            height: 1,
-            channels: 1,
-            data: (0..240).map(|x| values[x / 6 % values.len()]).collect(),
-        };
-        let (binary, gray) = (stripes(&[0.1, 0.9]), stripes(&[0.1, 0.5, 0.9]));
-        assert!(!exponent_matters(std::slice::from_ref(&binary)) && exponent_matters(&[gray]));
-        let projector = Projector {
-            optics: Camera::pinhole(240, 60, 500.0, 500.0, 120.0, 30.0),
-            proj_from_cam: nalgebra::Isometry3::identity(),
-        };
-        let image = projected(&binary, 1.7, 1.0);
-        let codewords: Vec<Codeword> = (0..2000)
-            .map(|i| {
-                let point = [f64::from(i % 200 - 100) * 0.7, f64::from(i / 200), 650.0];
-                let px = projector.project(&Point3::from(point)).unwrap();
-                Codeword { point, intensities: vec![0.05 + 0.8 * value_at(&image, px)], variance: 0.0 }
-            })
-            .collect();
-        let (found, residual) = fit_response(&[binary], &projector, &codewords);
-        assert!(residual < 0.005 && found.gamma == 1.0 && (found.blur_px - 1.7).abs() < 0.25, "{found:?} {residual}");
     }
 }

@@ -13,13 +13,13 @@ use crate::progress::Progress;
 use crate::sensor::Measurements;
 
 /// A decoded surface point and the codeword that its pixel measured.
-pub(crate) struct Codeword {
+pub struct Codeword {
     /// Camera-frame point, mm.
-    pub(crate) point: [f64; 3],
+    pub point: [f64; 3],
     /// The k normalized intensities; NaN where a channel is unusable.
-    pub(crate) intensities: Vec<f32>,
+    pub intensities: Vec<f32>,
     /// Mean variance that noise gives them, normalized intensity squared.
-    pub(crate) variance: f32,
+    pub variance: f32,
 }
 
 /// Largest number of pixels that are decoded: a sample is enough.

@@ -16,7 +16,7 @@ pub struct LightFractionPrior {
 impl LightFractionPrior {
     /// Returns one over the prior variances of the two fractions: ambient light (codeword 1) and interreflection (the
     /// codeword of the surroundings). With a black image of the scene there is no ambient light left.
-    pub(crate) fn weights(&self, m: &Measurements) -> [f32; 2] {
+    pub fn weights(&self, m: &Measurements) -> [f32; 2] {
         let ambient = if m.has_black { 1e12 } else { 1.0 / (self.sigma_ambient * self.sigma_ambient) };
         [ambient, 1.0 / (self.sigma_indirect * self.sigma_indirect)]
     }

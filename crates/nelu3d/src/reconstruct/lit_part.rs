@@ -20,13 +20,13 @@ const WORTH_IT: f64 = 0.8;
 
 /// A rectangle of an image's pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct LitPart {
+pub struct LitPart {
     /// First column and row of the rectangle in the image, px.
-    pub(crate) origin: [usize; 2],
+    pub origin: [usize; 2],
     /// Width and height of the rectangle, px.
-    pub(crate) size: [usize; 2],
+    pub size: [usize; 2],
     /// Width and height of the image, px.
-    pub(crate) image: [usize; 2],
+    pub image: [usize; 2],
 }
 
 impl LitPart {
@@ -38,7 +38,7 @@ impl LitPart {
 
     /// Returns the part of a capture outside of which every pixel is underexposed, but for single ones. It is the whole
     /// image where nothing is lit, or nearly all.
-    pub(crate) fn of(capture: &Capture, noise: &NoiseModel, dark: &[DarkLevel]) -> Self {
+    pub fn of(capture: &Capture, noise: &NoiseModel, dark: &[DarkLevel]) -> Self {
         let white = &capture.white;
         Self::around(white.width, white.height, |i: usize| {
             (0..white.channels).any(|c| {
@@ -88,19 +88,20 @@ impl LitPart {
         self.size[0] * self.size[1]
     }
 
-    fn is_whole(&self) -> bool {
+    /// Returns whether this part is the whole picture.
+    pub fn is_whole(&self) -> bool {
         self.size == self.image
     }
 
     /// Returns this part of a camera's picture, as a camera's.
-    pub(crate) fn camera(&self, camera: &Camera) -> Camera {
+    pub fn camera(&self, camera: &Camera) -> Camera {
         let [x, y] = self.origin.map(|v| v as f64);
         let [width, height] = self.size;
         Camera { width, height, cx: camera.cx - x, cy: camera.cy - y, ..camera.clone() }
     }
 
     /// Returns this part of a capture and, unless it is all of it, the white image of the whole.
-    pub(crate) fn of_capture<'a>(&self, capture: Cow<'a, Capture>) -> (Cow<'a, Capture>, Option<Cow<'a, Image>>) {
+    pub fn of_capture<'a>(&self, capture: Cow<'a, Capture>) -> (Cow<'a, Capture>, Option<Cow<'a, Image>>) {
         if self.is_whole() {
             return (capture, None);
         }
@@ -127,7 +128,7 @@ impl LitPart {
     }
 
     /// Returns a map of the image from one of this part, with `outside` everywhere else.
-    pub(crate) fn paste<T: Copy>(&self, part: Vec<T>, outside: T) -> Vec<T> {
+    pub fn paste<T: Copy>(&self, part: Vec<T>, outside: T) -> Vec<T> {
         if self.is_whole() {
             return part;
         }
@@ -162,53 +163,5 @@ pub(crate) fn white_of(capture: Cow<'_, Capture>) -> Cow<'_, Image> {
     match capture {
         Cow::Borrowed(capture) => Cow::Borrowed(&capture.white),
         Cow::Owned(capture) => Cow::Owned(capture.white),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const NOISE: NoiseModel = NoiseModel { read: 1e-6, gain: 1e-5 };
-
-    /// A square of light of 40 × 20 px at (100, 60), and a hot pixel far from it.
-    fn capture() -> Capture {
-        let mut white = Image::new(320, 240, 1);
-        for (x, y) in (60..80).flat_map(|y| (100..140).map(move |x| (x, y))) {
-            white.data[y * 320 + x] = 0.5;
-        }
-        white.data[200 * 320 + 300] = 0.9;
-        let black = Image::new(320, 240, 1);
-        Capture { patterns: vec![white.clone(); 3], white, black: Some(black), mono: vec![false; 3] }
-    }
-
-    #[test]
-    fn what_is_lit_is_cut_out_and_put_back() {
-        let capture = capture();
-        let part = LitPart::of(&capture, &NOISE, &[]);
-        // Whole squares of pixels, and a margin.
-        assert_eq!((part.origin, part.size, part.image), ([80, 32], [80, 64], [320, 240]));
-        let (cut, white) = part.of_capture(Cow::Borrowed(&capture));
-        assert_eq!(white.as_deref(), Some(&capture.white));
-        assert_eq!([cut.white.width, cut.white.height], part.size);
-        assert_eq!(cut.white.data.iter().filter(|v| **v > 0.0).count(), 800);
-        let back = part.paste(cut.white.data.clone(), 0.0);
-        let differ = back.iter().zip(&capture.white.data).filter(|(a, b)| a != b).count();
-        assert_eq!(differ, 1, "but for the hot pixel");
-
-        // A point is seen at the same place.
-        let camera = Camera::pinhole(320, 240, 300.0, 310.0, 160.0, 118.0);
-        let at = nalgebra::Point3::new(-0.1, -0.15, 1.0);
-        let (whole, of_part) = (camera.project(&at).unwrap(), part.camera(&camera).project(&at).unwrap());
-        assert!((whole[0] - of_part[0] - 80.0).abs() < 1e-9 && (whole[1] - of_part[1] - 32.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn nothing_is_cut_where_all_or_nothing_is_lit() {
-        let mut capture = capture();
-        capture.white.data.fill(0.0);
-        assert!(LitPart::of(&capture, &NOISE, &[]).is_whole());
-        capture.white.data.fill(0.6);
-        assert!(LitPart::of(&capture, &NOISE, &[]).is_whole());
     }
 }

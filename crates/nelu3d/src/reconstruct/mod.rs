@@ -6,14 +6,18 @@
 
 mod codewords;
 mod context;
-mod cost_volume;
+#[doc(hidden)]
+pub mod cost_volume;
 mod demand;
 mod diagnostics;
 mod effort;
 mod error;
-mod filter;
-mod initialize;
-mod judge;
+#[doc(hidden)]
+pub mod filter;
+#[doc(hidden)]
+pub mod initialize;
+#[doc(hidden)]
+pub mod judge;
 mod light_fractions;
 mod lit_part;
 mod maps;
@@ -22,7 +26,8 @@ mod observer;
 mod options;
 mod pixel_beside;
 mod previous;
-mod refine;
+#[doc(hidden)]
+pub mod refine;
 mod scene;
 mod settings;
 
@@ -37,7 +42,8 @@ use crate::drift::check_capture;
 use crate::progress::{Progress, StageTime};
 use crate::surface::{PixelStatus, Surface, SurfaceMaps, assemble};
 use crate::verdict::Judgment;
-pub(crate) use codewords::{Codeword, decode_codewords};
+pub use codewords::Codeword;
+pub(crate) use codewords::decode_codewords;
 pub use context::Context;
 pub use cost_volume::CostVolumeSettings;
 pub use diagnostics::{Diagnostics, FieldOrigin, RecipeDiagnostics};
@@ -50,7 +56,7 @@ pub use initialize::{CrosstalkSettings, PropagationSettings};
 use initialize::{Initial, initialize};
 use judge::judge;
 pub use light_fractions::LightFractionPrior;
-pub(crate) use lit_part::LitPart;
+pub use lit_part::LitPart;
 pub(crate) use maps::interpolate_within;
 pub use observer::{Observer, Stage};
 pub use options::{CrosstalkMode, Recipe, ReconstructionOptions};

@@ -1,6 +1,7 @@
 //! Result folders: writing and reading. JSON of results is made here and nowhere else.
 
-mod extra;
+#[doc(hidden)]
+pub mod extra;
 pub mod picture;
 mod read;
 mod summary;

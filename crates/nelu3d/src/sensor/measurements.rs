@@ -103,26 +103,6 @@ impl Measurements {
         out
     }
 
-    /// Makes perfect measurements of mid gray under full light, one color channel.
-    #[cfg(test)]
-    pub(crate) fn for_test(width: usize, height: usize, k: usize) -> Self {
-        let n = width * height;
-        Self {
-            width,
-            height,
-            image: [width, height],
-            k,
-            independent: k as f32,
-            p: vec![0.5; n * k],
-            inv_var: vec![1e4; n * k],
-            surround: vec![0.5; n * k],
-            status: vec![PixelStatus::Valid; n],
-            contrast: vec![1.0; n],
-            light: vec![1.0; n],
-            has_black: true,
-        }
-    }
-
     /// Returns the mean codeword around every pixel, weighted by contrast.
     pub(super) fn surroundings(&self) -> Vec<f32> {
         let (n, k) = (self.n(), self.k);

@@ -18,7 +18,7 @@ pub(super) const MIN_LIGHT: f32 = 0.02;
 const TREND_RADIUS: usize = 1;
 
 /// The brightness of a white image's points over time, from three white images.
-pub(super) struct Brightness {
+pub struct Brightness {
     /// Brightness at the image's own time, with less noise.
     pub(super) now: Image,
     /// Change of brightness per frame.

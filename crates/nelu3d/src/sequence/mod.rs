@@ -6,18 +6,22 @@
 //! and on nothing else: a stretch has the same result whether it is computed alone, in one go, or with interruptions.
 
 mod brightness;
-mod flow;
+#[doc(hidden)]
+pub mod flow;
 mod frame;
 mod motion;
 mod neighbors;
 mod options;
 mod pattern_time;
 mod plan;
-mod pyramid;
+#[doc(hidden)]
+pub mod pyramid;
 mod resample;
 mod state;
-mod vector_map;
-mod white_blend;
+#[doc(hidden)]
+pub mod vector_map;
+#[doc(hidden)]
+pub mod white_blend;
 
 pub use frame::{FrameInput, FrameReconstruction, reconstruct_frame};
 pub use motion::Motion;

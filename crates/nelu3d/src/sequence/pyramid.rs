@@ -8,7 +8,7 @@ const MAX_PIXELS: usize = 20_000;
 const MIN_SIDE: usize = 20;
 
 /// An image at ever smaller scales, without those at which no motion is looked for.
-pub(super) struct Pyramid {
+pub struct Pyramid {
     /// Width and height of the image, px.
     size: [usize; 2],
     /// The scales, each half of the one before it.
@@ -21,7 +21,7 @@ impl Pyramid {
     /// # Panics
     ///
     /// If there are no channels, or one has another size.
-    pub(super) fn new(channels: Vec<Vec<f32>>, width: usize, height: usize) -> Self {
+    pub fn new(channels: Vec<Vec<f32>>, width: usize, height: usize) -> Self {
         assert!(!channels.is_empty() && channels.iter().all(|v| v.len() == width * height), "channels of one size");
         let size = [width, height];
         let mut level = Level { size, channels };

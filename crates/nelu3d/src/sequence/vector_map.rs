@@ -2,20 +2,20 @@
 
 /// A map of vectors of `N` values over an image, at `size` points of it.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct VectorMap<const N: usize> {
+pub struct VectorMap<const N: usize> {
     /// Number of points across and down.
-    pub(super) size: [usize; 2],
+    pub size: [usize; 2],
     /// Pixels of the image from one point to the next, along x and y.
-    pub(super) spacing: [f32; 2],
+    pub spacing: [f32; 2],
     /// The vector at each point, row by row.
-    pub(super) values: Vec<[f32; N]>,
+    pub values: Vec<[f32; N]>,
 }
 
 impl<const N: usize> VectorMap<N> {
     /// Returns the vector at a place of the image, px, interpolated bilinearly; outside of the image that at its
     /// border.
     #[inline]
-    pub(super) fn at(&self, place: [f32; 2]) -> [f32; N] {
+    pub fn at(&self, place: [f32; 2]) -> [f32; N] {
         let [w, h] = self.size;
         // The center of the first point's pixels.
         let index = |v: f32, spacing: f32, n: usize| ((v + 0.5) / spacing - 0.5).clamp(0.0, n as f32 - 1.0);
@@ -31,28 +31,8 @@ impl<const N: usize> VectorMap<N> {
     }
 
     /// Returns the place in the image of point `i`, px.
-    pub(super) fn place(&self, i: usize) -> [f32; 2] {
+    pub fn place(&self, i: usize) -> [f32; 2] {
         let [x, y] = [i % self.size[0], i / self.size[0]];
         [(x as f32 + 0.5) * self.spacing[0] - 0.5, (y as f32 + 0.5) * self.spacing[1] - 0.5]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_plane_is_interpolated_exactly_and_its_border_goes_on() {
-        let mut map = VectorMap { size: [4, 3], spacing: [2.0, 4.0], values: vec![[0.0; 2]; 12] };
-        for i in 0..12 {
-            let [x, y] = map.place(i);
-            map.values[i] = [x + 10.0 * y, -y];
-        }
-        for (place, expected) in
-            [([1.5, 4.25], [44.0, -4.25]), ([6.5, 9.5], [101.5, -9.5]), ([-3.0, 1.5], [15.5, -1.5])]
-        {
-            let found = map.at(place);
-            assert!((0..2).all(|c| (found[c] - expected[c]).abs() < 1e-4), "{place:?}: {found:?}");
-        }
     }
 }

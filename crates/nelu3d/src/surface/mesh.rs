@@ -11,12 +11,7 @@ fn point(dirs: &[[f32; 2]], i: usize, z: f32) -> [f32; 3] {
 }
 
 /// Returns unit normals that face the camera, from the points of linked neighbors; NaN where there are too few.
-pub(super) fn normals_from_links(
-    depth: &[f32],
-    links: &Links,
-    undistorted: &[[f32; 2]],
-    width: usize,
-) -> Vec<[f32; 3]> {
+pub fn normals_from_links(depth: &[f32], links: &Links, undistorted: &[[f32; 2]], width: usize) -> Vec<[f32; 3]> {
     let n = depth.len();
     let sub = |a: [f32; 3], b: [f32; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     (0..n)
@@ -48,7 +43,7 @@ pub(super) fn normals_from_links(
 }
 
 /// Returns the triangles between linked pixels: one sheet, open at its border and at depth jumps.
-pub(super) fn triangulate(
+pub fn triangulate(
     depth: &[f32],
     normals: &[[f32; 3]],
     links: &Links,
@@ -106,45 +101,4 @@ pub(super) fn triangulate(
     }
     out.faces = faces.into_iter().map(|f| f.map(|i| index[i])).collect();
     out
-}
-
-#[cfg(test)]
-mod tests {
-    use nelu3d_scan::Camera;
-
-    use super::*;
-
-    fn scene(depth: impl Fn(f32, f32) -> f32) -> (Vec<f32>, Camera, Vec<[f32; 2]>) {
-        let camera = Camera::pinhole(60, 40, 500.0, 500.0, 30.0, 20.0);
-        let und: Vec<[f32; 2]> =
-            (0..2400).map(|i| [(i % 60) as f32 / 500.0 - 0.06, (i / 60) as f32 / 500.0 - 0.04]).collect();
-        let d = und.iter().map(|u| depth(u[0], u[1])).collect();
-        (d, camera, und)
-    }
-
-    #[test]
-    fn a_tilted_plane_is_one_sheet_with_its_normal() {
-        // z = 700 + 2 x  =>  z = 700 / (1 - 2 u): 63 degrees.
-        let (d, camera, und) = scene(|u, _| 700.0 / (1.0 - 2.0 * u));
-        let links = Links::new(&d, &camera, 3.0);
-        let n = normals_from_links(&d, &links, &und, 60);
-        let expect = [2.0 / 5f32.sqrt(), 0.0, -1.0 / 5f32.sqrt()];
-        assert!(n.iter().all(|n| (0..3).all(|c| (n[c] - expect[c]).abs() < 1e-3)), "{:?}", n[70]);
-        let m = triangulate(&d, &n, &links, &und, &Image::new(60, 40, 1));
-        assert_eq!((m.vertices.len(), m.faces.len()), (2400, 2 * 59 * 39));
-        // Counter-clockwise seen from the camera: the geometric normal faces it too.
-        let [a, b, c] = m.faces[0].map(|i| m.vertices[i as usize]);
-        let (u, v): (Vec<f32>, Vec<f32>) = (0..3).map(|i| (b[i] - a[i], c[i] - a[i])).unzip();
-        assert!(u[0] * v[1] - u[1] * v[0] < 0.0, "winding");
-    }
-
-    #[test]
-    fn a_step_is_cut() {
-        let (d, camera, und) = scene(|u, _| if u < 0.0 { 650.0 } else { 700.0 });
-        let links = Links::new(&d, &camera, 3.0);
-        let sizes = links.component_sizes(&d, 60);
-        assert_eq!((sizes[0], sizes[59]), (30 * 40, 30 * 40));
-        let n = normals_from_links(&d, &links, &und, 60);
-        assert!(n.iter().all(|n| n[2] < -0.999));
-    }
 }

@@ -4,7 +4,8 @@
 
 mod assemble;
 mod links;
-mod mesh;
+#[doc(hidden)]
+pub mod mesh;
 mod pixel_status;
 mod types;
 

@@ -15,7 +15,7 @@ const MIN_DEPTH: f64 = 3e-4;
 const MAX_RMS_PX: f64 = 0.7;
 
 /// Judges the misfit of the corners of boards about `depth_mm` away.
-pub(super) fn judge(misfit: Option<&SharedMisfit>, depth_mm: f64) -> Option<Finding> {
+pub fn judge(misfit: Option<&SharedMisfit>, depth_mm: f64) -> Option<Finding> {
     let misfit = misfit?;
     tracing::debug!(?misfit, "corners");
     let is_cause = |e: &Explanation| e.share >= MIN_SHARE && e.f >= MIN_F && e.depth_mm >= MIN_DEPTH * depth_mm;
@@ -59,26 +59,4 @@ pub(super) fn judge(misfit: Option<&SharedMisfit>, depth_mm: f64) -> Option<Find
             .with("amount", best.amount)
             .with("f", best.f),
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn misfit(rms_px: f64, share: f64, f: f64, depth_mm: f64) -> SharedMisfit {
-        let cause = SharedCause::Bend;
-        let causes = vec![Explanation { cause, share, f, bic: 0.0, depth_mm, amount: 1.0 }];
-        SharedMisfit { rms_px, rms_explained_px: rms_px, focal_sigma: 0.1, causes }
-    }
-
-    #[test]
-    fn a_cause_has_to_explain_much_for_sure_and_to_matter() {
-        let code = |m: SharedMisfit| judge(Some(&m), 700.0).map(|f| f.code);
-        assert_eq!(code(misfit(0.1, 0.6, 200.0, 0.5)), Some(Code::BoardBent));
-        assert_eq!(code(misfit(0.1, 0.1, 200.0, 0.5)), None);
-        assert_eq!(code(misfit(0.1, 0.6, 5.0, 0.5)), None);
-        assert_eq!(code(misfit(0.1, 0.6, 200.0, 0.05)), None);
-        assert_eq!(code(misfit(2.0, 0.1, 5.0, 0.05)), Some(Code::CornersMisfit));
-        assert!(judge(None, 700.0).is_none());
-    }
 }

@@ -3,15 +3,23 @@
 //! Each file looks at one kind of evidence and returns findings. Limits are multiples of measured noise wherever there
 //! is one, and far from what good rigs show; "bad" is kept for sweeps that cannot hold a field at all.
 
-mod corners;
-mod field;
-mod positions;
-mod repeated;
-mod repeats;
-mod response;
-mod scale;
+#[doc(hidden)]
+pub mod corners;
+#[doc(hidden)]
+pub mod field;
+#[doc(hidden)]
+pub mod positions;
+#[doc(hidden)]
+pub mod repeated;
+#[doc(hidden)]
+pub mod repeats;
+#[doc(hidden)]
+pub mod response;
+#[doc(hidden)]
+pub mod scale;
 mod spread;
-mod wanted;
+#[doc(hidden)]
+pub mod wanted;
 
 use nelu3d_scan::pose::Steps;
 use rayon::prelude::*;
@@ -85,7 +93,7 @@ fn compare(field: &ColorField, placed: &PlacedSweep<'_>) -> Vec<(PositionSums, I
 }
 
 /// Notes the positions of which much is not used.
-fn parts_left_out(excluded: &[(String, f64)]) -> impl Iterator<Item = Finding> {
+pub fn parts_left_out(excluded: &[(String, f64)]) -> impl Iterator<Item = Finding> {
     /// Fraction of a position's image that is worth a note if it is not used.
     const MUCH: f64 = 0.1;
     excluded.iter().filter(|(_, share)| *share > MUCH).map(|(name, share)| {
@@ -105,7 +113,7 @@ fn captures(facts: &SweepFacts) -> impl Iterator<Item = Finding> {
 }
 
 /// Judges how much of the lit part of the sweep is clipped.
-fn clipped(share: f64) -> Option<Finding> {
+pub fn clipped(share: f64) -> Option<Finding> {
     /// Fraction of the lit pixels, most of which are paper, that good exposures stay far below.
     const MAX_CLIPPED: f64 = 0.2;
     (share > MAX_CLIPPED).then(|| {
@@ -116,7 +124,7 @@ fn clipped(share: f64) -> Option<Finding> {
 }
 
 /// Judges traces of lossy compression.
-fn compressed(blocks: &BlockDetector) -> Option<Finding> {
+pub fn compressed(blocks: &BlockDetector) -> Option<Finding> {
     /// Excess of steps between blocks of 8 pixels over those within.
     const MAX_EXCESS: f64 = 1.25;
     let excess = blocks.excess();
@@ -128,19 +136,4 @@ fn compressed(blocks: &BlockDetector) -> Option<Finding> {
         let remedy = "take raw or losslessly compressed images: what compression removed does not come back";
         Finding::new(Code::LossyCompression, Verdict::Doubtful, sentence, remedy).with("block_step_excess", excess)
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn little_left_out_is_not_worth_a_word() {
-        let excluded = [("000".into(), 0.05), ("001".into(), 0.3)];
-        let notes: Vec<Finding> = parts_left_out(&excluded).collect();
-        assert_eq!(notes.len(), 1);
-        assert!(notes[0].verdict == Verdict::Good && notes[0].sentence.contains("30 % of board position 001"));
-        assert!(clipped(0.1).is_none() && clipped(0.5).is_some());
-        assert!(compressed(&BlockDetector::default()).is_none());
-    }
 }

@@ -28,18 +28,19 @@ const MIN_EXCESS: f64 = 0.015;
 const EXPLAINS: f64 = 0.5;
 
 /// Sums over the well-lit samples of one position: measured codewords v against the field's c.
-pub(super) struct PositionSums {
+pub struct PositionSums {
     /// Index of the position.
-    p: usize,
-    n: usize,
+    pub p: usize,
+    /// Number of samples.
+    pub n: usize,
     /// Σ (v − c)² over samples and channels.
-    error: f64,
+    pub error: f64,
     /// Per channel: Σ c, Σ v, Σ c², Σ v², Σ (v − c)².
-    channels: Vec<[f64; 5]>,
+    pub channels: Vec<[f64; 5]>,
     /// With residuals r = v − c: Σ r_i r_j, Σ r_i v_j, Σ v_i v_j, row by row.
-    cross: [Vec<f64>; 3],
+    pub cross: [Vec<f64>; 3],
     /// Normal equations of a shift by one pixel across, one down, and 1 mm along the ray.
-    shift: (Matrix3<f64>, Vector3<f64>),
+    pub shift: (Matrix3<f64>, Vector3<f64>),
 }
 
 /// Judges positions against the field of all; `names` are theirs, and `images` those of a position.
@@ -65,12 +66,12 @@ pub(super) fn judge(mut all: Vec<PositionSums>, names: &[&str], images: &[String
 }
 
 /// Median over the positions of their mean squared error.
-fn typical(all: &[PositionSums]) -> f64 {
+pub fn typical(all: &[PositionSums]) -> f64 {
     median(&mut all.iter().map(PositionSums::mean_square).collect::<Vec<_>>()).unwrap_or(0.0)
 }
 
 /// Indices of the positions whose error stands out among all.
-fn standing_out(all: &[PositionSums]) -> Vec<usize> {
+pub fn standing_out(all: &[PositionSums]) -> Vec<usize> {
     let errors: Vec<f64> = all.iter().map(PositionSums::mean_square).collect();
     tracing::debug!(?errors, "mean squared error of positions");
     let middle = typical(all);
@@ -84,7 +85,7 @@ fn standing_out(all: &[PositionSums]) -> Vec<usize> {
 
 /// Finds out whether single images were exposed differently from position to position, white or patterns (automatic
 /// exposure): the factors between measured and predicted intensities then scatter.
-fn exposure_scatter(all: &[PositionSums], images: &[String]) -> Option<Finding> {
+pub fn exposure_scatter(all: &[PositionSums], images: &[String]) -> Option<Finding> {
     /// Median deviation of a channel's factors from their median that no good sweep has.
     const MAX_SCATTER: f64 = 0.02;
     let k = all.first()?.channels.len();
@@ -144,7 +145,7 @@ impl PositionSums {
     }
 
     /// Adds a sample: measured, and predicted at its own point and at the three shifted ones.
-    fn add(&mut self, measured: &[f32], c: &[Vec<f32>; 4]) {
+    pub fn add(&mut self, measured: &[f32], c: &[Vec<f32>; 4]) {
         let k = measured.len();
         self.n += 1;
         for j in 0..k {
@@ -219,7 +220,7 @@ impl PositionSums {
     }
 
     /// Says what is wrong with a position whose error stands out against the others' `typical` one.
-    fn finding(&self, name: &str, images: &[String], typical: f64) -> Finding {
+    pub fn finding(&self, name: &str, images: &[String], typical: f64) -> Finding {
         let k = self.channels.len();
         let image = |j: usize| images.get(j * images.len() / k).map_or("a pattern", String::as_str);
         let usual = typical * (self.n * k) as f64;
@@ -278,83 +279,5 @@ impl PositionSums {
         }
         let sentence = format!("board position {name} does not fit the others");
         finding(Code::PositionDisagrees, sentence, again)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// What happens to a position's codeword, given the field's there and beside.
-    type Edit<'a> = dyn Fn(&mut [f32], &[Vec<f32>; 4]) + 'a;
-
-    /// Eight positions of three channels; position 5 is changed by `edit(v, c)`.
-    fn positions(edit: impl Fn(&mut [f32], &[Vec<f32>; 4])) -> Vec<PositionSums> {
-        let at = |x: f32| vec![0.5 + 0.5 * x.sin(), 0.5 + 0.5 * (2.3 * x).cos(), 0.5 + 0.4 * (0.7 * x + 1.0).sin()];
-        (0..8)
-            .map(|p| {
-                let mut s = PositionSums {
-                    p,
-                    n: 0,
-                    error: 0.0,
-                    channels: vec![[0.0; 5]; 3],
-                    cross: std::array::from_fn(|_| vec![0.0; 9]),
-                    shift: (Matrix3::zeros(), Vector3::zeros()),
-                };
-                for i in 0..2000 {
-                    let x = 0.05 * (i % 100) as f32 + 0.3 * (i / 100) as f32;
-                    let c = [at(x), at(x + 0.05), at(x + 0.01), at(x - 0.004)];
-                    let noise = |j: usize| 0.01 * (((i * 31 + j * 17 + p * 7) % 41) as f32 / 20.0 - 1.0);
-                    let mut v: Vec<f32> = (0..3).map(|j| c[0][j] + noise(j)).collect();
-                    if p == 5 {
-                        edit(&mut v, &c);
-                    }
-                    s.add(&v, &c);
-                }
-                s
-            })
-            .collect()
-    }
-
-    #[test]
-    fn a_wrong_position_stands_out_and_is_explained() {
-        let images = ["a.png".to_string(), "b.png".into(), "c.png".into()];
-        let found = |edit: &Edit<'_>| {
-            let all = positions(edit);
-            let out = standing_out(&all);
-            let typical = typical(&all);
-            out.iter().map(|i| (*i, all[*i].finding("005", &images, typical))).collect::<Vec<_>>()
-        };
-        assert!(found(&|_, _| {}).is_empty());
-        let cases: [(Code, &Edit<'_>); 5] = [
-            (Code::PatternsSwapped, &|v, _| v.swap(0, 1)),
-            (Code::ExposureJump, &|v, _| v.iter_mut().for_each(|v| *v /= 1.2)),
-            (Code::ExposureJump, &|v, _| v[2] *= 0.8),
-            (Code::PositionMoved, &|v, c| (0..3).for_each(|j| v[j] += 2.0 * (c[1][j] - c[0][j]))),
-            (Code::PositionDisagrees, &|v, c| (0..3).for_each(|j| v[j] = if c[0][0] > 0.5 { 0.1 } else { 0.3 })),
-        ];
-        for (code, edit) in cases {
-            let found = found(edit);
-            assert_eq!(found.len(), 1, "{code:?}");
-            assert_eq!((found[0].0, found[0].1.code), (5, code), "{}", found[0].1);
-        }
-        let white = found(&|v, _| v.iter_mut().for_each(|v| *v /= 1.2));
-        assert!(white[0].1.sentence.contains("white is 20 % brighter"), "{}", white[0].1);
-    }
-
-    #[test]
-    fn exposure_that_changes_everywhere_is_told() {
-        let mut all = positions(|_, _| {});
-        assert!(exposure_scatter(&all, &[]).is_none());
-        for (i, s) in all.iter_mut().enumerate() {
-            // The second pattern darker or brighter by 8 %.
-            let g = if i % 2 == 0 { 1.08 } else { 0.92 };
-            let [_, v, cc, vv, e] = &mut s.channels[1];
-            let both = 0.5 * (*cc + *vv - *e) * g;
-            (*v, *vv) = (*v * g, *vv * g * g);
-            *e = *cc + *vv - 2.0 * both;
-        }
-        let found = exposure_scatter(&all, &["a.png".into(), "b.png".into(), "c.png".into()]).unwrap();
-        assert!(found.code == Code::ExposureJump && found.sentence.contains("b.png"), "{found}");
     }
 }

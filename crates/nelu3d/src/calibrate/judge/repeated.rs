@@ -13,11 +13,11 @@ const VALUES: usize = 20_000;
 
 /// A hash of a position's images, equal where they are.
 #[derive(Clone, Default)]
-pub(in crate::calibrate) struct Fingerprint(DefaultHasher);
+pub struct Fingerprint(DefaultHasher);
 
 impl Fingerprint {
     /// Adds an image. Positions add theirs in the same order.
-    pub(in crate::calibrate) fn add(&mut self, image: &Image) {
+    pub fn add(&mut self, image: &Image) {
         for v in image.data.iter().step_by((image.data.len() / VALUES).max(1)) {
             self.0.write_u32(v.to_bits());
         }
@@ -25,7 +25,7 @@ impl Fingerprint {
 }
 
 /// Judges positions by their names and fingerprints.
-pub(super) fn judge<'a>(positions: impl Iterator<Item = (&'a str, &'a Fingerprint)>) -> Option<Finding> {
+pub fn judge<'a>(positions: impl Iterator<Item = (&'a str, &'a Fingerprint)>) -> Option<Finding> {
     let mut groups = BTreeMap::<u64, Vec<&str>>::new();
     for (name, f) in positions {
         groups.entry(f.0.finish()).or_default().push(name);
@@ -39,31 +39,4 @@ pub(super) fn judge<'a>(positions: impl Iterator<Item = (&'a str, &'a Fingerprin
     };
     let remedy = "take every position's images anew, and check that the camera delivers each frame once";
     Some(Finding::new(Code::PositionsRepeat, Verdict::Doubtful, sentence, remedy).with("positions", same))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn images_that_are_the_same_are_named() {
-        let image = |shade: f32| Image {
-            width: 500,
-            height: 400,
-            channels: 1,
-            data: (0..200_000).map(|i| shade + (i % 7) as f32).collect(),
-        };
-        let of = |shades: [f32; 2]| {
-            let mut f = Fingerprint::default();
-            shades.iter().for_each(|s| f.add(&image(*s)));
-            f
-        };
-        let [a, b, c] = [of([0.1, 0.2]), of([0.1, 0.3]), of([0.2, 0.1])];
-        let judge = |of: &[&Fingerprint]| judge(["000", "001", "002", "003"].into_iter().zip(of.iter().copied()));
-        assert!(judge(&[&a, &b, &c]).is_none());
-        let found = judge(&[&b, &a, &b, &c]).unwrap();
-        assert!(found.sentence.contains("000 and 002") && found.code == Code::PositionsRepeat, "{found}");
-        let found = judge(&[&a, &a, &a, &b]).unwrap();
-        assert!(found.sentence.contains("3 board positions"), "{found}");
-    }
 }

@@ -9,7 +9,7 @@ use crate::color_field::{CameraRays, ColorField};
 use crate::verdict::{Code, Finding, Verdict};
 
 /// Number of depths along a ray.
-const DEPTHS: usize = 96;
+pub const DEPTHS: usize = 96;
 /// Number of patches across the image.
 const ACROSS: usize = 20;
 /// Pixels of a patch, 3 × 3.
@@ -89,7 +89,7 @@ fn repeats(field: &ColorField, camera: &Camera) -> (f64, usize, f64) {
 }
 
 /// Two depths that look the same although what lies between does not.
-fn double(lit: &[bool; DEPTHS], difference: impl Fn(usize, usize) -> f64) -> Option<(usize, usize)> {
+pub fn double(lit: &[bool; DEPTHS], difference: impl Fn(usize, usize) -> f64) -> Option<(usize, usize)> {
     for a in (0..DEPTHS).filter(|a| lit[*a]) {
         let mut was_different = false;
         for b in (a + 1..DEPTHS).filter(|b| lit[*b]) {
@@ -101,23 +101,4 @@ fn double(lit: &[bool; DEPTHS], difference: impl Fn(usize, usize) -> f64) -> Opt
         }
     }
     None
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_double_lies_beyond_something_different() {
-        let all = [true; DEPTHS];
-        let wave = |period: f64| move |n: usize| (std::f64::consts::TAU * n as f64 / period).sin();
-        let difference = |f: Box<dyn Fn(usize) -> f64>| move |a: usize, b: usize| 100.0 * (f(a) - f(b)).powi(2);
-        assert!(double(&all, difference(Box::new(wave(30.0)))).is_some());
-        assert!(double(&all, difference(Box::new(|n| n as f64 / 20.0))).is_none());
-        // Nothing changes at all: no depth, but no double either.
-        assert!(double(&all, difference(Box::new(|_| 0.5))).is_none());
-        // The double is not lit.
-        let half: [bool; DEPTHS] = std::array::from_fn(|n| n < 12);
-        assert!(double(&half, difference(Box::new(wave(30.0)))).is_none());
-    }
 }

@@ -40,15 +40,17 @@ const REMEDY: &str = "take raw images, or linear ones: no gamma, no sRGB, no ton
 
 /// Deviations from the field at one position, of ink and of paper.
 #[derive(Clone, Default)]
-pub(super) struct InkSums {
-    ink: Deviations,
-    paper: Deviations,
+pub struct InkSums {
+    /// Deviations on the ink.
+    pub ink: Deviations,
+    /// Deviations on the paper.
+    pub paper: Deviations,
 }
 
 /// Normal equations of the deviation from the field: what glare adds to the darkest codewords and takes from the
 /// brightest, and the height of a bump.
 #[derive(Clone, Default)]
-struct Deviations {
+pub struct Deviations {
     n: usize,
     matrix: Matrix3<f64>,
     right: Vector3<f64>,
@@ -80,7 +82,7 @@ impl InkSums {
 
 impl Deviations {
     /// Adds a measured intensity v where the field has c.
-    fn add(&mut self, v: f32, c: f32, weight: f32) {
+    pub fn add(&mut self, v: f32, c: f32, weight: f32) {
         let (v, c, weight) = (f64::from(v), f64::from(c.clamp(0.0, 1.0)), f64::from(weight));
         // Curves differ most near black: the bump has its peak, 1, at a third.
         let of = Vector3::new(1.0 - c, -c, 6.75 * c * (1.0 - c) * (1.0 - c));
@@ -93,7 +95,7 @@ impl Deviations {
 /// Judges the bumps of all positions; where they tell nothing, whether noise falls with light (`growth`, bright over
 /// dark, of variances). A power of light bends ink's codewords as it bends paper's, but takes the noise of bright places
 /// away: where light is bent by a slope s(light), noise is multiplied by s.
-pub(super) fn judge(all: &[InkSums], growth: Option<f64>) -> Option<Finding> {
+pub fn judge(all: &[InkSums], growth: Option<f64>) -> Option<Finding> {
     of_ink(all).or_else(|| of_noise(growth?))
 }
 
@@ -163,56 +165,4 @@ fn height(matrix: &Matrix3<f64>, right: &Vector3<f64>) -> Option<(f64, f64)> {
         (x.x >= 0.0 && x.y >= 0.0).then(|| (x.dot(&r), (x.z, x.x + x.y)))
     };
     (0..4).filter_map(solve).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, found)| found)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Ink at eight positions that shows `shown(c)` where the field has c, with noise.
-    fn ink(shown: impl Fn(f32) -> f32) -> Vec<InkSums> {
-        ink_and_paper(shown, |c| c)
-    }
-
-    /// Ink and paper at eight positions that show `shown(c)` and `paper(c)` where the field has c, with noise.
-    fn ink_and_paper(shown: impl Fn(f32) -> f32, paper: impl Fn(f32) -> f32) -> Vec<InkSums> {
-        let position = |p: usize| {
-            let mut s = InkSums::default();
-            for i in 0..2000 {
-                let c = (i % 101) as f32 / 100.0;
-                let noise = 0.1 * (((i * 7919 + p * 104_729) % 1000) as f32 / 500.0 - 1.0);
-                s.ink.add(shown(c) + noise, c, 100.0);
-                s.paper.add(paper(c) + noise, c, 100.0);
-            }
-            s
-        };
-        (0..8).map(position).collect()
-    }
-
-    #[test]
-    fn a_curve_is_told_from_glare() {
-        assert!(judge(&ink(|c| c), Some(1.0)).is_none());
-        // Half of the light is from elsewhere.
-        assert!(judge(&ink(|c| 0.5 * c + 0.2), None).is_none());
-        // A field that is smoother than its code, which paper shows as well.
-        let smooth = |c: f32| c + 0.3 * c * (1.0 - c) * (1.0 - c);
-        assert!(judge(&ink(smooth), None).is_some() && judge(&ink_and_paper(smooth, smooth), None).is_none());
-        // sRGB, ink of a twentieth of the paper's light: by paper's intensity, ink's.
-        let srgb = |v: f32| if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-        let shown = |light: f32| {
-            move |c: f32| (srgb(light * (c + 0.02)) - srgb(light * 0.02)) / (srgb(light * 1.02) - srgb(light * 0.02))
-        };
-        let (paper, ink_shows) = (shown(0.5), shown(0.025));
-        let of_paper = |v: f32| (0..1000).map(|i| i as f32 / 1000.0).find(|c| paper(*c) >= v).unwrap_or(1.0);
-        let found = judge(&ink(|v| ink_shows(of_paper(v))), Some(2.0)).unwrap();
-        assert!(found.code == Code::NonlinearResponse && found.sentence.contains("darker"), "{found}");
-        // Black and white alone tell nothing.
-        let mut binary = vec![InkSums::default(); 8];
-        binary.iter_mut().for_each(|s| (0..500).for_each(|i| s.ink.add(0.8 * (i % 2) as f32, (i % 2) as f32, 100.0)));
-        assert!(judge(&binary, None).is_none());
-        assert!(judge(&[], None).is_none());
-        // But noise does, where sensors have more of it.
-        let found = judge(&binary, Some(0.5)).unwrap();
-        assert!(found.code == Code::NonlinearResponse && found.sentence.contains("0.50 times"), "{found}");
-    }
 }

@@ -4,20 +4,20 @@ use crate::calibrate::placed_sweep::PlacedSweep;
 
 /// A board position that a sweep lacks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Wanted {
+pub struct Wanted {
     /// Depth of the board's middle, mm.
-    pub(super) depth_mm: f64,
+    pub depth_mm: f64,
     /// Where its middle should be seen, as parts of the picture's width and height; `None` along an axis on which a
     /// board fills most of the picture.
-    pub(super) place: [Option<f64>; 2],
+    pub place: [Option<f64>; 2],
 }
 
 /// A ray of the camera that some board has met.
-struct Ray {
+pub struct Ray {
     /// Where in the picture, as parts of its width and height.
-    place: [f64; 2],
+    pub place: [f64; 2],
     /// Depths at which boards have met it, mm.
-    depths: Vec<f64>,
+    pub depths: Vec<f64>,
 }
 
 /// Positions that are named, at most.
@@ -27,7 +27,7 @@ const LEVELS: usize = 5;
 /// Places that are tried along each axis of the picture.
 const PLACES: usize = 3;
 /// Rays along each axis of the picture.
-const ACROSS: usize = 48;
+pub const ACROSS: usize = 48;
 /// Part of the picture that a board has to fill along an axis for its place on it not to matter.
 const FILLS: f64 = 0.8;
 
@@ -46,7 +46,7 @@ pub(super) fn wanted(placed: &PlacedSweep<'_>) -> Vec<Wanted> {
 }
 
 /// Chooses among boards that fill as much of the picture as those of the sweep do, at all depths and places.
-fn choose(mut rays: Vec<Ray>, n_boards: usize) -> Vec<Wanted> {
+pub fn choose(mut rays: Vec<Ray>, n_boards: usize) -> Vec<Wanted> {
     let depths = || rays.iter().flat_map(|r| &r.depths).copied();
     let (near, far) = depths().fold((f64::INFINITY, 0.0f64), |(lo, hi), z| (lo.min(z), hi.max(z)));
     if near >= far {
@@ -94,7 +94,7 @@ fn gain(ray: &Ray, z: f64) -> f64 {
 }
 
 /// Returns the wanted positions as words, such as "at about 740 mm in the upper left of the picture".
-pub(super) fn named(wanted: &[Wanted]) -> String {
+pub fn named(wanted: &[Wanted]) -> String {
     let one = |w: &Wanted| {
         let third = |at: Option<f64>, names: [&'static str; 3]| at.map(|at| names[((3.0 * at) as usize).min(2)]);
         let down = third(w.place[1], ["upper", "", "lower"]);
@@ -109,43 +109,4 @@ pub(super) fn named(wanted: &[Wanted]) -> String {
         format!("at about {:.0} mm{place}", w.depth_mm)
     };
     wanted.iter().map(one).collect::<Vec<_>>().join(", ")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Rays over the whole picture; `depths` by where they are.
-    fn rays(depths: impl Fn([f64; 2]) -> Vec<f64>) -> Vec<Ray> {
-        let at = |i: usize| (i as f64 + 0.5) / ACROSS as f64;
-        let all = (0..ACROSS * ACROSS).map(|i| [at(i % ACROSS), at(i / ACROSS)]);
-        all.map(|place| Ray { place, depths: depths(place) }).filter(|r| !r.depths.is_empty()).collect()
-    }
-
-    #[test]
-    fn the_gap_in_depth_is_named() {
-        let found = choose(rays(|_| vec![600.0, 620.0, 800.0]), 3);
-        assert!((found[0].depth_mm - 700.0).abs() < 21.0, "{found:?}");
-        assert!(named(&found).starts_with("at about 7") && !named(&found).contains("picture"), "{}", named(&found));
-    }
-
-    #[test]
-    fn the_part_of_the_picture_with_one_board_is_named() {
-        // Two boards on the left two thirds, one on the right.
-        let found = choose(
-            rays(|[x, y]| match (x < 0.6, (0.3..0.7).contains(&y)) {
-                (true, true) => vec![600.0, 700.0, 800.0, 650.0],
-                (false, true) => vec![700.0],
-                _ => vec![],
-            }),
-            4,
-        );
-        assert!(found[0].place[0].unwrap() > 0.6, "{found:?}");
-        assert!(named(&found[..1]).contains("on the right of the picture"), "{}", named(&found));
-    }
-
-    #[test]
-    fn boards_of_one_depth_want_nothing_in_particular() {
-        assert!(choose(rays(|_| vec![600.0]), 1).is_empty());
-    }
 }

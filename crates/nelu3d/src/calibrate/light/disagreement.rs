@@ -27,14 +27,14 @@ const POOLED: usize = 3;
 /// Difference of a channel that is not counted, beside what half a block's shift makes.
 const TOLERANCE: f32 = 0.05;
 /// Most positions that one is compared with: further ones tell nothing new.
-const MAX_COMPARED: usize = 12;
+pub const MAX_COMPARED: usize = 12;
 /// Largest fraction of a position's blocks that may be left out: beyond, it is not a part that disagrees.
 const MAX_SHARE: f64 = 0.4;
 
 /// Returns, per view, the blocks that disagree with the other views, if there are any. None at all where so much
 /// disagrees that it is the light which must be wrong.
 pub(super) fn disagreeing_blocks(t: &Transport<'_>, light: &LightCenter) -> Vec<Option<ExcludedBlocks>> {
-    let n = t.views.len();
+    let n = t.views.count();
     let none = || vec![None; n];
     let Some(level) = t.views.levels.iter().find(|l| l.width <= MAX_ACROSS) else { return none() };
     let all = seeds(t.camera, t.views, level, n * level.width * level.height);
@@ -84,7 +84,7 @@ fn votes(t: &Transport<'_>, level: &Level, light: &LightCenter, view: usize, own
     let tolerances: Vec<f32> = own.iter().flat_map(|s| tolerance(image, s.index, k, level)).collect();
     let mut votes = vec![Votes::default(); w * h];
     let mut r = vec![0.0; k];
-    for to in compared_with(view, t.views.len()) {
+    for to in compared_with(view, t.views.count()) {
         // Sums over the blocks that meet the other position, and how many these are, each as a mean of all around.
         let (mut error, mut hits) = (vec![0.0f32; w * h], vec![0.0f32; w * h]);
         let mut met = Vec::with_capacity(own.len());
@@ -108,7 +108,7 @@ fn votes(t: &Transport<'_>, level: &Level, light: &LightCenter, view: usize, own
 }
 
 /// An even selection of the other views, of which there are `n` with this one: all of them where there are few.
-fn compared_with(view: usize, n: usize) -> impl Iterator<Item = usize> {
+pub fn compared_with(view: usize, n: usize) -> impl Iterator<Item = usize> {
     let count = (n - 1).min(MAX_COMPARED);
     (0..count).map(move |i| i * (n - 1) / count).map(move |i| if i < view { i } else { i + 1 })
 }
@@ -129,7 +129,7 @@ fn around(i: usize, radius: usize, w: usize, h: usize) -> impl Iterator<Item = u
 
 /// Lets every component of what was found go on into blocks of `into` that it touches, by as many steps as `steps`
 /// gives for its number of blocks.
-fn spread(found: &mut [bool], into: &[bool], steps: impl Fn(usize) -> usize, w: usize) {
+pub fn spread(found: &mut [bool], into: &[bool], steps: impl Fn(usize) -> usize, w: usize) {
     let h = found.len() / w;
     let mut seen = vec![false; found.len()];
     let seeds: Vec<usize> = (0..found.len()).filter(|i| found[*i]).collect();
@@ -165,34 +165,4 @@ fn spread(found: &mut [bool], into: &[bool], steps: impl Fn(usize) -> usize, w: 
 /// Widens what was found by one block: a block is judged by its mean, and its neighbors may hold a part of the cause.
 fn dilated(found: &[bool], w: usize) -> Vec<bool> {
     (0..found.len()).map(|i| around(i, 1, w, found.len() / w).any(|j| found[j])).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_view_is_compared_with_others_that_are_spread_evenly() {
-        let of = |view: usize, n: usize| compared_with(view, n).collect::<Vec<_>>();
-        assert_eq!(of(1, 4), [0, 2, 3]);
-        for n in [13, 18, 40, 48] {
-            for view in [0, n / 2, n - 1] {
-                let others = of(view, n);
-                assert_eq!(others.len(), MAX_COMPARED);
-                assert!(others.iter().all(|o| *o != view && *o < n) && others.is_sorted_by(|a, b| a < b), "{others:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn what_is_found_goes_on_into_what_it_touches() {
-        // A row of blocks: found at 3, and 4 to 9 not told; 12 is not connected.
-        let mut found: Vec<bool> = (0..14).map(|i| i == 3).collect();
-        let into: Vec<bool> = (0..14).map(|i| (4..10).contains(&i) || i == 12).collect();
-        spread(&mut found, &into, |_| 2, 14);
-        let at: Vec<usize> = (0..14).filter(|i| found[*i]).collect();
-        assert_eq!(at, [3, 4, 5]);
-        spread(&mut found, &into, |_| usize::MAX, 14);
-        assert_eq!(found.iter().filter(|f| **f).count(), 7);
-    }
 }

@@ -2,15 +2,18 @@
 //!
 //! Two board positions that the same ray of light meets show the same codeword. So the center of the light is the point
 //! for which every sample of one position, carried along its ray of light to another position, finds its own codeword
-//! there. It is searched for coarse to fine ([`search`]), then found by robust Gauss-Newton ([`refine`]) with lever
+//! there. It is searched for coarse to fine (`search.rs`), then found by robust Gauss-Newton (`refine.rs`) with lever
 //! arms (distances between the two positions) that grow as the center gets better. No model of the projector is
 //! involved but that its light is straight.
 
-mod center;
-mod disagreement;
+#[doc(hidden)]
+pub mod center;
+#[doc(hidden)]
+pub mod disagreement;
 mod refine;
 mod search;
-mod transport;
+#[doc(hidden)]
+pub mod transport;
 
 use nalgebra::{Const, Point3, SymmetricEigen, Vector3};
 use nelu3d_scan::Camera;
@@ -37,19 +40,20 @@ const MAX_WORSE: f64 = 1.02;
 const NO_CONSENSUS: f64 = 0.6;
 
 /// What the search found.
-pub(super) struct FoundLight {
-    pub(super) center: LightCenter,
+pub struct FoundLight {
+    /// The center of the light.
+    pub center: LightCenter,
     /// Positions of the sweep whose codewords do not fit the others': their poses are wrong, or something stood in the
     /// light.
-    pub(super) without_consensus: Vec<usize>,
+    pub without_consensus: Vec<usize>,
     /// Positions of the sweep, and the parts of their images whose codewords do not fit the others'.
-    pub(super) excluded: Vec<(usize, ExcludedBlocks)>,
+    pub excluded: Vec<(usize, ExcludedBlocks)>,
 }
 
 /// Finds the center of the light, or `None` when there are too few samples (or somebody stopped the work).
-pub(super) fn find_center(mut views: Views, camera: &Camera, progress: &Progress) -> Option<FoundLight> {
+pub fn find_center(mut views: Views, camera: &Camera, progress: &Progress) -> Option<FoundLight> {
     let all = seeds(camera, &views, &views.levels[0], 2000);
-    if all.len() < 200 || views.len() < 2 {
+    if all.len() < 200 || views.count() < 2 {
         return None;
     }
     let mean = all.iter().map(|s| s.point.coords).sum::<Vector3<f64>>() / all.len() as f64;
@@ -58,7 +62,7 @@ pub(super) fn find_center(mut views: Views, camera: &Camera, progress: &Progress
     let outliers = without_consensus(&Transport { camera, views: &views, chart: &chart }, &found);
     let mut without_consensus = Vec::new();
     if outliers.iter().any(|o| *o) {
-        without_consensus = (0..views.len()).filter(|i| outliers[*i]).map(|i| views.positions[i]).collect();
+        without_consensus = (0..views.count()).filter(|i| outliers[*i]).map(|i| views.positions[i]).collect();
         let keep: Vec<bool> = outliers.iter().map(|o| !o).collect();
         views.retain(&keep);
         found = search(&Transport { camera, views: &views, chart: &chart }, progress)?;
@@ -75,7 +79,7 @@ pub(super) fn find_center(mut views: Views, camera: &Camera, progress: &Progress
 fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
     let levels = search_levels(t);
     let finest = levels.first()?;
-    let (n, k) = (t.views.len(), t.views.k);
+    let (n, k) = (t.views.count(), t.views.k);
     let last = (n / 3).max(3.min(n - 1));
     let mut candidates = different(starts(t, &levels));
     candidates.push(HOME);
@@ -113,7 +117,7 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
 }
 
 /// Returns those of some states that differ from all before them: most starts end in the same place.
-fn different(states: Vec<State>) -> Vec<State> {
+pub fn different(states: Vec<State>) -> Vec<State> {
     /// Largest difference of what is the same.
     const SAME: f64 = 1e-3;
     let mut kept: Vec<State> = Vec::new();
@@ -181,7 +185,7 @@ fn is_one_axis(found: &Refined) -> bool {
 
 /// Which views' codewords, carried to the other views, do not fit there, while those of most views do.
 fn without_consensus(t: &Transport<'_>, found: &Refined) -> Vec<bool> {
-    let (n, light) = (t.views.len(), t.chart.center(found.state));
+    let (n, light) = (t.views.count(), t.chart.center(found.state));
     let levels = search_levels(t);
     let Some(finest) = levels.first() else { return vec![false; n] };
     let sums: Vec<Vec<(f64, usize)>> = (0..n)
@@ -233,206 +237,4 @@ fn undetermined(chart: &Chart, found: &Refined) -> Option<Vector3<f64>> {
     };
     let (a, b) = (moved(-1e-3)?, moved(1e-3)?);
     Some((b - a).normalize())
-}
-
-#[cfg(test)]
-mod tests {
-    use nalgebra::Isometry3;
-
-    use super::super::placed_sweep::BoardPlane;
-    use super::super::views::Level;
-    use super::*;
-
-    /// Views of boards held by hand under a light at `center` whose rays have the codeword `code(x, y)` at tangents x
-    /// and y.
-    fn views(
-        camera: &Camera,
-        poses: &[Isometry3<f64>],
-        center: Point3<f64>,
-        code: impl Fn(f64, f64) -> Vec<f32>,
-    ) -> Views {
-        let k = code(0.0, 0.0).len();
-        let mut finest = Level::finest(camera, k, poses.len());
-        let boards: Vec<_> =
-            poses.iter().map(|p| BoardPlane::new(p, [-90.0, -70.0, 90.0, 70.0], None)).enumerate().collect();
-        for (_, board) in &boards {
-            let mut image = Vec::new();
-            for i in 0..camera.n_pixels() {
-                let dir = camera.ray([(i % camera.width) as f64, (i / camera.width) as f64]).dir;
-                let values = board.hit(&dir).map(|t| {
-                    let from = Point3::from(dir * t) - center;
-                    code(from.x / from.z, from.y / from.z)
-                });
-                let usable = if values.is_some() { 1.0 } else { 0.0 };
-                image.extend(values.unwrap_or_else(|| vec![0.0; k]));
-                image.push(usable);
-            }
-            finest.images.push(image);
-        }
-        Views::new(k, boards, finest, &Vector3::z())
-    }
-
-    fn poses() -> Vec<Isometry3<f64>> {
-        let tilts = [[0.2, -0.1, 0.0], [-0.25, 0.1, 0.05], [0.05, 0.3, 0.0], [0.1, -0.3, -0.05], [-0.1, 0.05, 0.1]];
-        let places =
-            [[5.0, 0.0, 760.0], [-10.0, 8.0, 640.0], [12.0, -6.0, 700.0], [0.0, 4.0, 735.0], [-4.0, -9.0, 668.0]];
-        (0..5).map(|i| Isometry3::new(Vector3::from(places[i]), Vector3::from(tilts[i]))).collect()
-    }
-
-    /// Gray code of a tangent, 7 bits.
-    fn gray(v: f64) -> impl Iterator<Item = f32> {
-        let n = (((v + 0.6) / 1.2).clamp(0.0, 0.999) * 128.0) as u32;
-        (0..7).map(move |bit| ((n ^ n >> 1) >> bit & 1) as f32)
-    }
-
-    #[test]
-    fn starts_that_end_in_the_same_place_are_one() {
-        let states = [[0.1, 0.2, 0.3], [0.1004, 0.2, 0.2998], [0.1, 0.21, 0.3], [0.1, 0.2101, 0.3]];
-        assert_eq!(different(states.to_vec()), [states[0], states[2]]);
-    }
-
-    #[test]
-    fn carried_codewords_have_the_slopes_of_differences() {
-        let mut camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
-        camera.distortion = nelu3d_scan::camera::Distortion::new(&[-0.2, 0.1, 1e-3, -2e-3, 0.0]).unwrap();
-        let wave = |v: f64| (40.0 * v).sin() as f32;
-        let views = views(&camera, &poses(), Point3::new(-60.0, 140.0, 55.0), |x, y| vec![wave(x), wave(y)]);
-        let chart = Chart::new(Point3::new(5.0, -3.0, 700.0));
-        let t = Transport { camera: &camera, views: &views, chart: &chart };
-        let state = [-0.1, 0.2, 0.9];
-        let at = |i: usize, h: f64| {
-            let mut s = state;
-            s[i] += h;
-            chart.center(s)
-        };
-        const H: f64 = 1e-7;
-        let (mut n, mut apart) = (0, 0);
-        for level in &views.levels[..2] {
-            for seed in seeds(&camera, &views, level, 2000) {
-                let to = (seed.view + 1) % views.len();
-                let mut rows = Vec::new();
-                t.carry_with_slopes(level, &seed, (&chart.center(state), &chart.slopes(state)), to, &mut rows);
-                let mut here = [0.0; 2];
-                assert_eq!(t.carry(level, &seed, &chart.center(state), to, &mut here), !rows.is_empty());
-                for i in 0..3 {
-                    let (mut more, mut less) = ([0.0; 2], [0.0; 2]);
-                    let both = t.carry(level, &seed, &at(i, H), to, &mut more)
-                        && t.carry(level, &seed, &at(i, -H), to, &mut less);
-                    for (c, row) in rows.iter().enumerate().filter(|_| both) {
-                        assert_eq!(row.difference, here[c]);
-                        let slope = (more[c] - less[c]) / (2.0 * H);
-                        n += 1;
-                        // Where the step crosses into the next pixel, there are two slopes.
-                        apart += usize::from((row.there[i] - slope).abs() > 1e-5 * (1.0 + slope.abs()));
-                    }
-                }
-            }
-        }
-        assert!(n > 10_000 && apart * 1000 < n, "{apart} of {n}");
-    }
-
-    #[test]
-    fn slopes_here_and_there_are_the_same_under_the_right_light() {
-        let camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
-        let center = Point3::new(-60.0, 140.0, 55.0);
-        let wave = |v: f64| (20.0 * v).sin() as f32;
-        let views = views(&camera, &poses(), center, |x, y| vec![wave(x), wave(y)]);
-        let chart = Chart::new(Point3::new(5.0, -3.0, 700.0));
-        let t = Transport { camera: &camera, views: &views, chart: &chart };
-        let state = chart.state(&center).unwrap();
-        let mut rows = Vec::new();
-        for seed in seeds(&camera, &views, &views.levels[0], 4000) {
-            let to = (seed.view + 1) % views.len();
-            t.carry_with_slopes(&views.levels[0], &seed, (&chart.center(state), &chart.slopes(state)), to, &mut rows);
-        }
-        let both: Vec<_> = rows.iter().filter_map(|r| Some((r.there, r.here?))).collect();
-        assert!(both.len() > 2000, "{}", both.len());
-        for i in 0..3 {
-            let sum = |f: &dyn Fn(f64, f64) -> f64| both.iter().map(|(t, h)| f(t[i], h[i])).sum::<f64>();
-            let (there, here, product) = (sum(&|t, _| t * t), sum(&|_, h| h * h), sum(&|t, h| t * h));
-            assert!(product > 0.99 * (there * here).sqrt(), "{i}: {there} {here} {product}");
-            assert!((product / there - 1.0).abs() < 0.03, "{i}: {there} {here} {product}");
-        }
-    }
-
-    #[test]
-    fn a_few_boards_held_by_hand_tell_where_the_light_is() {
-        let camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
-        let center = Point3::new(-60.0, 140.0, 55.0);
-        let both = views(&camera, &poses(), center, |x, y| gray(x).chain(gray(y)).collect());
-        let found = find_center(both, &camera, &Progress::none()).unwrap();
-        let at = found.center.position().unwrap();
-        assert!((at - center).norm() < 6.0 && found.center.line.is_none(), "{at}");
-        assert!(found.without_consensus.is_empty());
-
-        // Along one axis only: up to a line along y.
-        let rows = views(&camera, &poses(), center, |x, _| gray(x).collect());
-        let found = find_center(rows, &camera, &Progress::none()).unwrap();
-        let (at, line) = (found.center.position().unwrap(), found.center.line.unwrap());
-        assert!(line.y.abs() > 0.95, "{line}");
-        let off = (at - center) - line * line.dot(&(at - center));
-        assert!(off.norm() < 8.0, "{at} {line}");
-        // Of that line, the point nearest to the camera.
-        assert!(line.dot(&at.coords).abs() < 80.0, "{at} {line}");
-    }
-
-    #[test]
-    fn a_position_that_does_not_fit_is_named() {
-        let camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
-        let center = Point3::new(-60.0, 140.0, 55.0);
-        let mut wrong = views(&camera, &poses(), center, |x, y| gray(x).chain(gray(y)).collect());
-        // Taken for 40 mm nearer than it was.
-        wrong.planes[2].1 -= 40.0;
-        let position = wrong.positions[2];
-        let found = find_center(wrong, &camera, &Progress::none()).unwrap();
-        assert_eq!(found.without_consensus, [position]);
-        let at = found.center.position().unwrap();
-        assert!((at - center).norm() < 6.0, "{at}");
-    }
-
-    #[test]
-    fn a_hand_before_a_board_is_left_out() {
-        let camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
-        let center = Point3::new(-60.0, 140.0, 55.0);
-        let code = |x: f64, y: f64| gray(x).chain(gray(y)).collect::<Vec<f32>>();
-        let clean = views(&camera, &poses(), center, code);
-        let k = clean.k;
-        // 36 × 30 pixels of the second view show what the light throws 25 mm before the board.
-        let mut with_hand = views(&camera, &poses(), center, code);
-        let hidden = 1;
-        let (normal, offset) = with_hand.planes[hidden];
-        let is_hand = |x: usize, y: usize| (60..96).contains(&x) && (70..100).contains(&y);
-        for i in (0..camera.n_pixels()).filter(|i| is_hand(i % 240, i / 240)) {
-            let dir = camera.ray([(i % 240) as f64, (i / 240) as f64]).dir;
-            let from = Point3::from(dir * (offset / normal.dot(&dir) - 25.0)) - center;
-            with_hand.levels[0].images[hidden][i * (k + 1)..][..k]
-                .copy_from_slice(&code(from.x / from.z, from.y / from.z));
-        }
-        let levels = with_hand.levels.len();
-        let finest = with_hand.levels.swap_remove(0);
-        let boards: Vec<_> = with_hand
-            .positions
-            .iter()
-            .map(|p| (*p, BoardPlane::new(&poses()[*p], [-90.0, -70.0, 90.0, 70.0], None)))
-            .collect();
-        let with_hand = Views::new(k, boards, finest, &Vector3::z());
-        assert_eq!(with_hand.levels.len(), levels);
-        let position = with_hand.positions[hidden];
-
-        let none = find_center(clean, &camera, &Progress::none()).unwrap();
-        assert!(none.excluded.is_empty(), "{:?}", none.excluded.iter().map(|e| e.0).collect::<Vec<_>>());
-        let found = find_center(with_hand, &camera, &Progress::none()).unwrap();
-        assert_eq!(found.excluded.iter().map(|e| e.0).collect::<Vec<_>>(), [position]);
-        let blocks = &found.excluded[0].1;
-        let (mut inside, mut outside) = (0, 0);
-        for i in (0..camera.n_pixels()).filter(|i| blocks.contains(i % 240, i / 240)) {
-            let near = (50..106).contains(&(i % 240)) && (60..110).contains(&(i / 240));
-            if is_hand(i % 240, i / 240) {
-                inside += 1
-            } else if !near {
-                outside += 1
-            }
-        }
-        assert!(inside > 36 * 30 * 9 / 10 && outside < 36 * 30 / 2, "{inside} {outside}");
-    }
 }

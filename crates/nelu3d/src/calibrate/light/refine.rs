@@ -120,7 +120,7 @@ fn linearize(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, arm: us
         .map(|chunk| {
             let mut rows = Vec::with_capacity(chunk.len() * t.views.k);
             for seed in chunk {
-                let to = partner(seed, arm, t.views.len());
+                let to = partner(seed, arm, t.views.count());
                 t.carry_with_slopes(level, seed, (&light, &slopes), to, &mut rows);
             }
             rows

@@ -62,7 +62,7 @@ pub(super) fn search_levels<'a>(t: &Transport<'a>) -> Vec<SearchLevel<'a>> {
 
 /// The best starts of several levels, refined at every level from the one they were found at down to the finest.
 pub(super) fn starts(t: &Transport<'_>, levels: &[SearchLevel<'_>]) -> Vec<State> {
-    let arm = (t.views.len() / 4).max(1);
+    let arm = (t.views.count() / 4).max(1);
     let signal = |l: usize| levels[l].by_chance / levels[0].by_chance;
     let useful = (0..levels.len()).rev().filter(|l| signal(*l) >= MIN_SIGNAL);
     let mut found = Vec::new();
@@ -139,7 +139,7 @@ fn grid(t: &Transport<'_>, level: &SearchLevel<'_>, arm: usize, basin_px: f64) -
     let n = level.seeds.len() as f64;
     // Mean distance between boards that are compared, and spread of the samples across.
     let apart = |s: &Seed| {
-        let (normal, offset) = t.views.planes[partner(s, arm, t.views.len())];
+        let (normal, offset) = t.views.planes[partner(s, arm, t.views.count())];
         let dir = s.point.coords.normalize();
         (offset / normal.dot(&dir) - s.point.coords.norm()).abs()
     };

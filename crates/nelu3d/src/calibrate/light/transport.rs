@@ -13,24 +13,30 @@ pub(super) const PULL: f64 = 1e-4;
 pub(super) const DISAGREEMENT: f64 = 0.6;
 
 /// The views, and the chart of centers.
-pub(super) struct Transport<'a> {
-    pub(super) camera: &'a Camera,
-    pub(super) views: &'a Views,
-    pub(super) chart: &'a Chart,
+pub struct Transport<'a> {
+    /// The camera, whose rays meet the boards.
+    pub camera: &'a Camera,
+    /// The views between which samples are carried.
+    pub views: &'a Views,
+    /// The chart of centers.
+    pub chart: &'a Chart,
 }
 
 /// A sample to carry: its view, and its place in the image of a level.
 #[derive(Clone, Copy)]
-pub(super) struct Seed {
-    pub(super) view: usize,
-    pub(super) index: usize,
-    pub(super) point: Point3<f64>,
+pub struct Seed {
+    /// Its view.
+    pub view: usize,
+    /// Its place in the image of the level, row by row.
+    pub index: usize,
+    /// The point of the board that it shows, mm in the camera's frame.
+    pub point: Point3<f64>,
 }
 
 /// An even selection of about `n` samples of a level over all views, as far as they are usable. Where less than a
 /// quarter of a view is, its samples are closer to each other.
-pub(super) fn seeds(camera: &Camera, views: &Views, level: &Level, n: usize) -> Vec<Seed> {
-    let per_view = (n / views.len()).max(200);
+pub fn seeds(camera: &Camera, views: &Views, level: &Level, n: usize) -> Vec<Seed> {
+    let per_view = (n / views.count()).max(200);
     let k = views.k;
     let mut out = Vec::new();
     for (view, (normal, offset)) in views.planes.iter().enumerate() {
@@ -61,7 +67,7 @@ pub(super) fn hash(seed: &Seed) -> usize {
 
 /// A view that is not more than `arm` steps away from the seed's in depth, and no less than three quarters of it where
 /// there is one.
-pub(super) fn partner(seed: &Seed, arm: usize, n: usize) -> usize {
+pub fn partner(seed: &Seed, arm: usize, n: usize) -> usize {
     let (view, least) = (seed.view, arm - arm / 4);
     let before = (view.min(arm) + 1).saturating_sub(least);
     let behind = ((n - 1 - view).min(arm) + 1).saturating_sub(least);
@@ -74,14 +80,14 @@ pub(super) fn partner(seed: &Seed, arm: usize, n: usize) -> usize {
 
 /// A channel of a carried sample.
 #[derive(Clone, Copy)]
-pub(super) struct Row {
+pub struct Row {
     /// Derivative of the difference by the light's state, from slopes of codewords where the sample lands.
-    pub(super) there: Vector3<f64>,
+    pub there: Vector3<f64>,
     /// Derivative of the difference by the light's state, from slopes of codewords where the sample comes from. Their
     /// noise is neither that of the slopes where it lands nor that of the difference. `None` beside what is not usable.
-    pub(super) here: Option<Vector3<f64>>,
+    pub here: Option<Vector3<f64>>,
     /// Normalized intensity where it lands less that where it comes from.
-    pub(super) difference: f64,
+    pub difference: f64,
 }
 
 /// The samples before and behind a sample along x and along y; `None` where one of them is not usable.
@@ -149,7 +155,7 @@ impl<'a> Landing<'a> {
 impl Transport<'_> {
     /// Carries a sample along its ray of light to the view `to` and takes the difference of codewords there; false when
     /// it misses the board or the image.
-    pub(super) fn carry(&self, level: &Level, seed: &Seed, light: &LightCenter, to: usize, out: &mut [f64]) -> bool {
+    pub fn carry(&self, level: &Level, seed: &Seed, light: &LightCenter, to: usize, out: &mut [f64]) -> bool {
         let k = self.views.k;
         let Some((point, ..)) = self.meet(seed, light, to) else { return false };
         let landing = self.camera.project(&point).and_then(|px| Landing::at(px, level, to, k));
@@ -163,7 +169,7 @@ impl Transport<'_> {
 
     /// Carries a sample like [`Self::carry`] and appends a row for each channel. The light's slopes by its state are
     /// given.
-    pub(super) fn carry_with_slopes(
+    pub fn carry_with_slopes(
         &self,
         level: &Level,
         seed: &Seed,
@@ -247,7 +253,7 @@ impl Transport<'_> {
         let mut r = vec![0.0; self.views.k];
         let (mut sum, mut hits) = (0.0, 0usize);
         for (i, seed) in seeds.iter().enumerate() {
-            if self.carry(level, seed, &light, partner(seed, arm, self.views.len()), &mut r) {
+            if self.carry(level, seed, &light, partner(seed, arm, self.views.count()), &mut r) {
                 sum += disagreement(&r, by_chance);
                 hits += 1;
             }
@@ -279,23 +285,4 @@ pub(super) fn by_chance(views: &Views, level: &Level, seeds: &[Seed]) -> f64 {
     }
     let n = seeds.len().max(1) as f64;
     2.0 * (0..k).map(|c| squares[c] / n - (sum[c] / n).powi(2)).sum::<f64>().max(1e-9)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn partners_are_others_within_the_arm() {
-        for n in 2..9 {
-            for arm in 1..n {
-                for view in 0..n {
-                    for index in 0..50 {
-                        let p = partner(&Seed { view, index, point: Point3::origin() }, arm, n);
-                        assert!(p < n && p != view, "{n} {arm} {view}: {p}");
-                    }
-                }
-            }
-        }
-    }
 }

@@ -11,7 +11,7 @@ const KEY: &str = ",\"sha256\":\"";
 const END: &str = "\"}";
 
 /// Returns the checksum of a description and its tensors (name and bytes), hexadecimal.
-pub(super) fn checksum<'a>(json: &str, tensors: impl IntoIterator<Item = (&'a str, &'a [u8])>) -> String {
+pub fn checksum<'a>(json: &str, tensors: impl IntoIterator<Item = (&'a str, &'a [u8])>) -> String {
     let mut tensors: Vec<(&str, &[u8])> = tensors.into_iter().collect();
     tensors.sort_unstable_by_key(|t| t.0);
     let mut hash = Sha256::new();
@@ -25,29 +25,12 @@ pub(super) fn checksum<'a>(json: &str, tensors: impl IntoIterator<Item = (&'a st
 }
 
 /// Returns a description, a JSON object with at least one key, with its checksum.
-pub(super) fn with_checksum(json: &str, checksum: &str) -> String {
+pub fn with_checksum(json: &str, checksum: &str) -> String {
     format!("{}{KEY}{checksum}{END}", json.strip_suffix('}').expect("an object"))
 }
 
 /// Splits a description into what it was without the checksum, and the checksum; `None` if it does not end in one.
-pub(super) fn without_checksum(json: &str) -> Option<(String, &str)> {
+pub fn without_checksum(json: &str) -> Option<(String, &str)> {
     let (before, checksum) = json.strip_suffix(END)?.rsplit_once(KEY)?;
     Some((format!("{before}}}"), checksum))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_checksum_goes_on_and_off() {
-        let json = "{\"a\":1}";
-        let sum = checksum(json, [("x", &[1u8, 2][..]), ("b", &[3][..])]);
-        assert_eq!(sum, checksum(json, [("b", &[3u8][..]), ("x", &[1, 2][..])]), "the order does not matter");
-        assert_ne!(sum, checksum(json, [("b", &[3u8, 1][..]), ("x", &[2][..])]), "what is where does");
-        let whole = with_checksum(json, &sum);
-        assert!(serde_json::from_str::<serde_json::Value>(&whole).is_ok());
-        assert_eq!(without_checksum(&whole), Some((json.to_owned(), &sum[..])));
-        assert_eq!(without_checksum(json), None);
-    }
 }

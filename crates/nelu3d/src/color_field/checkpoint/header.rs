@@ -11,7 +11,7 @@ use crate::color_field::published::{PublishedSettings, PublishedShape};
 use crate::color_field::validity::ValidityShape;
 
 /// Version of the layout.
-pub(super) const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 2;
 /// Oldest format whose hash tables are laid out as today's: by bricks.
 pub(super) const FIRST_WITH_BRICKS: u32 = 2;
 

@@ -7,13 +7,12 @@
 //!
 //! [`FieldMetadata`]: super::FieldMetadata
 
-mod checksum;
+#[doc(hidden)]
+pub mod checksum;
 mod error;
-mod header;
+#[doc(hidden)]
+pub mod header;
 mod load;
 mod save;
 
 pub use error::CheckpointError;
-
-#[cfg(test)]
-mod tests;

@@ -12,7 +12,7 @@ use crate::color_field::grid::Grid;
 const STRIPE: usize = 16;
 
 /// The samples' part of the normal equations of a grid.
-pub(super) struct Normal<'a> {
+pub struct Normal<'a> {
     bins: &'a Bins,
     cells: [usize; 3],
     k: usize,
@@ -31,7 +31,7 @@ struct Located {
 
 impl<'a> Normal<'a> {
     /// Locates the samples in a grid.
-    pub(super) fn new(grid: &Grid, bins: &'a Bins) -> Self {
+    pub fn new(grid: &Grid, bins: &'a Bins) -> Self {
         let mut normal = Self { bins, cells: grid.cells, k: grid.k, located: Vec::new() };
         let n_stripes = grid.cells[1].div_ceil(STRIPE);
         normal.located = (0..n_stripes).into_par_iter().map(|stripe| normal.locate(stripe)).collect();
@@ -91,7 +91,7 @@ impl<'a> Normal<'a> {
 
     /// Returns Σ ω b² per coefficient. Precisions of channels differ as their intensities do, at the scale of the
     /// pattern.
-    pub(super) fn diagonal(&self) -> Vec<f32> {
+    pub fn diagonal(&self) -> Vec<f32> {
         let mut diag = written_zeros((self.cells[1] + 3) * self.strides().row);
         self.by_stripes(&mut diag, |stripe, chunk, _| {
             let Located { places, omegas } = &self.located[stripe];
@@ -101,7 +101,7 @@ impl<'a> Normal<'a> {
     }
 
     /// Adds Bᵀ Ω L.
-    pub(super) fn add_rhs(&self, out: &mut [f32]) {
+    pub fn add_rhs(&self, out: &mut [f32]) {
         self.by_stripes(out, |stripe, chunk, _| {
             let places = &self.located[stripe].places;
             let mut moments = Vec::with_capacity(places.len() * self.k);
@@ -111,7 +111,7 @@ impl<'a> Normal<'a> {
     }
 
     /// Adds Bᵀ Ω B x to y.
-    pub(super) fn apply(&self, x: &[f32], y: &mut [f32]) {
+    pub fn apply(&self, x: &[f32], y: &mut [f32]) {
         self.by_stripes(y, |stripe, chunk, first| {
             let Located { places, omegas } = &self.located[stripe];
             add_product(self.strides(), places, omegas, &x[first..], chunk);

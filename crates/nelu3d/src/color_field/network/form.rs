@@ -70,7 +70,7 @@ impl<S, N: Network> NetworkForm<S, N> {
     }
 
     /// Returns the network.
-    pub(in crate::color_field) fn network(&self) -> &N {
+    pub fn network(&self) -> &N {
         &self.network
     }
 

@@ -152,6 +152,3 @@ impl PublishedForm {
         self.spline_at(settings.cells, |q| settings.in_cube(q))
     }
 }
-
-#[cfg(test)]
-mod tests;

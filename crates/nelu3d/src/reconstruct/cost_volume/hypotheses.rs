@@ -13,7 +13,7 @@ pub(crate) const HYPOTHESIS_PX: f32 = 0.7;
 /// Returns one set of depth hypotheses for all valid pixels, even in 1/z (1/mm), spaced so that no codeword changes by
 /// more than a fraction of a grid cell from one to the next. Pixels whose rays miss the calibrated volume are marked
 /// [`PixelStatus::OutsideVolume`]; `None` if all do.
-pub(crate) fn depth_hypotheses(
+pub fn depth_hypotheses(
     m: &mut Measurements,
     rays: &CameraRays,
     grid: &SplineEvaluator<'_>,

@@ -8,11 +8,13 @@
 
 mod chi2;
 mod hypotheses;
-mod problem;
+#[doc(hidden)]
+pub mod problem;
 mod settings;
 
 pub(crate) use chi2::{chi2_of_codeword, chi2_of_weighted, saturation};
-pub(crate) use hypotheses::{HYPOTHESIS_PX, depth_hypotheses, depth_noise};
+pub use hypotheses::depth_hypotheses;
+pub(crate) use hypotheses::{HYPOTHESIS_PX, depth_noise};
 pub use settings::CostVolumeSettings;
 
 use nelu3d_field::cost_volume::{self, Winner};
@@ -26,18 +28,18 @@ use crate::sensor::Measurements;
 use crate::surface::PixelStatus;
 
 /// A decoded image.
-pub(crate) struct DecodedDepth {
+pub struct DecodedDepth {
     /// Inverse depth 1/z per pixel, 1/mm; NaN where nothing was decoded.
-    pub(crate) inv_z: Vec<f32>,
+    pub inv_z: Vec<f32>,
     /// Margin in χ², after aggregation, by which the best clearly different depth is worse.
-    pub(crate) margin: Vec<f32>,
+    pub margin: Vec<f32>,
     /// The spacing of depth hypotheses in 1/z, 1/mm.
-    pub(crate) hypothesis_step: f32,
+    pub hypothesis_step: f32,
 }
 
 /// Decodes every valid pixel, on a device or, if it fails, on the CPU. Pixels whose rays miss the calibrated volume,
 /// and those whose best depth is where it ends, are marked [`PixelStatus::OutsideVolume`].
-pub(crate) fn decode(
+pub fn decode(
     m: &mut Measurements,
     rays: &CameraRays,
     grid: &SplineEvaluator<'_>,
@@ -82,6 +84,3 @@ pub(crate) fn decode(
     }
     out
 }
-
-#[cfg(test)]
-mod tests;

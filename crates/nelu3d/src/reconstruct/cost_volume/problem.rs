@@ -29,7 +29,7 @@ impl RaySource for HypothesisRays<'_> {
 /// # Errors
 ///
 /// The device failed, or the problem is too large for it.
-pub(super) fn solve(
+pub fn solve(
     m: &Measurements,
     rays: &CameraRays,
     grid: &SplineEvaluator<'_>,

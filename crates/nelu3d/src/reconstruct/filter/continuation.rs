@@ -34,22 +34,22 @@ const WORSE: f64 = 1.5;
 
 /// What a component's outline tells.
 #[derive(Clone, Copy, Default)]
-struct Outline {
+pub struct Outline {
     /// Number of places along it where a neighbor could be continued.
-    places: usize,
+    pub places: usize,
     /// Sum of χ² at these places, at the depths that were found.
-    found: f64,
+    pub found: f64,
     /// Sum of χ² at these places, at the depths where the neighbor is continued.
-    continued: f64,
+    pub continued: f64,
     /// Sum of χ² of the neighbor's own pixels across the step, at their depths.
-    neighbor: f64,
+    pub neighbor: f64,
     /// Number of places where the continued neighbor lies in the calibrated volume.
-    inside: usize,
+    pub inside: usize,
 }
 
 impl Outline {
     /// Returns why the component is rejected, if it is.
-    fn rejection(&self) -> Option<PixelStatus> {
+    pub fn rejection(&self) -> Option<PixelStatus> {
         let inside = self.inside as f64 / self.places.max(1) as f64;
         let is_continued = self.continued < BETTER * self.found;
         let begins_where_it_ends = inside < LEFT && self.found > WORSE * self.neighbor;
@@ -129,13 +129,13 @@ pub(super) fn reject_continuations(
 }
 
 /// Returns the number of pixels from one to another in its row or column.
-fn pixels_between(i: usize, j: usize, camera: &Camera) -> usize {
+pub fn pixels_between(i: usize, j: usize, camera: &Camera) -> usize {
     (i % camera.width).abs_diff(j % camera.width) + (i / camera.width).abs_diff(j / camera.width)
 }
 
 /// If pixel `i` is the last of its component in a direction, returns two pixels of the component behind the step: one
 /// that sees that component alone, and one from which its slope can be told.
-fn behind_step(
+pub fn behind_step(
     i: usize,
     component: &[u32],
     sizes: &[u32],
@@ -157,53 +157,4 @@ fn behind_step(
     let across = pixel_beside(first, toward, MIXED_PX, camera)?;
     let further = pixel_beside(across, toward, SLOPE_PX, camera)?;
     (component[across] == other && component[further] == other).then_some([across, further])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_the_surface_before_a_step_explains_is_its_continuation() {
-        let outline = |found, continued, neighbor, inside| Outline { places: 20, found, continued, neighbor, inside };
-        // A wrong period: the continued surface explains the codewords, within the volume or just outside it.
-        assert_eq!(outline(60.0, 20.0, 20.0, 20).rejection(), Some(PixelStatus::Ambiguous));
-        assert_eq!(outline(60.0, 20.0, 20.0, 0).rejection(), Some(PixelStatus::OutsideVolume));
-        // A true step.
-        assert_eq!(outline(20.0, 180.0, 20.0, 20).rejection(), None);
-        assert_eq!(outline(60.0, 70.0, 20.0, 20).rejection(), None);
-        // Where the surface leaves the volume at the step, nothing is known of its continuation.
-        assert_eq!(outline(60.0, 150.0, 20.0, 2).rejection(), Some(PixelStatus::OutsideVolume));
-        assert_eq!(outline(25.0, 150.0, 20.0, 2).rejection(), None);
-        // Too short to tell.
-        assert_eq!(Outline { places: 15, ..outline(60.0, 20.0, 20.0, 15) }.rejection(), None);
-    }
-
-    #[test]
-    fn a_step_has_a_surface_behind_it() {
-        // Two components with a gap of `gap` pixels in a row of 40.
-        let camera = Camera::pinhole(40, 1, 500.0, 500.0, 20.0, 0.0);
-        let row = |gap: usize| -> Vec<u32> {
-            let id = |x: usize| {
-                if x < 15 {
-                    0
-                } else if x < 15 + gap {
-                    u32::MAX
-                } else {
-                    1
-                }
-            };
-            (0..40).map(id).collect()
-        };
-        let behind = |gap, i, toward, sizes: [u32; 2]| behind_step(i, &row(gap), &sizes, 10, &camera, toward);
-        assert_eq!(behind(0, 14, [1, 0], [15, 25]), Some([17, 25]));
-        assert_eq!(behind(3, 14, [1, 0], [15, 22]), Some([20, 28]));
-        assert_eq!(behind(0, 15, [-1, 0], [15, 25]), Some([12, 4]));
-        // Too wide a gap, a pixel within its component, too small a neighbor, and the image's end.
-        assert_eq!(behind(4, 14, [1, 0], [15, 21]), None);
-        assert_eq!(behind(0, 10, [1, 0], [15, 25]), None);
-        assert_eq!(behind(0, 14, [1, 0], [15, 9]), None);
-        assert_eq!(behind(0, 14, [0, 1], [15, 25]), None);
-        assert_eq!(pixels_between(12, 17, &camera), 5);
-    }
 }

@@ -2,9 +2,12 @@
 
 mod beyond;
 mod chance;
-mod components;
-mod continuation;
-mod partly_covered;
+#[doc(hidden)]
+pub mod components;
+#[doc(hidden)]
+pub mod continuation;
+#[doc(hidden)]
+pub mod partly_covered;
 mod settings;
 
 use crate::reconstruct::context::Context;

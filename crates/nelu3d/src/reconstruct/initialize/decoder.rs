@@ -27,11 +27,11 @@ pub(crate) struct Decoder<'a> {
 }
 
 /// A decoded surface in the unit of its depth hypotheses.
-pub(crate) struct InitialDepth {
+pub struct InitialDepth {
     /// Inverse depth 1/z per pixel, 1/mm; NaN where there is none.
-    pub(crate) inv_z: Vec<f32>,
+    pub inv_z: Vec<f32>,
     /// Spacing of the depth hypotheses in 1/z, 1/mm: the natural unit of 1/z in what follows.
-    pub(crate) step: f32,
+    pub step: f32,
 }
 
 impl Decoder<'_> {

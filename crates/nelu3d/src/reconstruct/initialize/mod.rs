@@ -17,7 +17,8 @@ use super::scene::Scene;
 use super::settings::FastSettings;
 use crate::color_field::SplineEvaluator;
 use crate::sensor::CrosstalkMatrix;
-pub(crate) use decoder::{Decoder, InitialDepth};
+pub(crate) use decoder::Decoder;
+pub use decoder::InitialDepth;
 pub use settings::{CrosstalkSettings, PropagationSettings};
 
 /// The initial surface of a scene.

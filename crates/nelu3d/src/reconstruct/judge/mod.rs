@@ -1,7 +1,8 @@
 //! Whether to trust a reconstruction: its captures, and how well the field explains what was measured.
 
 mod ends;
-mod response;
+#[doc(hidden)]
+pub mod response;
 
 use nelu3d_scan::statistics::median;
 
@@ -76,7 +77,7 @@ fn expected(scene: &Scene<'_>, pixels: &[usize], depth: &[f32]) -> Option<Codewo
 }
 
 /// Judges χ² per measurement over the surface: about 1 where field and noise are what they are taken for.
-fn residual(depth: &[f32], chi2: &[f32]) -> Option<Finding> {
+pub fn residual(depth: &[f32], chi2: &[f32]) -> Option<Finding> {
     /// Median χ² per measurement that no good scene reaches.
     const MAX_CHI2: f64 = 3.0;
     let mut known: Vec<f32> = (0..depth.len()).filter(|i| depth[*i].is_finite()).map(|i| chi2[i]).collect();
@@ -94,7 +95,7 @@ fn residual(depth: &[f32], chi2: &[f32]) -> Option<Finding> {
 }
 
 /// A field of a doubtful calibration makes doubtful surfaces.
-fn of_field(warnings: &[String]) -> Option<Finding> {
+pub fn of_field(warnings: &[String]) -> Option<Finding> {
     (!warnings.is_empty()).then(|| {
         let sentence = format!("the color field's calibration was not good ({})", warnings.join(", "));
         Finding::new(
@@ -105,22 +106,4 @@ fn of_field(warnings: &[String]) -> Option<Finding> {
         )
         .with("codes", warnings.to_vec())
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn residuals_of_pixels_without_depth_do_not_count() {
-        let depth = [700.0, 700.0, 700.0, f32::NAN, f32::NAN, f32::NAN];
-        assert!(residual(&depth, &[1.0, 0.9, 1.2, 50.0, 50.0, 50.0]).is_none());
-        let found = residual(&depth, &[9.0, 8.0, 10.0, 1.0, 1.0, 1.0]).unwrap();
-        assert!(found.code == Code::ResidualAboveNoise && found.sentence.contains("3.0 times"), "{found}");
-    }
-
-    #[test]
-    fn a_doubtful_field_makes_doubtful_surfaces() {
-        assert!(of_field(&[]).is_none() && of_field(&["clipped".into()]).unwrap().sentence.contains("clipped"));
-    }
 }

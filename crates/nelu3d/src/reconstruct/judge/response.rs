@@ -10,7 +10,7 @@ use crate::verdict::{Code, Finding, Verdict};
 /// Most pixels that are compared.
 const MAX_PIXELS: usize = 6000;
 /// Number of bins of the field's intensity.
-const BINS: usize = 10;
+pub const BINS: usize = 10;
 /// Fewest values in a bin.
 const MIN_IN_BIN: usize = 100;
 /// Deviation of mid intensities from the line between dark and bright ones, normalized intensity, that no linear
@@ -23,10 +23,11 @@ const MAX_FACTOR: f64 = 0.06;
 const MAX_SCATTER: f64 = 0.1;
 
 /// Medians of measured intensity by the field's intensity, and how far measured intensities are from them.
-struct ResponseCurve {
-    medians: [Option<f64>; BINS],
+pub struct ResponseCurve {
+    /// Medians by the field's intensity, from 0 to 1 in even steps; `None` where a step has too few samples.
+    pub medians: [Option<f64>; BINS],
     /// Median over all bins; 0 where there are none.
-    scatter: f64,
+    pub scatter: f64,
 }
 
 /// Judges the response of camera and exposure on the valid pixels.
@@ -61,7 +62,8 @@ impl ResponseCurve {
         Self { medians, scatter: median(&mut distances).map_or(0.0, f64::from) }
     }
 
-    fn judge(&self) -> Option<Finding> {
+    /// Returns what is wrong with the response, if anything is.
+    pub fn judge(&self) -> Option<Finding> {
         if self.scatter > MAX_SCATTER {
             let sentence = format!(
                 "measured intensities are {:.2} from the field's on the surface that was found, which is not the \
@@ -116,38 +118,5 @@ impl ResponseCurve {
             let remedy = "take white and patterns with one exposure and gain, and keep the light's brightness constant";
             Finding::new(Code::ExposureJump, Verdict::Doubtful, sentence, remedy).with("white_factor", 1.0 / factor)
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn scattered(f: impl Fn(f64) -> f64, scatter: f64) -> Option<Code> {
-        let medians = std::array::from_fn(|i| Some(f((i as f64 + 0.5) / BINS as f64)));
-        ResponseCurve { medians, scatter }.judge().map(|f| f.code)
-    }
-
-    fn code(f: impl Fn(f64) -> f64) -> Option<Code> {
-        scattered(f, 0.02)
-    }
-
-    #[test]
-    fn factors_and_curves_are_told_apart() {
-        assert_eq!(code(|x| x), None);
-        // A little light from elsewhere.
-        assert_eq!(code(|x| 0.03 + 0.96 * x), None);
-        // A bin of few pixels that show something else.
-        assert_eq!(code(|x| if x > 0.9 { 0.8 } else { x }), None);
-        assert_eq!(code(|x| x / 1.2), Some(Code::ExposureJump));
-        assert_eq!(code(|x| x.powf(1.0 / 2.2)), Some(Code::NonlinearResponse));
-        let narrow = ResponseCurve { medians: std::array::from_fn(|i| (i < 4).then_some(0.5)), scatter: 0.02 };
-        assert!(narrow.judge().is_none());
-    }
-
-    #[test]
-    fn a_surface_that_is_not_there_is_no_response() {
-        // Wrong depths: the mean codeword everywhere, and whatever was measured around it.
-        assert_eq!(scattered(|x| 0.4 + 0.2 * x, 0.25), Some(Code::ResidualAboveNoise));
     }
 }

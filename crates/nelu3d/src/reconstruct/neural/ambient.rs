@@ -21,7 +21,7 @@ pub enum Ambient {
 }
 
 /// A small network over the image, one output per camera channel.
-pub(super) struct AmbientField {
+pub struct AmbientField {
     /// Meaning of the network's output.
     pub(super) kind: Ambient,
     /// The network.
@@ -33,7 +33,7 @@ pub(super) const MIN_WHITE: f32 = 1e-3;
 
 impl AmbientField {
     /// Initializes the network.
-    pub(super) fn new(kind: Ambient, n_channels: usize, n_steps: usize, seed: u64) -> Self {
+    pub fn new(kind: Ambient, n_channels: usize, n_steps: usize, seed: u64) -> Self {
         let config = config::image_field_config(n_channels, n_steps);
         Self { kind, field: HashField::new(config, seed).expect("the published configuration is valid") }
     }

@@ -60,7 +60,7 @@ fn training(learning_rate: f64, n_steps: usize) -> TrainConfig {
 /// Not for TurboSL, whose surface is shaded by its normals: at such rates the finest levels of the hash grid tilt them
 /// until they explain the patterns wherever the surface is (a ball after 400 iterations: normals 60° off, depth 14 mm
 /// instead of 2).
-pub(super) fn hasten(config: &mut SurfaceConfig, n_steps: usize) {
+pub fn hasten(config: &mut SurfaceConfig, n_steps: usize) {
     let factor = (PUBLISHED_STEPS as f64 / n_steps.max(1) as f64).sqrt().clamp(1.0, 4.0);
     config.field.training.encoding_learning_rate *= factor;
     config.field.training.network_learning_rate *= factor;

@@ -47,28 +47,28 @@ impl Seen {
 }
 
 /// A decoded depth map as a body with a signed distance.
-pub(super) struct DecodedBody<'a> {
+pub struct DecodedBody<'a> {
     camera: &'a Camera,
     bounds: Bounds,
     /// Distance along the pixel's ray, mm; NaN where nothing was decoded.
-    t: Vec<f32>,
+    pub t: Vec<f32>,
     /// Unit directions of the pixels' rays.
-    dirs: Vec<Vector3<f64>>,
+    pub dirs: Vec<Vector3<f64>>,
     /// Cosine between the ray and the surface's normal, one per pixel.
     cosine: Vec<f32>,
     /// Pixels with a depth.
-    lit: Vec<u32>,
+    pub lit: Vec<u32>,
     /// Those of them that are near one without.
     edge: Vec<u32>,
     /// Distances in the image to the outline of what was decoded, px; negative within it.
-    outline: Vec<f32>,
+    pub outline: Vec<f32>,
     /// Signed distance at the centers of coarse cells, x fastest, units; good to half a cell.
     coarse: Vec<f32>,
 }
 
 impl<'a> DecodedBody<'a> {
     /// Makes the body of a depth map, camera z in mm, NaN where there is none; `None` if it is empty.
-    pub(super) fn new(camera: &'a Camera, bounds: Bounds, plane: &[[f32; 2]], depth: &[f32]) -> Option<Self> {
+    pub fn new(camera: &'a Camera, bounds: Bounds, plane: &[[f32; 2]], depth: &[f32]) -> Option<Self> {
         let dirs: Vec<Vector3<f64>> =
             plane.iter().map(|[u, v]| Vector3::new(f64::from(*u), f64::from(*v), 1.0).normalize()).collect();
         let t: Vec<f32> = depth.iter().zip(&dirs).map(|(z, d)| z / d.z as f32).collect();
@@ -212,7 +212,7 @@ impl<'a> DecodedBody<'a> {
 
     /// Fits a surface to the body: the coarse levels of the hash table and the network learn it, with slopes of length
     /// 1 as the training asks for them; fine levels begin as small as ever.
-    pub(super) fn surface(&self, config: SurfaceConfig, seed: u64) -> NeuralSurface {
+    pub fn surface(&self, config: SurfaceConfig, seed: u64) -> NeuralSurface {
         const STEPS: u64 = 600;
         const POINTS: usize = 4096;
         let training = TrainConfig {
@@ -301,62 +301,4 @@ fn widen(coarse: &HashField, whole: &HashField) -> Vec<f32> {
     let (from, to) = (&from[width * (n_from + position)..], &mut to[width * (n_to + position)..]);
     to.copy_from_slice(from);
     params
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A bump before a camera, on a part of the image.
-    #[test]
-    fn a_surface_starts_as_the_decoded_body() {
-        let camera = Camera::pinhole(64, 48, 80.0, 80.0, 31.5, 23.5);
-        let plane: Vec<[f32; 2]> =
-            (0..64 * 48).map(|i| camera.undistort([(i % 64) as f64, (i / 64) as f64]).map(|v| v as f32)).collect();
-        let depth: Vec<f32> = plane
-            .iter()
-            .map(|[u, v]| if u.hypot(*v) < 0.2 { 500.0 - 40.0 * (-60.0 * (u * u + v * v)).exp() } else { f32::NAN })
-            .collect();
-        let bounds = Bounds { center: Point3::new(0.0, 0.0, 490.0), unit_mm: 100.0 };
-        let body = DecodedBody::new(&camera, bounds, &plane, &depth).unwrap();
-        let mut config = super::super::config::surface_config(Default::default(), 100);
-        config.field.encoding.log2_hashmap_size = 14;
-        let surface = body.surface(config, 3);
-        let at = |i: usize, away: f64| bounds.to_cube(&Point3::from(body.dirs[i] * (f64::from(body.t[i]) + away)));
-        let mut points = Vec::new();
-        for &i in &body.lit {
-            points.extend([at(i as usize, 0.0), at(i as usize, -6.0), at(i as usize, 6.0), at(i as usize, 50.0)]);
-        }
-        let mut found = vec![0.0; points.len()];
-        let mut slopes = vec![[0.0; 3]; points.len()];
-        surface.field().query_with_jacobian(&points, &mut found, &mut slopes);
-        let n = body.lit.len() as f32;
-        let mean = |k: usize| found.iter().skip(k).step_by(4).sum::<f32>() / n;
-        let error = found.iter().step_by(4).map(|f| f.abs()).sum::<f32>() / n;
-        // Units of 100 mm: half a millimeter on the surface, known on either side, free far behind.
-        assert!(error < 0.005, "{error}");
-        assert!((mean(1) - 0.057).abs() < 0.01 && (mean(2) + 0.057).abs() < 0.01, "{} {}", mean(1), mean(2));
-        // The slopes before and on the surface, per unit: of length 1, as the eikonal loss asks for them.
-        let lengths = slopes.chunks_exact(4).flat_map(|s| &s[..2]);
-        let slope = lengths.map(|s| s.iter().map(|d| (d / 3.0).powi(2)).sum::<f32>().sqrt() - 1.0);
-        let deviation = (slope.map(|d| d * d).sum::<f32>() / (2.0 * n)).sqrt();
-        assert!(deviation < 0.25, "{deviation}");
-        assert!(mean(3) > 0.1, "{}", mean(3));
-        // Beside the object nothing is in the way.
-        let beside: Vec<[f32; 3]> = (0..20).map(|j| [0.9, 0.5, j as f32 / 19.0]).collect();
-        let mut found = vec![0.0; 20];
-        surface.field().query(&beside, &mut found);
-        assert!(found.iter().all(|f| *f > 0.1), "{found:?}");
-        // And neither is there a pixel off the outline, where the training's black rays are.
-        let outside = |i: &usize| (1.0..2.5).contains(&body.outline[*i]);
-        let around: Vec<[f32; 3]> = (0..64 * 48)
-            .filter(outside)
-            .map(|i| bounds.to_cube(&Point3::from(body.dirs[i] * (505.0 / body.dirs[i].z))))
-            .collect();
-        let mut found = vec![0.0; around.len()];
-        surface.field().query(&around, &mut found);
-        let blocked = found.iter().filter(|f| **f < 0.0).count();
-        assert!(around.len() > 50 && blocked * 20 < around.len(), "{blocked} of {}", around.len());
-        assert!(DecodedBody::new(&camera, bounds, &plane, &vec![f32::NAN; 64 * 48]).is_none());
-    }
 }

@@ -15,14 +15,17 @@ pub mod bounds;
 pub mod checkpoint;
 mod codewords;
 pub mod config;
-mod distances;
+#[doc(hidden)]
+pub mod distances;
 mod identity;
 pub mod importance;
 mod learned;
-mod lookup_start;
+#[doc(hidden)]
+pub mod lookup_start;
 pub mod march;
 #[cfg(feature = "gpu")]
-mod on_gpu;
+#[doc(hidden)]
+pub mod on_gpu;
 mod options;
 mod record;
 pub mod start;
@@ -48,8 +51,7 @@ use super::settings::FastSettings;
 use crate::color_field::ColorField;
 use crate::surface::{PixelStatus, Surface, SurfaceMaps, assemble};
 use crate::verdict::Judgment;
-pub use ambient::Ambient;
-use ambient::AmbientField;
+pub use ambient::{Ambient, AmbientField};
 use batch::TrainingPixels;
 pub use checkpoint::{CheckpointOptions, TrainingCheckpointError};
 use codewords::Codewords;

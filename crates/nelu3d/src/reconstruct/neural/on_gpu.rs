@@ -23,13 +23,13 @@ use crate::reconstruct::scene::Scene;
 const CHECKPOINT: usize = 1000;
 
 /// The parts of a training that a device takes over and gives back.
-pub(super) struct TrainedParts<'a> {
+pub struct TrainedParts<'a> {
     /// The signed distance field.
-    pub(super) surface: &'a mut NeuralSurface,
+    pub surface: &'a mut NeuralSurface,
     /// The ambient term.
-    pub(super) ambient: &'a mut AmbientField,
+    pub ambient: &'a mut AmbientField,
     /// The occupancy grid.
-    pub(super) occupancy: &'a mut OccupancyGrid,
+    pub occupancy: &'a mut OccupancyGrid,
 }
 
 /// Receives a report and the number of iterations that are done; answers whether the loss is still a number.
@@ -39,20 +39,33 @@ pub(super) type OnReport<'a> = dyn FnMut(&TrainingReport, usize) -> bool + 'a;
 pub(super) type RenderDepth<'a> = dyn Fn(&TrainedParts<'_>) -> Vec<f32> + 'a;
 
 /// A scene as the device needs it.
-pub(super) struct DeviceScene<'a> {
-    pixels: Vec<ScenePixel>,
-    origin: [f32; 3],
-    measured: Vec<f32>,
-    white: Vec<f32>,
-    n_channels: usize,
-    lattice: Lattice<'a>,
-    affine: [[f32; 4]; 3],
-    frame: ProjectiveFrame,
-    ambient: AmbientUse,
-    n_samples: usize,
-    step: f32,
-    half_step: f32,
-    seed: u64,
+pub struct DeviceScene<'a> {
+    /// The pixels.
+    pub pixels: Vec<ScenePixel>,
+    /// Where all rays begin, in the cube's coordinates.
+    pub origin: [f32; 3],
+    /// Measured codewords, `[pixel][k]`.
+    pub measured: Vec<f32>,
+    /// White − black, `[pixel][channel]`.
+    pub white: Vec<f32>,
+    /// Channels of the camera.
+    pub n_channels: usize,
+    /// The frozen color field.
+    pub lattice: Lattice<'a>,
+    /// Rows of the affine map from the cube's coordinates (and 1) to those along the axes of `frame`.
+    pub affine: [[f32; 4]; 3],
+    /// The frame of the color field.
+    pub frame: ProjectiveFrame,
+    /// The ambient term.
+    pub ambient: AmbientUse,
+    /// Samples that an iteration should have.
+    pub n_samples: usize,
+    /// Distance of samples along a ray, mm.
+    pub step: f32,
+    /// Half of the length over which a cell's alpha is computed, in the unit of the distance field.
+    pub half_step: f32,
+    /// Seed of the draws.
+    pub seed: u64,
 }
 
 impl<'a> DeviceScene<'a> {
@@ -103,7 +116,7 @@ impl<'a> DeviceScene<'a> {
 
     /// Trains what is in `parts`, and returns the number of iterations that are done and of the rays of the last: all,
     /// or those up to the last checkpoint of a device that failed.
-    pub(super) fn train(
+    pub fn train(
         &self,
         gpu: &Arc<Gpu>,
         parts: &mut TrainedParts<'_>,
@@ -180,85 +193,5 @@ impl<'a> DeviceScene<'a> {
             }
         }
         Ok(Ok(()))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::start::Start;
-    use super::*;
-    use crate::progress::Progress;
-    use crate::reconstruct::observer::Observer;
-    use nelu3d_field::device::Choice;
-    use nelu3d_field::encoding::hash_grid::HashGridConfig;
-    use nelu3d_field::occupancy::OccupancyConfig;
-
-    /// The last iteration that was observed.
-    struct LastIteration(usize);
-
-    impl Observer for LastIteration {
-        fn surface(&mut self, _: Stage, iteration: usize, _: &[f32]) {
-            self.0 = iteration;
-        }
-    }
-
-    /// A device that is lost during training leaves the state of the last checkpoint.
-    #[test]
-    fn a_lost_gpu_hands_over_to_the_cpu() {
-        let Ok(gpu) = Gpu::open_anew(Choice::Gpu) else {
-            assert!(std::env::var_os("NELU3D_REQUIRE_GPU").is_none(), "no GPU, and NELU3D_REQUIRE_GPU is set");
-            eprintln!("SKIPPED: training on a GPU: no GPU and no software driver");
-            return;
-        };
-        let mut surface_config = config::surface_config(Default::default(), 300);
-        config::hasten(&mut surface_config, 300);
-        surface_config.field.encoding = HashGridConfig {
-            n_levels: 3,
-            log2_hashmap_size: 10,
-            finest_resolution: [40; 3],
-            ..surface_config.field.encoding
-        };
-        surface_config.field.width = 8;
-        let mut surface = Start::Plane.surface(surface_config, 1);
-        let before = surface.field().params().to_vec();
-        let mut ambient = AmbientField::new(Ambient::Bounded, 1, 300, 1);
-        let mut occupancy =
-            OccupancyGrid::new(OccupancyConfig { resolution: 8, ..config::occupancy_config(300) }, |_| true);
-        let nodes = vec![0.5; 4 * 4 * 4 * 2];
-        let pixel = ScenePixel { dir: [0.0, 0.0, 1.0], near: 1.0, place: [0.5; 2], far: 2.0, mask: 1.0 };
-        let scene = DeviceScene {
-            pixels: vec![pixel; 4],
-            origin: [0.5, 0.5, -1.0],
-            measured: vec![0.6; 8],
-            white: vec![0.9; 4],
-            n_channels: 1,
-            lattice: Lattice { nodes: &nodes, cells: [1; 3], k: 2 },
-            affine: RayScene::CUBE,
-            frame: ProjectiveFrame::UNIT,
-            ambient: AmbientUse::Fraction,
-            n_samples: 512,
-            step: 0.05,
-            half_step: 0.01,
-            seed: 1,
-        };
-        let mut parts = TrainedParts { surface: &mut surface, ambient: &mut ambient, occupancy: &mut occupancy };
-        let plug = gpu.clone();
-        let mut reports = Vec::new();
-        let mut on_report = |report: &TrainingReport, done: usize| {
-            reports.push(done);
-            if done > 1 {
-                plug.destroy();
-            }
-            report.losses.total.is_finite()
-        };
-        let (progress, mut observer) = (Progress::none(), LastIteration(0));
-        let mut cx = Context::new(&progress, Choice::Cpu).unwrap().with_observer(Some(&mut observer));
-        let (done, n_rays) = scene.train(&gpu, &mut parts, 300, &mut cx, &mut on_report, &|_| Vec::new()).unwrap();
-        drop(cx);
-        // Observed after 100 iterations, lost after 101.
-        assert_eq!((reports.as_slice(), observer.0, done), ([1, 101].as_slice(), 100, 100));
-        assert!(n_rays >= 16);
-        assert_eq!(surface.field().n_steps(), 100);
-        assert!(surface.field().params() != before && surface.field().params().iter().all(|p| p.is_finite()));
     }
 }

@@ -28,7 +28,7 @@ pub enum Start {
 impl Start {
     /// Returns the shape's distance as a function on the unit cube, units; positive on the camera's side. `None` if
     /// there is no shape.
-    fn distance(self) -> Option<fn([f32; 3]) -> f32> {
+    pub fn distance(self) -> Option<fn([f32; 3]) -> f32> {
         const UNIT: f32 = SIDE as f32;
         match self {
             Start::Random => None,
@@ -85,26 +85,4 @@ fn fit(distance: fn([f32; 3]) -> f32, config: SurfaceConfig, seed: u64) -> Neura
     let n = params.len();
     params[n - n_network..].copy_from_slice(&small.params()[small.params().len() - n_network..]);
     NeuralSurface::from_params(config, params).expect(VALID)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_surface_starts_with_its_shape() {
-        for start in [Start::Plane, Start::Sphere] {
-            let mut config = super::super::config::surface_config(Default::default(), 100);
-            config.field.encoding.log2_hashmap_size = 12;
-            let surface = start.surface(config, 3);
-            let distance = start.distance().expect("a shape");
-            let mut rng = StdRng::seed_from_u64(9);
-            let points: Vec<[f32; 3]> = (0..2000).map(|_| std::array::from_fn(|_| rng.random())).collect();
-            let mut found = vec![0.0; points.len()];
-            surface.field().query(&points, &mut found);
-            let rms = points.iter().zip(&found).map(|(&p, f)| (distance(p) - f).powi(2)).sum::<f32>();
-            let rms = (rms / points.len() as f32).sqrt();
-            assert!(rms < 0.03, "{start:?}: {rms}");
-        }
-    }
 }

@@ -8,20 +8,29 @@
 //! converges. Of the paper's losses there remain the image loss, weighed by the noise of every measurement instead of a
 //! fixed blend, the ambient term and the mask. It is minimized by Gauss-Newton, each step one sparse linear system.
 
-mod band;
-mod bands;
-mod blocks;
-mod coarse;
+#[doc(hidden)]
+pub mod band;
+#[doc(hidden)]
+pub mod bands;
+#[doc(hidden)]
+pub mod blocks;
+#[doc(hidden)]
+pub mod coarse;
 mod demand;
-mod interreflection;
-mod light_fractions;
+#[doc(hidden)]
+pub mod interreflection;
+#[doc(hidden)]
+pub mod light_fractions;
 mod refined;
 mod refinement;
 mod settings;
 mod slopes;
-mod thin_plate;
-mod uncertainty;
-mod window;
+#[doc(hidden)]
+pub mod thin_plate;
+#[doc(hidden)]
+pub mod uncertainty;
+#[doc(hidden)]
+pub mod window;
 
 use super::context::Context;
 use super::error::Failure;
@@ -31,7 +40,7 @@ use super::observer::Stage;
 use super::scene::Scene;
 use coarse::Reduced;
 use demand::WindowDemand;
-pub(crate) use refined::Refined;
+pub use refined::Refined;
 use refinement::Refinement;
 pub use settings::RefineSettings;
 use window::Window;

@@ -1,7 +1,7 @@
 //! The result of the refinement.
 
 /// A refined surface. All maps have the whole image's size, row by row.
-pub(crate) struct Refined {
+pub struct Refined {
     /// Inverse depth 1/z, 1/mm; NaN where there is none.
     pub(crate) inv_z: Vec<f32>,
     /// Standard deviation of the inverse depth, 1/mm (`uncertainty.rs`).
@@ -9,9 +9,9 @@ pub(crate) struct Refined {
     /// Fraction, mean over color channels, of the light that did not come directly from the light source.
     pub(crate) ambient: Vec<f32>,
     /// The part of it whose origin is not seen: all but what is gathered from the surface itself.
-    pub(crate) unseen: Vec<f32>,
+    pub unseen: Vec<f32>,
     /// χ² per measurement of a pixel.
-    pub(crate) chi2: Vec<f32>,
+    pub chi2: Vec<f32>,
     /// Root mean square residual of the normalized intensities.
     pub(crate) residual: Vec<f32>,
     /// Median absolute residual of the normalized intensities.
@@ -24,7 +24,7 @@ pub(crate) struct Refined {
 
 impl Refined {
     /// Makes maps of `n` pixels without a surface at any of them.
-    pub(in crate::reconstruct) fn empty(n: usize, losses: Vec<f32>, albedo: Vec<f32>) -> Self {
+    pub fn empty(n: usize, losses: Vec<f32>, albedo: Vec<f32>) -> Self {
         let nan = || vec![f32::NAN; n];
         Self {
             inv_z: nan(),

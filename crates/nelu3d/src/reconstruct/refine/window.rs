@@ -2,20 +2,20 @@
 
 /// A rectangle of pixels with a free ring around it, which may lie outside the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Window {
+pub struct Window {
     x0: isize,
     y0: isize,
     image_width: usize,
     /// Width with the ring.
-    pub(super) w: usize,
+    pub w: usize,
     /// Height with the ring.
-    pub(super) h: usize,
+    pub h: usize,
 }
 
 impl Window {
     /// Returns the smallest window around the finite values of a map of width `width`, plus the ring; `None` when there
     /// are none.
-    pub(super) fn around(map: &[f32], width: usize) -> Option<Self> {
+    pub fn around(map: &[f32], width: usize) -> Option<Self> {
         let (mut x0, mut y0, mut x1, mut y1) = (usize::MAX, usize::MAX, 0, 0);
         for (i, _) in map.iter().enumerate().filter(|(_, v)| v.is_finite()) {
             let (x, y) = (i % width, i / width);
@@ -37,33 +37,15 @@ impl Window {
     }
 
     /// Returns whether pixel `i` of the window belongs to the ring.
-    pub(super) fn in_ring(&self, i: usize) -> bool {
+    pub fn in_ring(&self, i: usize) -> bool {
         let (x, y) = (i % self.w, i / self.w);
         x == 0 || y == 0 || x + 1 == self.w || y + 1 == self.h
     }
 
     /// Returns the image's pixel of pixel `i` of the window, which is not in its ring.
     #[inline]
-    pub(super) fn at(&self, i: usize) -> usize {
+    pub fn at(&self, i: usize) -> usize {
         let (x, y) = (self.x0 + (i % self.w) as isize, self.y0 + (i / self.w) as isize);
         y as usize * self.image_width + x as usize
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn it_holds_the_finite_values_and_a_ring() {
-        let mut map = vec![f32::NAN; 60];
-        assert!(Window::around(&map, 10).is_none());
-        for i in [0, 13, 21] {
-            map[i] = 1.0;
-        }
-        let win = Window::around(&map, 10).unwrap();
-        assert_eq!((win.w, win.h), (6, 5));
-        let inside: Vec<usize> = (0..win.w * win.h).filter(|i| !win.in_ring(*i)).map(|i| win.at(i)).collect();
-        assert_eq!(inside, [0, 1, 2, 3, 10, 11, 12, 13, 20, 21, 22, 23]);
     }
 }

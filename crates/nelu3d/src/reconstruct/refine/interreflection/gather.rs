@@ -9,11 +9,11 @@ use super::surface::GatherSurface;
 use crate::sensor::Measurements;
 
 /// Interreflection per pixel of a window.
-pub(in crate::reconstruct::refine) struct Interreflection {
+pub struct Interreflection {
     /// Codeword of the light that arrives from the rest of the scene, `n × k`.
-    pub(in crate::reconstruct::refine) codeword: Vec<f32>,
+    pub codeword: Vec<f32>,
     /// Fraction of that light in the pixel's white for an albedo of 1, `n × channels`.
-    pub(in crate::reconstruct::refine) per_albedo: Vec<f32>,
+    pub per_albedo: Vec<f32>,
 }
 
 /// Number of light values per point: white per channel, then the k patterns.
@@ -24,7 +24,7 @@ fn n_values(m: &Measurements, channels: usize) -> usize {
 /// Gathers the interreflection of every active pixel; also returns what that asks of the machine. It is smooth: the
 /// surface reflects light as at most `max_patches` patches, and light is gathered at every second pixel of every second
 /// row and interpolated where the surface is smooth.
-pub(in crate::reconstruct::refine) fn gather(
+pub fn gather(
     s: &GatherSurface<'_>,
     m: &Measurements,
     channels: usize,

@@ -17,8 +17,5 @@ mod patches;
 mod surface;
 mod vector;
 
-pub(super) use gather::{Interreflection, gather};
-pub(super) use surface::GatherSurface;
-
-#[cfg(test)]
-mod tests;
+pub use gather::{Interreflection, gather};
+pub use surface::GatherSurface;

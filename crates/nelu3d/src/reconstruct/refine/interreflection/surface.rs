@@ -8,7 +8,7 @@ use crate::color_field::CameraRays;
 use crate::reconstruct::refine::window::Window;
 
 /// The surface of a window's active pixels, from which light is gathered.
-pub(in crate::reconstruct::refine) struct GatherSurface<'a> {
+pub struct GatherSurface<'a> {
     /// The window.
     pub(in crate::reconstruct::refine) window: &'a Window,
     /// Pixels that are part of the surface.
@@ -24,7 +24,7 @@ pub(in crate::reconstruct::refine) struct GatherSurface<'a> {
 impl<'a> GatherSurface<'a> {
     /// Makes depths and normals from inverse depths (1/mm) and their slopes (1/mm per pixel along x and y). A plane is
     /// linear in 1/z over the image: 1/z = α + β x/z + γ y/z means that (β, γ, α) is normal to it.
-    pub(in crate::reconstruct::refine) fn new(
+    pub fn new(
         window: &'a Window,
         active: &'a [bool],
         rays: &'a CameraRays,
@@ -57,7 +57,7 @@ impl<'a> GatherSurface<'a> {
 
     /// Returns the point of pixel `i` of the window, camera frame, mm.
     #[inline]
-    pub(in crate::reconstruct::refine) fn point(&self, i: usize) -> [f32; 3] {
+    pub fn point(&self, i: usize) -> [f32; 3] {
         let ([u, v], z) = (self.rays.plane[self.window.at(i)], self.z[i]);
         [u * z, v * z, z]
     }

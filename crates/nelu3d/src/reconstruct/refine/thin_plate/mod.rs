@@ -7,7 +7,4 @@
 
 mod prior;
 
-pub(super) use prior::ThinPlatePrior;
-
-#[cfg(test)]
-mod tests;
+pub use prior::ThinPlatePrior;

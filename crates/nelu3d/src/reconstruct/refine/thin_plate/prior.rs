@@ -8,13 +8,13 @@ use rayon::prelude::*;
 
 /// A discontinuity-preserving thin-plate prior over a rectangular window of pixels. Pixels with `active = false` take
 /// no part. The outermost ring of pixels never does, so that no stencil leaves the window.
-pub(in crate::reconstruct::refine) struct ThinPlatePrior {
+pub struct ThinPlatePrior {
     /// Width of the window.
-    pub(in crate::reconstruct::refine) width: usize,
+    pub width: usize,
     /// Height of the window.
     pub(in crate::reconstruct::refine) height: usize,
     /// Pixels that are part of the surface.
-    pub(in crate::reconstruct::refine) active: Vec<bool>,
+    pub active: Vec<bool>,
     /// Weight of the second difference along x centered on a pixel (0 where a neighbor is missing).
     pub(super) wxx: Vec<f32>,
     /// Weight of the second difference along y, likewise.
@@ -30,7 +30,7 @@ impl ThinPlatePrior {
     /// # Panics
     ///
     /// If a pixel of the outermost ring is active.
-    pub(in crate::reconstruct::refine) fn new(width: usize, height: usize, active: Vec<bool>) -> Self {
+    pub fn new(width: usize, height: usize, active: Vec<bool>) -> Self {
         let n = width * height;
         assert_eq!(active.len(), n);
         let ring = |i: usize| [0, width - 1].contains(&(i % width)) || [0, height - 1].contains(&(i / width));
@@ -40,7 +40,7 @@ impl ThinPlatePrior {
 
     /// Returns the prior of some rows of its window, as if there were no others: the first and the last of them take no
     /// part.
-    pub(in crate::reconstruct::refine) fn of_rows(&self, rows: Range<usize>) -> Self {
+    pub fn of_rows(&self, rows: Range<usize>) -> Self {
         let (w, h, start) = (self.width, rows.len(), rows.start * self.width);
         let mut active = vec![false; w * h];
         active[w..(h - 1) * w].copy_from_slice(&self.active[start + w..start + (h - 1) * w]);
@@ -82,7 +82,7 @@ impl ThinPlatePrior {
     /// place to place: the weight is one over `floor²` plus the local mean of squared differences (over a square of the
     /// given radius, each direction for itself). Differences beyond `crease` are creases or jumps: they do not count as
     /// roughness of their surroundings, and the prior breaks there.
-    pub(in crate::reconstruct::refine) fn reweight(&mut self, x: &[f32], floor: f32, crease: f32, radius: usize) {
+    pub fn reweight(&mut self, x: &[f32], floor: f32, crease: f32, radius: usize) {
         let (w, h) = (self.width, self.height);
         let this = &*self;
         let weights: Vec<Vec<f32>> = (0..3)
@@ -118,7 +118,7 @@ impl ThinPlatePrior {
     }
 
     /// Returns the linear system of the change of a surface whose data have information `h` and gradient `g` there.
-    pub(in crate::reconstruct::refine) fn system<'a>(&'a self, h: &'a [f32], g: &'a [f32]) -> PlateSystem<'a> {
+    pub fn system<'a>(&'a self, h: &'a [f32], g: &'a [f32]) -> PlateSystem<'a> {
         let Self { width, height, active, wxx, wyy, wxy } = self;
         PlateSystem { width: *width, height: *height, active, xx: wxx, yy: wyy, xy: wxy, h, g }
     }
@@ -144,35 +144,5 @@ impl ThinPlatePrior {
             (a, b) if a > 0.0 && b > 0.0 => (a * b).sqrt(),
             (a, b) => a.max(b),
         }
-    }
-
-    /// Returns Dᵀ√W ε for random ε: with √h ε it makes a right-hand side whose solution is a draw from the posterior.
-    #[cfg(test)]
-    pub(in crate::reconstruct::refine) fn noise(&self, mut normal: impl FnMut() -> f32) -> Vec<f32> {
-        let w = self.width;
-        let mut out = vec![0.0; self.active.len()];
-        for i in (0..out.len()).filter(|i| self.active[*i]) {
-            let (a, b, c) = (self.wxx[i], self.wyy[i], self.wxy[i]);
-            if a > 0.0 {
-                let e = a.sqrt() * normal();
-                out[i - 1] += e;
-                out[i] -= 2.0 * e;
-                out[i + 1] += e;
-            }
-            if b > 0.0 {
-                let e = b.sqrt() * normal();
-                out[i - w] += e;
-                out[i] -= 2.0 * e;
-                out[i + w] += e;
-            }
-            if c > 0.0 {
-                let e = c.sqrt() * normal();
-                out[i] += e;
-                out[i + 1] -= e;
-                out[i + w] -= e;
-                out[i + w + 1] += e;
-            }
-        }
-        out
     }
 }

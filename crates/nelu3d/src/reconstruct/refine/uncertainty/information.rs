@@ -2,9 +2,9 @@
 
 /// The information of a pixel's measurements about the unknown in the last step.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::reconstruct::refine) struct Information {
+pub struct Information {
     /// Information Σ w J² about the unknown.
-    pub(in crate::reconstruct::refine) h: f32,
+    pub h: f32,
     /// χ² per measurement: its mean around a pixel is the ratio of the noise's variance to that of the noise model.
-    pub(in crate::reconstruct::refine) chi2: f32,
+    pub chi2: f32,
 }

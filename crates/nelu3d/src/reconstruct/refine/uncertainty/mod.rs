@@ -22,9 +22,6 @@ mod sigma;
 mod systematic;
 mod uniform_plate;
 
-pub(super) use information::Information;
-pub(super) use sigma::sigma;
-pub(super) use systematic::{Nuisances, systematic};
-
-#[cfg(test)]
-mod tests;
+pub use information::Information;
+pub use sigma::sigma;
+pub use systematic::{Nuisances, Systematic, systematic};

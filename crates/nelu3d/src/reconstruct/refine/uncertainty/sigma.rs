@@ -16,7 +16,7 @@ const NOISE_RADIUS: usize = 8;
 /// Returns one standard deviation of the unknown per pixel of the prior's window; NaN where there is no surface. `x` is
 /// the solution, `systematic` what neighbors share of the residuals, which is no noise; `factor` tells how much more
 /// depths scatter at a pixel that average over so many pixels than their χ² says.
-pub(in crate::reconstruct::refine) fn sigma(
+pub fn sigma(
     prior: &ThinPlatePrior,
     x: &[f32],
     information: &[Information],

@@ -11,23 +11,23 @@ const SIDE: f32 = (2 * SHARED_RADIUS + 1) as f32;
 const SYSTEMATIC_RADIUS: usize = 16;
 
 /// What neighbors share of the residuals, per pixel of a window.
-pub(in crate::reconstruct::refine) struct Systematic {
+pub struct Systematic {
     /// Variance of the unknown that comes from it.
-    pub(in crate::reconstruct::refine) variance: Vec<f32>,
+    pub variance: Vec<f32>,
     /// Part of the residuals' variance that neighbors do not share, 0 to 1: noise.
-    pub(in crate::reconstruct::refine) unshared: Vec<f32>,
+    pub unshared: Vec<f32>,
 }
 
 /// The errors that scenes have whatever their depth, per channel of a pixel, divided by the noise's standard deviation:
 /// what light that no pattern takes away adds to all channels alike, and what scales all of them (a white image that is
 /// off, a defocused or mixed code).
-pub(in crate::reconstruct::refine) struct Nuisances<'a> {
+pub struct Nuisances<'a> {
     /// `n × k`: one.
-    pub(in crate::reconstruct::refine) offset: &'a [f32],
+    pub offset: &'a [f32],
     /// `n × k`: the predicted normalized intensity.
-    pub(in crate::reconstruct::refine) gain: &'a [f32],
+    pub gain: &'a [f32],
     /// Number of images of patterns, of whatever number of channels.
-    pub(in crate::reconstruct::refine) patterns: usize,
+    pub patterns: usize,
 }
 
 impl Nuisances<'_> {
@@ -52,7 +52,7 @@ const MIN_LEFT: f32 = 0.02;
 /// of these has, averaged over squares of n pixels, variance P_jj/n from noise alone, with P the projection across them.
 /// Any variance above that is shared; its size s_j² is estimated over the surroundings, where g points elsewhere. It
 /// changes the unknown by Σ g_j s_j / |g|².
-pub(in crate::reconstruct::refine) fn systematic(
+pub fn systematic(
     residuals: &[f32],
     slopes: &[f32],
     nuisances: &Nuisances<'_>,

@@ -1,21 +1,19 @@
+mod checksum;
+
 use std::path::Path;
 
 use nalgebra::{Point3, Vector3};
+use nelu3d::color_field::checkpoint::CheckpointError;
+use nelu3d::color_field::checkpoint::header::FORMAT;
+use nelu3d::color_field::frame::{Center, FieldFrame};
+use nelu3d::color_field::frequency::{FrequencyForm, FrequencySettings, Octaves};
+use nelu3d::color_field::grid::Grid;
+use nelu3d::color_field::hash::{HashForm, HashSettings};
+use nelu3d::color_field::published::{PublishedForm, PublishedOptions, PublishedSettings};
+use nelu3d::color_field::validity::{KnownAxes, Validity};
+use nelu3d::color_field::{ColorField, DepthNoise, FieldMetadata, Form, ProjectorResidual, Quality, camera_key};
+use nelu3d::sensor::NoiseModel;
 use nelu3d_scan::Camera;
-
-use super::error::CheckpointError;
-use super::header::FORMAT;
-use crate::color_field::compatibility::camera_key;
-use crate::color_field::depth_noise::DepthNoise;
-use crate::color_field::field::{ColorField, Form};
-use crate::color_field::frame::{Center, FieldFrame};
-use crate::color_field::frequency::{FrequencyForm, FrequencySettings, Octaves};
-use crate::color_field::grid::Grid;
-use crate::color_field::hash::{HashForm, HashSettings};
-use crate::color_field::metadata::{FieldMetadata, ProjectorResidual, Quality};
-use crate::color_field::published::{PublishedForm, PublishedOptions, PublishedSettings};
-use crate::color_field::validity::{KnownAxes, Validity};
-use crate::sensor::NoiseModel;
 
 /// A field of two channels for a camera of 20 × 12 px.
 fn field(form: Form) -> ColorField {

@@ -1,7 +1,6 @@
+use nelu3d::reconstruct::refine::thin_plate::ThinPlatePrior;
 use nelu3d_field::plate::reference::{product, solve};
 use nelu3d_field::plate::{PlateStop, sweep};
-
-use super::ThinPlatePrior;
 
 const EXACT: PlateStop = PlateStop { reduction: 1e-4, settled: 0.0, iterations: 3000 };
 

@@ -1,12 +1,9 @@
-use rand::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
-
+use nelu3d::reconstruct::refine::thin_plate::ThinPlatePrior;
+use nelu3d::reconstruct::refine::uncertainty::{Information, Nuisances, Systematic, sigma, systematic};
 use nelu3d_field::plate::PlateStop;
 use nelu3d_field::plate::reference::solve;
-
-use super::systematic::Systematic;
-use super::{Information, Nuisances, sigma, systematic};
-use crate::reconstruct::refine::thin_plate::ThinPlatePrior;
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
 
 fn normals(n: usize, seed: u64) -> Vec<f32> {
     let mut rng = rand::rngs::StdRng::seed_from_u64(seed);
@@ -15,6 +12,37 @@ fn normals(n: usize, seed: u64) -> Vec<f32> {
 
 fn window(w: usize, h: usize) -> Vec<bool> {
     (0..w * h).map(|i| i % w > 0 && i % w + 1 < w && i / w > 0 && i / w + 1 < h).collect()
+}
+
+/// Returns Dᵀ√W ε for random ε: with √h ε it makes a right-hand side whose solution is a draw from the posterior.
+fn prior_noise(prior: &ThinPlatePrior, mut normal: impl FnMut() -> f32) -> Vec<f32> {
+    let w = prior.width;
+    let mut out = vec![0.0; prior.active.len()];
+    let none = vec![0.0; out.len()];
+    let weights = prior.system(&none, &none);
+    for i in (0..out.len()).filter(|i| prior.active[*i]) {
+        let (a, b, c) = (weights.xx[i], weights.yy[i], weights.xy[i]);
+        if a > 0.0 {
+            let e = a.sqrt() * normal();
+            out[i - 1] += e;
+            out[i] -= 2.0 * e;
+            out[i + 1] += e;
+        }
+        if b > 0.0 {
+            let e = b.sqrt() * normal();
+            out[i - w] += e;
+            out[i] -= 2.0 * e;
+            out[i + w] += e;
+        }
+        if c > 0.0 {
+            let e = c.sqrt() * normal();
+            out[i] += e;
+            out[i + 1] -= e;
+            out[i + w] -= e;
+            out[i + w + 1] += e;
+        }
+    }
+    out
 }
 
 /// Noise that neighbors do not share is not systematic, whatever its level; an offset that they share changes the
@@ -142,14 +170,11 @@ fn sigma_is_that_of_the_errors_whatever_the_roughness() {
         // A surface drawn from the prior itself, `part` as rough.
         let eps = normals(3 * n, 7 + case as u64);
         let mut at = 0;
-        let b: Vec<f32> = prior
-            .noise(|| {
-                at += 1;
-                eps[at % eps.len()]
-            })
-            .into_iter()
-            .map(|v| v * part)
-            .collect();
+        let normal = || {
+            at += 1;
+            eps[at % eps.len()]
+        };
+        let b: Vec<f32> = prior_noise(&prior, normal).into_iter().map(|v| v * part).collect();
         let solution = |h: &[f32], b: &[f32]| -> Vec<f32> {
             let g: Vec<f32> = b.iter().map(|b| -b).collect();
             let until = PlateStop { reduction: 1e-6, settled: 0.0, iterations: 4000 };

@@ -1,11 +1,14 @@
+mod tree;
+
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use nelu3d::Progress;
+use nelu3d_evaluate::cad::{
+    CadComparison, CadError, CadOptions, CadSurface, InitialPose, ScanMaps, compare_with_cad, pose_rows, read_pose,
+};
 use nelu3d_scan::{Camera, Mesh};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
-
-use super::*;
 
 /// A closed blob without any symmetry, about 80 mm across, as a grid of longitudes and latitudes.
 fn blob() -> Mesh {

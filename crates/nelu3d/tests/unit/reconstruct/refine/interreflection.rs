@@ -1,7 +1,8 @@
-use super::{GatherSurface, gather};
-use crate::color_field::CameraRays;
-use crate::reconstruct::refine::window::Window;
-use crate::sensor::Measurements;
+use nelu3d::reconstruct::refine::interreflection::{GatherSurface, gather};
+use nelu3d::reconstruct::refine::window::Window;
+
+use crate::color_field::camera_rays::rays_without_field;
+use crate::sensor::measurements::mid_gray;
 
 /// Two walls that meet at a right angle in the line x = 0, z = 500, each 45° to the view: 1/z is linear on either
 /// side. Above a point of one wall at distance d from the crease, the other wall, if it were endless, would cover
@@ -23,10 +24,10 @@ fn a_corner_gathers_what_its_form_factors_say() {
             [if active[i] { du / 500.0 / focal } else { 0.0 }, 0.0]
         })
         .collect();
-    let rays = CameraRays::for_test(focal, plane);
+    let rays = rays_without_field(focal, plane);
     let surface = GatherSurface::new(&window, &active, &rays, |i| inv_z[window.at(i)], |i| slopes[i]);
     // The left wall has codeword 0.2, the right wall 0.8; white is 1 everywhere.
-    let mut m = Measurements::for_test(w - 2, h - 2, 1);
+    let mut m = mid_gray(w - 2, h - 2, 1);
     for i in 0..m.n() {
         m.p[i] = if i % (w - 2) < 120 { 0.2 } else { 0.8 };
     }

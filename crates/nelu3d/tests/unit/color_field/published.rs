@@ -1,5 +1,9 @@
-use super::*;
-use crate::color_field::frame::FieldFrame;
+use nalgebra::{Point3, Vector3};
+use nelu3d::color_field::PixelQuality;
+use nelu3d::color_field::bins::Bins;
+use nelu3d::color_field::frame::FieldFrame;
+use nelu3d::color_field::published::{FieldCube, PublishedForm, PublishedOptions, PublishedSettings};
+use nelu3d::progress::Progress;
 
 const CELLS: [usize; 3] = [24, 20, 11];
 

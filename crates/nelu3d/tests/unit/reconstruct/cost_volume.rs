@@ -1,11 +1,19 @@
-use super::*;
-use crate::color_field::frame::FieldFrame;
-use crate::color_field::grid::Grid;
-use crate::color_field::validity::Validity;
-use crate::reconstruct::light_fractions::LightFractionPrior;
 use nalgebra::{Point3, Vector3};
+use nelu3d::color_field::frame::FieldFrame;
+use nelu3d::color_field::grid::Grid;
+use nelu3d::color_field::validity::Validity;
+use nelu3d::color_field::{CameraRays, SplineEvaluator};
+use nelu3d::progress::Progress;
+use nelu3d::reconstruct::cost_volume::{DecodedDepth, decode};
+use nelu3d::reconstruct::{CostVolumeSettings, LightFractionPrior};
+use nelu3d::sensor::Measurements;
+use nelu3d::surface::PixelStatus;
+use nelu3d_field::device::Device;
 use rand::rngs::SmallRng;
 use rand::{RngExt, SeedableRng};
+
+use crate::color_field::camera_rays::rays_of_field;
+use crate::sensor::measurements::mid_gray;
 
 const SIZE: [usize; 2] = [56, 40];
 
@@ -51,8 +59,8 @@ impl SyntheticScene {
             }
         }
         let range = (0..n).map(|i| valid.range(i % w, i / w).unwrap_or([1.0, 0.0])).collect();
-        let rays = CameraRays::of_field(500.0, plane, range, frame);
-        let mut measured = Measurements::for_test(w, h, k);
+        let rays = rays_of_field(500.0, plane, range, frame);
+        let mut measured = mid_gray(w, h, k);
         measured.has_black = !seed.is_multiple_of(2);
         let mut expected = vec![0.0; n];
         let spline = SplineEvaluator::new(&grid, 1);
@@ -121,8 +129,10 @@ fn a_surface_with_a_step_is_decoded() {
 
 #[cfg(feature = "gpu")]
 mod on_gpu {
-    use super::*;
+    use nelu3d::reconstruct::cost_volume::{depth_hypotheses, problem};
     use nelu3d_field::device::Choice;
+
+    use super::*;
 
     /// Any GPU, a software driver if there is no other.
     fn gpu() -> Option<Device> {

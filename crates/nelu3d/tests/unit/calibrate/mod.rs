@@ -1,0 +1,13 @@
+mod binning;
+mod depth_noise;
+mod drawn;
+mod fringes;
+mod held_out;
+mod judge;
+mod light;
+mod placed_sweep;
+mod position;
+mod shared_displacement;
+mod smoothing;
+mod sweep;
+mod views;

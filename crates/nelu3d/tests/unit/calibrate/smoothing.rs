@@ -1,0 +1,75 @@
+use nelu3d::calibrate::smoothing::{Aside, MAX_POWER, RATIO, Search};
+use nelu3d::calibrate::spline_fit::{OF_MANY, fit_spline};
+use nelu3d::color_field::bins::Bins;
+use nelu3d::color_field::fit::Smoothness;
+use nelu3d::color_field::frame::Center;
+use nelu3d::progress::Progress;
+
+/// The strengths lie where the error has its minimum, between those that are tried, or at the end to which it falls.
+#[test]
+fn the_best_strength_lies_between_those_that_are_tried() {
+    let found = |error: &dyn Fn([f64; 3]) -> f64| {
+        let mut search = Search::default();
+        let mut tried = 0;
+        while !search.is_done() {
+            search.take(error(search.next().map(f64::from)));
+            tried += 1;
+            assert!(tried < 30);
+        }
+        search.best()
+    };
+    let off = |factor: f64, best: f64| 0.1 * (factor / best).ln().powi(2);
+    for best in [60.0f64, 300.0, 3e4] {
+        for found in found(&|f| 7.0 * f.map(|f| off(f, best)).iter().sum::<f64>().exp()) {
+            assert!((f64::from(found) / best - 1.0).abs() < 1e-3, "{best}: {found}");
+        }
+    }
+    // Each has its own.
+    let [a, b, w] = found(&|[a, b, w]| 7.0 * (off(a, 900.0) + off(b, 3e5) + off(w, 900.0)).exp());
+    let near = |found: f32, best: f32| (found / best).ln().abs() < f32::ln(RATIO);
+    assert!(near(a, 900.0) && near(b, 3e5) && near(w, 900.0) && a < b && w < b, "{a} {b} {w}");
+    assert_eq!(found(&|f| f.iter().product()), [1.0; 3]);
+    assert_eq!(found(&|f| 1.0 / f.iter().product::<f64>()), [RATIO.powi(MAX_POWER - 1); 3]);
+    assert_eq!(found(&|_| 0.0), [1.0; 3]);
+}
+
+/// Of a channel of slow waves and one of fast ones under the same noise, the slow one is smoothed more; what was
+/// set aside is in the bins again.
+#[test]
+fn a_slow_code_is_smoothed_more_than_a_fast_one() {
+    let cells = [96, 96, 1];
+    let mut bins = Bins::new([96, 96, 4], 2);
+    let positions: Vec<usize> = (0..8).collect();
+    let mut aside = Aside::new(&positions, cells);
+    assert_eq!((aside.positions.as_slice(), aside.rows.clone()), (&[1, 5][..], 24..72));
+    let mut state = 3u64;
+    let mut unit = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 40) as f32 / (1u64 << 24) as f32
+    };
+    for p in positions {
+        let mut samples = bins.gathered();
+        for i in 0..96 * 96 {
+            let at = [(i % 96) as f32 + unit(), (i / 96) as f32 + unit()].map(|v| v / 96.0);
+            let wave = |periods: f32| 0.5 + 0.5 * (std::f32::consts::TAU * at[0] * periods).cos();
+            let mut noisy = |v: f32| v + 0.1 * (unit() + unit() + unit() - 1.5);
+            let values = [noisy(wave(1.0)), noisy(wave(20.0))];
+            samples.push([at[0], at[1], (p as f32 + 0.5) / 8.0], &values, &[100.0, 100.0]);
+        }
+        aside.keep(p, &samples);
+        bins.add_all(&[samples]);
+    }
+    assert_eq!(aside.samples.len(), 2);
+    let count = |bins: &Bins| {
+        let mut sum = 0.0;
+        bins.for_each_sample(|_, _, w| sum += f64::from(w[0]));
+        sum
+    };
+    let before = count(&bins);
+    let fit = |bins: &Bins, cells: [usize; 3], smooth: &Smoothness| {
+        fit_spline(bins, cells, smooth, OF_MANY, &Progress::none())
+    };
+    let chosen = aside.choose(&mut bins, cells, Center::Light, fit).of_channels;
+    assert!(chosen[0][0] >= 1e3 && chosen[1][0] <= 30.0, "{chosen:?}");
+    assert!((count(&bins) / before - 1.0).abs() < 1e-6);
+}

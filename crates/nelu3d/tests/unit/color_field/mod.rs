@@ -1,0 +1,12 @@
+mod bins;
+pub(crate) mod camera_rays;
+mod checkpoint;
+mod depth_noise;
+mod fit;
+mod frame;
+mod frequency;
+mod grid;
+mod hash;
+mod motion;
+mod published;
+mod validity;

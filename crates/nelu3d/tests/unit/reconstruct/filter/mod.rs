@@ -1,0 +1,3 @@
+mod components;
+mod continuation;
+mod partly_covered;

@@ -1,0 +1,6 @@
+mod cost_volume;
+mod filter;
+mod judge;
+mod lit_part;
+mod neural;
+mod refine;

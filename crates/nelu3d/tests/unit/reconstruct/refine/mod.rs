@@ -1,0 +1,9 @@
+mod band;
+mod bands;
+mod blocks;
+mod coarse;
+mod interreflection;
+mod light_fractions;
+mod thin_plate;
+mod uncertainty;
+mod window;

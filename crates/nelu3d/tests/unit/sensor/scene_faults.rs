@@ -1,0 +1,90 @@
+use nelu3d::sensor::{CodewordStatistics, judge_capture, judge_clipping, judge_codewords, judge_explained};
+use nelu3d::surface::PixelStatus;
+use nelu3d::verdict::{Code, Verdict};
+use nelu3d_scan::Image;
+use nelu3d_scan::rig::Capture;
+
+/// `n` codewords of two channels that use their whole range.
+fn codewords(n: usize) -> Vec<f32> {
+    (0..n).flat_map(|i| [(i % 101) as f32 / 100.0, (i * 37 % 101) as f32 / 100.0]).collect()
+}
+
+#[test]
+fn light_that_no_pattern_modulates_is_told() {
+    let images = ["a.png".to_string(), "b.png".into()];
+    let good = CodewordStatistics::new(&codewords(2000), 2);
+    assert!(judge_codewords(&good, Some(&good), &images).is_empty());
+    assert!(judge_codewords(&good, None, &images).is_empty());
+    let mut all = codewords(2000);
+    all.extend(vec![1.0; 6000]);
+    let found = judge_codewords(&CodewordStatistics::new(&all, 2), Some(&good), &images);
+    assert_eq!(found.iter().map(|f| f.code).collect::<Vec<_>>(), [Code::AmbientNotInBlack]);
+}
+
+#[test]
+fn a_pattern_without_light_is_named() {
+    let images = ["a.png".to_string(), "b.png".into()];
+    let good = CodewordStatistics::new(&codewords(2000), 2);
+    for (level, what) in [(0.02, "no light"), (0.98, "as bright as white")] {
+        let mut all = codewords(2000);
+        all.iter_mut().skip(1).step_by(2).for_each(|v| *v = level);
+        let scene = CodewordStatistics::new(&all, 2);
+        let found = judge_codewords(&scene, Some(&good), &images);
+        assert!(found.len() == 1 && found[0].code == Code::PatternWithoutLight, "{found:?}");
+        assert!(found[0].sentence.contains("b.png") && found[0].sentence.contains(what), "{}", found[0]);
+        // Where the field has none either, nothing is wrong.
+        assert!(judge_codewords(&scene, Some(&scene), &images).is_empty());
+    }
+}
+
+#[test]
+fn little_that_is_explained_is_doubtful() {
+    let mut status = vec![PixelStatus::Ambiguous; 1000];
+    status[..100].fill(PixelStatus::Valid);
+    for cut in [None, Some(0.0), Some(1.0)] {
+        assert_eq!(judge_explained(&status, cut).unwrap().code, Code::LittleExplained);
+    }
+    // A room around the object may be out of reach, but not where the object itself is cut.
+    status[..550].fill(PixelStatus::Valid);
+    assert!(judge_explained(&status, None).is_some() && judge_explained(&status, Some(0.4)).is_none());
+    status[..700].fill(PixelStatus::Valid);
+    let found = judge_explained(&status, Some(0.6)).unwrap();
+    assert!(found.sentence.contains("where the volume does"), "{found}");
+    assert!(judge_explained(&status, None).is_none() && judge_explained(&status, Some(0.4)).is_none());
+    status[..900].fill(PixelStatus::Valid);
+    assert!(judge_explained(&status, Some(0.9)).is_none());
+}
+
+#[test]
+fn a_capture_is_judged_without_a_field() {
+    let image =
+        |f: &dyn Fn(usize) -> f32| Image { width: 60, height: 20, channels: 1, data: (0..1200).map(f).collect() };
+    let capture = |second: &dyn Fn(usize) -> f32| Capture {
+        white: image(&|_| 0.6),
+        black: Some(image(&|_| 0.1)),
+        patterns: vec![image(&|i| 0.1 + 0.5 * (i % 60) as f32 / 60.0), image(second)],
+        mono: vec![false; 2],
+    };
+    let (status, names) = (vec![PixelStatus::Valid; 1200], ["a.png".to_string(), "b.png".into()]);
+    assert!(judge_capture(&capture(&|i| 0.1 + 0.5 * (i / 60) as f32 / 20.0), &status, &names).is_empty());
+    let found = judge_capture(&capture(&|_| 0.1), &status, &names);
+    assert!(found.len() == 1 && found[0].code == Code::PatternWithoutLight, "{found:?}");
+    assert_eq!(found[0].verdict, Verdict::Doubtful);
+    // A binary code, whose coarse pattern may have one stripe where the object stands.
+    let mut binary = capture(&|_| 0.1);
+    binary.patterns = (0..5).map(|bit| image(&|i| if (i >> bit) & 1 == 0 || bit == 4 { 0.1 } else { 0.6 })).collect();
+    binary.mono = vec![false; 5];
+    let found = judge_capture(&binary, &status, &["4.png", "3.png", "2.png", "1.png", "0.png"].map(String::from));
+    assert!(found.len() == 1 && found[0].verdict == Verdict::Good, "{found:?}");
+}
+
+#[test]
+fn highlights_are_no_fault() {
+    let mut status = vec![PixelStatus::Valid; 1000];
+    status[..100].fill(PixelStatus::Saturated);
+    assert!(judge_clipping(&status).is_none());
+    status[..400].fill(PixelStatus::Saturated);
+    assert_eq!(judge_clipping(&status).unwrap().code, Code::Clipped);
+    status[400..].fill(PixelStatus::Underexposed);
+    assert!((judge_clipping(&status).unwrap().evidence["clipped_share"].as_f64().unwrap() - 1.0).abs() < 1e-9);
+}
