@@ -14,7 +14,7 @@ use super::refined::Refined;
 use super::settings::RefineSettings;
 use super::slopes::{cosine, slopes};
 use super::thin_plate::ThinPlatePrior;
-use super::uncertainty::{self, Information, Nuisances, systematic};
+use super::uncertainty::{self, Information, Nuisances, Posterior, systematic};
 use super::window::Window;
 use crate::color_field::SplineEvaluator;
 use crate::reconstruct::initialize::InitialDepth;
@@ -260,9 +260,11 @@ impl<'a> Refinement<'a> {
             }
         }
         let nuisances = Nuisances { offset: &offset, gain: &gain, patterns: k / self.channels };
-        let systematic = systematic(&whitened, &slopes, &nuisances, k, &prior.active, w, rows.len());
+        let posterior = Posterior::new(&prior, &information);
+        let systematic =
+            systematic(&whitened, &slopes, &nuisances, k, &prior.active, [w, rows.len()], &posterior.pixels);
         let factor = |at: usize, pixels: f32| self.depth_noise_factor(start + at, pixels);
-        uncertainty::sigma(&prior, &self.x[start..start + n], &information, &systematic, factor)
+        uncertainty::sigma(&prior, &posterior, &self.x[start..start + n], &information, &systematic, factor)
     }
 
     /// Returns the factor of the noise's variance at a pixel of the window, for a depth that averages over so many.

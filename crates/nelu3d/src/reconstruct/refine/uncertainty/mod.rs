@@ -7,7 +7,7 @@
 //!    surface a minimum roughness, and many are smoother;
 //! 3. what is systematic: light that no part of the model explains (crosstalk, errors of the color field,
 //!    interreflection). It differs from noise in that neighbors share it, so averaging over the prior does not remove
-//!    it. It shows in the directions of code space that depth cannot explain. An offset and a gain of a pixel's channels
+//!    it: the mean over squares as large as the prior averages over. It shows in the directions of code space that depth cannot explain. An offset and a gain of a pixel's channels
 //!    change depth by what of them lies along its direction; what else there is, channel by channel, is taken to be as
 //!    large along that direction as across.
 //!
@@ -23,5 +23,6 @@ mod systematic;
 mod uniform_plate;
 
 pub use information::Information;
+pub use posterior::Posterior;
 pub use sigma::sigma;
 pub use systematic::{Nuisances, Systematic, systematic};

@@ -19,13 +19,13 @@ const EDGE: f32 = 1.3;
 const ROUGHNESS_RADIUS: usize = 12;
 
 /// Variances that noise and prior leave in the solution, and their energies under the prior, per pixel.
-pub(super) struct Posterior {
+pub struct Posterior {
     /// Variance from noise.
-    pub(super) noise: Vec<f32>,
+    pub noise: Vec<f32>,
     /// Variance from what the prior smooths away of a surface that is as rough as the prior allows.
-    pub(super) prior: Vec<f32>,
+    pub prior: Vec<f32>,
     /// Number of pixels that the solution averages over.
-    pub(super) pixels: Vec<f32>,
+    pub pixels: Vec<f32>,
     /// Energy of the noise.
     noise_energy: Vec<f32>,
     /// Energy of a surface that is as rough as the prior allows.
@@ -34,7 +34,7 @@ pub(super) struct Posterior {
 
 impl Posterior {
     /// Takes the variances and energies of a uniform plate around every pixel.
-    pub(super) fn new(prior: &ThinPlatePrior, information: &[Information]) -> Self {
+    pub fn new(prior: &ThinPlatePrior, information: &[Information]) -> Self {
         let (w, h, n) = (prior.width, prior.height, information.len());
         let data: Vec<f32> = information.iter().map(|i| i.h).collect();
         let near = masked_mean(&data, &prior.active, w, h, LOCAL_RADIUS);

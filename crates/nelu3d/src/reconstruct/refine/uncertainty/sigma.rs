@@ -14,23 +14,27 @@ const POOL_RADIUS: usize = 2;
 const NOISE_RADIUS: usize = 8;
 
 /// Returns one standard deviation of the unknown per pixel of the prior's window; NaN where there is no surface. `x` is
-/// the solution, `systematic` what neighbors share of the residuals, which is no noise; `factor` tells how much more
-/// depths scatter at a pixel that average over so many pixels than their χ² says.
+/// the solution, `posterior` what noise and prior leave in it, `systematic` what neighbors share of the residuals, which
+/// is no noise; `factor` tells how much more depths scatter at a pixel that average over so many pixels than their χ²
+/// says. What makes them scatter more, errors of the color field above all, is seen in the systematic part too, so that
+/// the larger of the two is added.
 pub fn sigma(
     prior: &ThinPlatePrior,
+    posterior: &Posterior,
     x: &[f32],
     information: &[Information],
     systematic: &Systematic,
     factor: impl Fn(usize, f32) -> f32,
 ) -> Vec<f32> {
     let (w, h, n) = (prior.width, prior.height, information.len());
-    let posterior = Posterior::new(prior, information);
     let pooled = |v: &[f32]| masked_mean(v, &prior.active, w, h, POOL_RADIUS);
     let (noise, smoothing) = (pooled(&posterior.noise), pooled(&posterior.prior));
     let chi2: Vec<f32> = information.iter().map(|i| i.chi2).collect();
     let mut noise_ratio = masked_mean(&chi2, &prior.active, w, h, NOISE_RADIUS);
+    let mut factors = vec![1.0; n];
     for i in (0..n).filter(|i| prior.active[*i]) {
-        noise_ratio[i] *= systematic.unshared[i] * factor(i, posterior.pixels[i]);
+        factors[i] = factor(i, posterior.pixels[i]);
+        noise_ratio[i] *= systematic.unshared[i] * factors[i];
     }
     let scale = posterior.prior_scale(prior, x, &noise_ratio);
     (0..n)
@@ -40,7 +44,9 @@ pub fn sigma(
             if !prior.active[i] {
                 return f32::NAN;
             }
-            (noise[i] * noise_ratio[i] + scale[i] * smoothing[i] + systematic.variance[i]).sqrt()
+            let of_noise = noise[i] * noise_ratio[i] / factors[i];
+            let more = (noise[i] * noise_ratio[i] - of_noise).max(systematic.variance[i]);
+            (of_noise + more + scale[i] * smoothing[i]).sqrt()
         })
         .collect()
 }

@@ -3,10 +3,9 @@
 use nelu3d_scan::image::box_mean;
 use rayon::prelude::*;
 
-/// Radius of the squares that share a systematic error, px: about what the prior averages over.
-const SHARED_RADIUS: usize = 2;
-/// Side of these squares, px.
-const SIDE: f32 = (2 * SHARED_RADIUS + 1) as f32;
+/// Radii of the squares whose mean errors are told from noise, px: about what the prior averages over, here much and
+/// there little.
+const RADII: [usize; 2] = [2, 4];
 /// Radius over which the size of systematic errors is estimated, px.
 const SYSTEMATIC_RADIUS: usize = 16;
 
@@ -43,7 +42,7 @@ const MIN_PATTERNS: usize = 5;
 /// Part of a direction's square that has to be left across the others.
 const MIN_LEFT: f32 = 0.02;
 
-/// Tells what is systematic in the residuals of a window of width `w` and height `h` from noise.
+/// Tells what is systematic in the residuals of a window, of some width and height, from noise.
 ///
 /// `residuals` and `slopes` are `n × k`: residuals r of the normalized intensities and their slopes g along the
 /// unknown, both divided by the noise's standard deviation. Depth has taken from the residuals what lies along g. With
@@ -52,14 +51,17 @@ const MIN_LEFT: f32 = 0.02;
 /// of these has, averaged over squares of n pixels, variance P_jj/n from noise alone, with P the projection across them.
 /// Any variance above that is shared; its size s_j² is estimated over the surroundings, where g points elsewhere. It
 /// changes the unknown by Σ g_j s_j / |g|².
+///
+/// `averaged` is the number of pixels that the unknown averages over, per pixel: squares are as large. What smaller ones
+/// share (cells of the color field, say) averages out like noise, and is counted as such.
 pub fn systematic(
     residuals: &[f32],
     slopes: &[f32],
     nuisances: &Nuisances<'_>,
     k: usize,
     active: &[bool],
-    w: usize,
-    h: usize,
+    [w, h]: [usize; 2],
+    averaged: &[f32],
 ) -> Systematic {
     let n = active.len();
     assert!(residuals.len() == n * k && slopes.len() == n * k && n == w * h, "maps of one size");
@@ -67,23 +69,56 @@ pub fn systematic(
         return Systematic { variance: vec![0.0; n], unshared: vec![1.0; n] };
     }
     let parts = Parts::new(residuals, slopes, nuisances, k, active);
-    let shared = Shared::new(active, w, h);
-    let channel =
-        |map: &[f32], j: usize| -> Vec<f32> { map[j..].iter().step_by(k).map(|v| v.clamp(-10.0, 10.0)).collect() };
+    let mut visible: Vec<Vec<f32>> = (0..k).map(|j| channel(&parts.visible, j, k)).collect();
+    visible.iter_mut().for_each(|v| box_mean(v, w, h, SYSTEMATIC_RADIUS));
+    let mut out = Systematic { variance: vec![0.0; n], unshared: vec![0.0; n] };
+    for (level, radius) in RADII.into_iter().enumerate() {
+        // Between two radii, means of both.
+        let part = |i: usize| (1.0 - (level_of(averaged[i]) - level as f32).abs()).max(0.0);
+        let wanted = |i: &usize| active[*i] && part(*i) > 0.0;
+        if !(0..n).any(|i| wanted(&i)) {
+            continue;
+        }
+        let found = of_squares(&parts, &visible, nuisances.are_taken(), k, &Shared::new(active, [w, h], radius));
+        for i in (0..n).filter(wanted) {
+            out.variance[i] += part(i) * found.variance[i];
+            out.unshared[i] += part(i) * found.unshared[i];
+        }
+    }
+    out
+}
 
+/// Returns which of [`RADII`] has squares of so many pixels; between two of them, a number between theirs.
+fn level_of(pixels: f32) -> f32 {
+    let side = |radius: usize| (2 * radius + 1) as f32;
+    let wanted = pixels.max(1.0).sqrt();
+    let above = RADII.iter().position(|r| side(*r) >= wanted).unwrap_or(RADII.len() - 1);
+    if above == 0 || wanted >= side(RADII[above]) {
+        return above as f32;
+    }
+    let [low, high] = [above - 1, above].map(|level| side(RADII[level]).ln());
+    (above - 1) as f32 + (wanted.ln() - low) / (high - low)
+}
+
+/// Returns channel j of a map of k, limited: a single outlier (a highlight, an edge) is not what its neighbors share.
+fn channel(map: &[f32], j: usize, k: usize) -> Vec<f32> {
+    map[j..].iter().step_by(k).map(|v| v.clamp(-10.0, 10.0)).collect()
+}
+
+/// What squares of one size share. `visible` is, per channel, the part of the noise that is seen around each pixel;
+/// `apart` tells whether offset and gain were taken out.
+fn of_squares(parts: &Parts, visible: &[Vec<f32>], apart: bool, k: usize, shared: &Shared<'_>) -> Systematic {
+    let n = shared.active.len();
     let moved = shared.square(&parts.moved);
     let mut variance: Vec<f32> =
         moved.shared.iter().zip(&moved.all).map(|(s, all)| (s - shared.chance * all).max(0.0)).collect();
     // Of all channels: what is shared, and all.
     let (mut shared_square, mut all_squares) = (vec![0.0f32; n], vec![0.0f32; n]);
-    for j in 0..k {
-        // A single outlier (a highlight, an edge) is not what its neighbors share.
-        let across = shared.square(&channel(&parts.across, j));
-        let of_rest = nuisances.are_taken().then(|| shared.square(&channel(&parts.rest, j)));
+    for (j, visible) in visible.iter().enumerate() {
+        let across = shared.square(&channel(&parts.across, j, k));
+        let of_rest = apart.then(|| shared.square(&channel(&parts.rest, j, k)));
         let rest = of_rest.as_ref().unwrap_or(&across);
-        let mut visible = channel(&parts.visible, j);
-        box_mean(&mut visible, w, h, SYSTEMATIC_RADIUS);
-        for i in (0..n).filter(|i| active[*i]) {
+        for i in (0..n).filter(|i| shared.active[*i]) {
             shared_square[i] += across.shared[i];
             all_squares[i] += across.all[i];
             let size = (rest.shared[i] / visible[i].max(0.05) - shared.chance).max(0.0);
@@ -184,8 +219,8 @@ fn subtract(a: &mut [f32], b: &[f32], part: f32) {
 /// Squares of what neighbors share.
 struct Shared<'a> {
     active: &'a [bool],
-    w: usize,
-    h: usize,
+    size: [usize; 2],
+    radius: usize,
     /// Part of the pixels around each that are active.
     near: Vec<f32>,
     /// Excess that noise alone has by chance.
@@ -199,30 +234,33 @@ struct SharedSquares {
 }
 
 impl<'a> Shared<'a> {
-    fn new(active: &'a [bool], w: usize, h: usize) -> Self {
+    /// Prepares squares of one radius in a window of a size.
+    fn new(active: &'a [bool], size: [usize; 2], radius: usize) -> Self {
         let mut near: Vec<f32> = active.iter().map(|a| if *a { 1.0 } else { 0.0 }).collect();
-        box_mean(&mut near, w, h, SHARED_RADIUS);
+        box_mean(&mut near, size[0], size[1], radius);
         // Where nothing is shared: half a standard deviation of its mean over as many squares as there are, 0.4 of which
         // remain on average when negative values become 0.
-        let squares = ((2 * SYSTEMATIC_RADIUS + 1) as f32 / SIDE).powi(2);
-        Self { active, w, h, near, chance: 0.5 * (2.0 / squares).sqrt() / (SIDE * SIDE) }
+        let side = (2 * radius + 1) as f32;
+        let squares = ((2 * SYSTEMATIC_RADIUS + 1) as f32 / side).powi(2);
+        Self { active, size, radius, near, chance: 0.5 * (2.0 / squares).sqrt() / (side * side) }
     }
 
     /// Returns the mean squares of a map around every pixel.
     fn square(&self, own: &[f32]) -> SharedSquares {
+        let ([w, h], side) = (self.size, (2 * self.radius + 1) as f32);
         let mut mean = own.to_vec();
-        box_mean(&mut mean, self.w, self.h, SHARED_RADIUS);
+        box_mean(&mut mean, w, h, self.radius);
         let mut out = SharedSquares { shared: vec![0.0; own.len()], all: vec![0.0; own.len()] };
         for i in (0..own.len()).filter(|i| self.active[*i]) {
             let shared = (mean[i] / self.near[i]).powi(2);
             // Variance of the mean from noise, by the residuals' own spread: a wrong noise level does not look
             // systematic.
-            let pixels = self.near[i] * SIDE * SIDE;
+            let pixels = self.near[i] * side * side;
             out.all[i] = own[i] * own[i];
             out.shared[i] = shared - (out.all[i] - shared) / (pixels - 1.0).max(1.0);
         }
-        box_mean(&mut out.shared, self.w, self.h, SYSTEMATIC_RADIUS);
-        box_mean(&mut out.all, self.w, self.h, SYSTEMATIC_RADIUS);
+        box_mean(&mut out.shared, w, h, SYSTEMATIC_RADIUS);
+        box_mean(&mut out.all, w, h, SYSTEMATIC_RADIUS);
         out
     }
 }

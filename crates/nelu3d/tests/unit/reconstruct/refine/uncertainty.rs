@@ -1,5 +1,5 @@
 use nelu3d::reconstruct::refine::thin_plate::ThinPlatePrior;
-use nelu3d::reconstruct::refine::uncertainty::{Information, Nuisances, Systematic, sigma, systematic};
+use nelu3d::reconstruct::refine::uncertainty::{Information, Nuisances, Posterior, Systematic, sigma, systematic};
 use nelu3d_field::plate::PlateStop;
 use nelu3d_field::plate::reference::solve;
 use rand::SeedableRng;
@@ -51,7 +51,7 @@ fn prior_noise(prior: &ThinPlatePrior, mut normal: impl FnMut() -> f32) -> Vec<f
 fn shared_errors_are_told_from_noise() {
     let (w, h, k) = (128, 112, 3);
     let (n, active) = (w * h, window(128, 112));
-    let noise = normals(n * k, 1);
+    let (noise, averaged) = (normals(n * k, 1), vec![1.0; n]);
     // Slopes of 2 that turn through code space, as those of a sine do.
     let slopes: Vec<f32> = (0..n * k).map(|i| 2.0 * ((i / k) as f32 * 0.1 + (i % k) as f32 * 2.0).sin()).collect();
     let inner: Vec<usize> =
@@ -71,11 +71,11 @@ fn shared_errors_are_told_from_noise() {
     let none = Nuisances { offset: &[], gain: &[], patterns: 3 };
     for level in [1.0f32, 1.5] {
         let unshared: Vec<f32> = noise.iter().map(|v| level * v).collect();
-        let quiet = mean(&systematic(&across(&unshared), &slopes, &none, k, &active, w, h).variance);
+        let quiet = mean(&systematic(&across(&unshared), &slopes, &none, k, &active, [w, h], &averaged).variance);
         for channel in 0..k {
             let offset = |i: usize| if i % k == channel { 0.8 * ((i / k % w) as f32 * 0.05).cos() } else { 0.0 };
             let r: Vec<f32> = unshared.iter().enumerate().map(|(i, v)| v + offset(i)).collect();
-            let found = systematic(&across(&r), &slopes, &none, k, &active, w, h);
+            let found = systematic(&across(&r), &slopes, &none, k, &active, [w, h], &averaged);
             let changes: Vec<f32> = (0..n)
                 .map(|i| {
                     let g = &slopes[i * k..(i + 1) * k];
@@ -97,13 +97,59 @@ fn shared_errors_are_told_from_noise() {
     }
 }
 
+/// What squares of 5 pixels share stays where depths average over as many; where they average over more, it averages out
+/// like noise, as whose level it is counted.
+#[test]
+fn errors_of_small_squares_average_out_in_large_ones() {
+    let (w, h, k) = (160, 160, 3);
+    let (n, active) = (w * h, window(160, 160));
+    let (noise, of_squares) = (normals(n * k, 11), normals(32 * 32 * k, 12));
+    let slopes: Vec<f32> = (0..n * k).map(|i| 2.0 * ((i / k) as f32 * 0.1 + (i % k) as f32 * 2.0).sin()).collect();
+    let at = |i: usize| (i / k / w / 5 * 32 + i / k % w / 5) * k + i % k;
+    let residuals: Vec<f32> = (0..n * k).map(|i| 0.5 * noise[i] + 2.0 * of_squares[at(i)]).collect();
+    let none = Nuisances { offset: &[], gain: &[], patterns: 3 };
+    let inner: Vec<usize> =
+        (0..n).filter(|i| (24..w - 24).contains(&(i % w)) && (24..h - 24).contains(&(i / w))).collect();
+    let found = |pixels: f32| {
+        let found = systematic(&residuals, &slopes, &none, k, &active, [w, h], &vec![pixels; n]);
+        [found.variance, found.unshared].map(|v| inner.iter().map(|i| v[*i]).sum::<f32>() / inner.len() as f32)
+    };
+    let [of_5, of_7, of_9, of_more] = [25.0, 49.0, 81.0, 1000.0].map(found);
+    // Squares of 5 pixels that lie on four others each, and squares of 9: means of independent values.
+    assert!(of_9[0] < 0.75 * of_5[0] && (of_9[0]..of_5[0]).contains(&of_7[0]), "{of_5:?} {of_7:?} {of_9:?}");
+    assert!(of_5[1] < of_7[1] && of_7[1] < of_9[1], "{of_5:?} {of_7:?} {of_9:?}");
+    assert_eq!(of_9, of_more);
+}
+
+/// Depths that scatter more than noise makes them, and errors that neighbors share, are the same errors seen twice: the
+/// larger of the two counts.
+#[test]
+fn errors_of_the_field_are_not_counted_twice() {
+    let (w, h) = (40, 40);
+    let active = window(w, h);
+    let n = w * h;
+    let mut prior = ThinPlatePrior::new(w, h, active.clone());
+    prior.reweight(&vec![0.0; n], 0.1, 0.5, 3);
+    let info: Vec<Information> =
+        active.iter().map(|a| Information { h: if *a { 0.5 } else { 0.0 }, chi2: 1.0 }).collect();
+    let (posterior, x) = (Posterior::new(&prior, &info), vec![0.0; n]);
+    let variance = |factor: f32, shared: f32| {
+        let systematic = Systematic { variance: vec![shared; n], unshared: vec![1.0; n] };
+        sigma(&prior, &posterior, &x, &info, &systematic, |_, _| factor)[20 * w + 20].powi(2)
+    };
+    let noise = variance(1.0, 0.0);
+    let close = |a: f32, b: f32| (a / b - 1.0).abs() < 1e-4;
+    assert!(close(variance(3.0, 0.0), 3.0 * noise) && close(variance(1.0, 1.5 * noise), 2.5 * noise));
+    assert!(close(variance(3.0, 1.5 * noise), 3.0 * noise) && close(variance(3.0, 4.0 * noise), 5.0 * noise));
+}
+
 /// An offset and a gain that neighbors share change the unknown by what of them lies along its slopes, which for a code
 /// of five phases is nothing; the same errors of one channel alone change it by a part of them.
 #[test]
 fn an_offset_and_a_gain_do_not_move_phases() {
     let (w, h, k) = (96, 96, 5);
     let (n, active) = (w * h, window(96, 96));
-    let noise = normals(n * k, 3);
+    let (noise, averaged) = (normals(n * k, 3), vec![1.0; n]);
     let phase = |i: usize| (i / k % w) as f32 * 0.3 + (i % k) as f32 * std::f32::consts::TAU / k as f32;
     let slopes: Vec<f32> = (0..n * k).map(|i| 2.0 * phase(i).cos()).collect();
     let gain: Vec<f32> = (0..n * k).map(|i| 20.0 * (0.5 + 0.5 * phase(i).sin())).collect();
@@ -112,7 +158,7 @@ fn an_offset_and_a_gain_do_not_move_phases() {
         (0..n).filter(|i| (20..w - 20).contains(&(i % w)) && (20..h - 20).contains(&(i / w))).collect();
     let mean = |error: &dyn Fn(usize) -> f32| {
         let r: Vec<f32> = (0..n * k).map(|i| noise[i] + error(i)).collect();
-        let found = systematic(&r, &slopes, &nuisances, k, &active, w, h).variance;
+        let found = systematic(&r, &slopes, &nuisances, k, &active, [w, h], &averaged).variance;
         inner.iter().map(|i| found[*i]).sum::<f32>() / inner.len() as f32
     };
     let quiet = mean(&|_| 0.0);
@@ -143,9 +189,11 @@ fn strips_of_a_surface_have_its_uncertainties() {
     let none = Nuisances { offset: &[], gain: &[], patterns: 3 };
     let of = |prior: &ThinPlatePrior, rows: std::ops::Range<usize>| {
         let (from, to) = (rows.start * w, rows.end * w);
-        let shared =
-            systematic(&residuals[from * k..to * k], &slopes[from * k..to * k], &none, k, &prior.active, w, rows.len());
-        sigma(prior, &x[from..to], &information[from..to], &shared, |_, _| 1.0)
+        let posterior = Posterior::new(prior, &information[from..to]);
+        let [residuals, slopes] = [residuals, slopes].map(|map| &map[from * k..to * k]);
+        let size = [w, rows.len()];
+        let shared = systematic(residuals, slopes, &none, k, &prior.active, size, &posterior.pixels);
+        sigma(prior, &posterior, &x[from..to], &information[from..to], &shared, |_, _| 1.0)
     };
     let (all, strip) = (of(&whole, 0..h), of(&whole.of_rows(55..145), 55..145));
     for i in (95 * w..105 * w).filter(|i| whole.active[*i]) {
@@ -189,7 +237,7 @@ fn sigma_is_that_of_the_errors_whatever_the_roughness() {
         let b: Vec<f32> = (0..n).map(|i| data[i] * expected[i] + data[i].sqrt() * noise[i]).collect();
         let x = solution(&data, &b);
         let none = Systematic { variance: vec![0.0; n], unshared: vec![1.0; n] };
-        let s = sigma(&prior, &x, &info, &none, |_, _| 1.0);
+        let s = sigma(&prior, &Posterior::new(&prior, &info), &x, &info, &none, |_, _| 1.0);
         let inner: Vec<usize> =
             (0..n).filter(|i| (8..w - 8).contains(&(i % w)) && (8..h - 8).contains(&(i / w))).collect();
         let within = inner.iter().filter(|i| (x[**i] - expected[**i]).abs() <= s[**i]).count();
