@@ -4,10 +4,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::common::{nelu3d, stderr};
+use super::common::{nelu3d, simulated, small, stderr};
 use nelu3d_scan::Rig;
 use nelu3d_scan::image::{Raw, RawData, Response, decode, write_raw_png};
-use nelu3d_scan::pattern::{Pattern, Superposition};
+use nelu3d_scan::pattern::{Alacarte, Axis, Pattern, Superposition};
 use nelu3d_sim::Spec;
 use nelu3d_sim::spec::{BlackImage, LightSpec, PatternSetSpec, SweepSpec};
 use serde_json::Value;
@@ -147,4 +147,29 @@ fn what_does_not_tell_the_response_is_said_in_a_sentence() {
     (0..21).for_each(|i| gray(&format!("superposition_{i:02}.png"), 170));
     gray("black.png", 4);
     refused(&[], "does not add up");
+}
+
+/// Of a scene under three à la carte patterns, a wrong response and wrong depths explain the images as well; the boards of a
+/// sweep stand where they stand.
+#[test]
+fn a_sweep_tells_the_response_of_a_calibrated_projector() {
+    let mut spec = small("demo");
+    spec.scenes = Spec::preset("demo").unwrap().scenes;
+    let LightSpec::Projector(projector) = &mut spec.light else { panic!("a projector") };
+    projector.gamma = 1.8.into();
+    let alacarte = Pattern::Alacarte(Alacarte { axis: Axis::X, count: 3, ..Alacarte::default() });
+    spec.pattern_sets = vec![PatternSetSpec { name: "alacarte".into(), patterns: vec![alacarte] }];
+    stage(&mut spec, 4);
+    let (dir, rig) = simulated(&spec);
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (rig, field, result) = (rig.to_str().unwrap(), at("field.safetensors"), at("result"));
+    let calibrated = answer(&["calibrate", rig, "--from-projector", "-o", &field]);
+    let said = calibrated["report"]["frame"].as_str().unwrap();
+    let exponent = said.split("v^").nth(1).and_then(|v| v.split(' ').next()).unwrap().parse::<f64>().unwrap();
+    assert!((exponent - 1.8).abs() < 0.1 && said.contains("from 4 boards"), "{said}");
+    let truth = format!("{rig}/scenes/vase/truth");
+    answer(&["reconstruct", rig, "vase", "--field", &field, "--truth", &truth, "-o", &result]);
+    let summary: Value = serde_json::from_slice(&fs::read(Path::new(&result).join("result.json")).unwrap()).unwrap();
+    let median = summary["metrics"]["body"]["depth_mm"]["median"].as_f64().unwrap();
+    assert!(median < 1.0, "{median} mm");
 }

@@ -37,8 +37,9 @@ pub enum BoardSpec {
         /// OpenCV's layout before 4.6.
         #[serde(default)]
         legacy: bool,
-        /// Outline `[x_min, y_min, x_max, y_max]`, mm.
-        extent_mm: [f64; 4],
+        /// Outline `[x_min, y_min, x_max, y_max]`, mm; the smallest around the print unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        extent_mm: Option<[f64; 4]>,
     },
     /// A plain chessboard.
     Chessboard {
@@ -48,8 +49,9 @@ pub enum BoardSpec {
         rows: usize,
         /// Side of a square, mm.
         square_mm: f64,
-        /// Outline `[x_min, y_min, x_max, y_max]`, mm.
-        extent_mm: [f64; 4],
+        /// Outline `[x_min, y_min, x_max, y_max]`, mm; the smallest around the print unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        extent_mm: Option<[f64; 4]>,
     },
     /// ArUco markers on white.
     Markers {
@@ -57,19 +59,16 @@ pub enum BoardSpec {
         dictionary: String,
         /// The markers.
         markers: Vec<Marker>,
-        /// Outline `[x_min, y_min, x_max, y_max]`, mm.
-        extent_mm: [f64; 4],
+        /// Outline `[x_min, y_min, x_max, y_max]`, mm; the smallest around the print unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        extent_mm: Option<[f64; 4]>,
     },
 }
 
 impl BoardSpec {
     /// Returns the outline `[x_min, y_min, x_max, y_max]`, mm.
     pub fn extent_mm(&self) -> [f64; 4] {
-        match self {
-            BoardSpec::Charuco { extent_mm, .. }
-            | BoardSpec::Chessboard { extent_mm, .. }
-            | BoardSpec::Markers { extent_mm, .. } => *extent_mm,
-        }
+        self.board().extent_mm
     }
 
     /// Returns the board in the form that rigs and detectors use.
@@ -85,6 +84,7 @@ impl BoardSpec {
                 (BoardKind::Markers { dictionary, markers }, extent_mm)
             }
         };
+        let extent_mm = extent_mm.unwrap_or_else(|| kind.bounding_box_mm());
         Board { kind, extent_mm, scale: [1.0, 1.0] }
     }
 }

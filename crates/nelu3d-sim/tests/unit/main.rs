@@ -22,6 +22,7 @@ mod scene {
 }
 mod sensor;
 mod spec {
+    mod board;
     mod preset;
 }
 mod staging;

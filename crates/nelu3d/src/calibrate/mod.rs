@@ -4,6 +4,7 @@
 #[doc(hidden)]
 pub mod binning;
 mod board_poses;
+mod board_samples;
 mod candidate;
 #[doc(hidden)]
 pub mod depth_noise;
@@ -51,6 +52,7 @@ use crate::color_field::frame::Center;
 use crate::color_field::{BoardPlace, ColorField, FieldMetadata, camera_key};
 use crate::progress::{Progress, StageClock};
 pub use board_poses::{SweepFacts, SweepGeometry, solve_board_poses};
+pub(crate) use board_samples::{BoardSample, BoardSamples, board_samples};
 use candidate::Candidate;
 pub use error::CalibrationError;
 pub use fringes::CarriedReport;

@@ -71,8 +71,8 @@ pub(super) fn find_scenes(rig: &Rig, set: &PatternSet) -> Result<Vec<Shot>, Cali
     let found: Vec<Shot> = rig.scenes()?.into_iter().filter(has_all).take(number).collect();
     if found.is_empty() {
         let reason = format!(
-            "holds no scene with the images of set `{}`, from which the projector's blur and response are estimated; \
-             capture one",
+            "holds no scene with the images of set `{}`, from which the projector's blur and response are estimated \
+             where no sweep tells them; capture one",
             set.name
         );
         return Err(projector_error(rig.root.join("scenes"), reason));

@@ -1,8 +1,10 @@
 //! A color field without a sweep, from a calibrated projector and the images that it projected.
 //!
 //! c(x) is then the pattern at the projector pixel that lights x, through the projector's optics (a blur) and its
-//! response (a curve). Neither is in any calibration file, so both are estimated from the captures themselves: decode
-//! with what is known, compare the captures with the patterns where they were found to come from, and repeat.
+//! response (a curve). Neither is in any calibration file, so both are estimated: from the boards of a sweep, where there
+//! is one, whose points are known; else from scenes: decode with what is known, compare the captures with the patterns
+//! where they were found to come from, and repeat. What few patterns say of a scene can be explained by a wrong response
+//! and wrong depths together.
 
 mod geometry;
 #[doc(hidden)]
@@ -16,7 +18,7 @@ use nelu3d_scan::rig::{Capture, PatternSet};
 use nelu3d_scan::statistics::median;
 use nelu3d_scan::{Image, Projector, Rig};
 
-use crate::calibrate::{CalibrationError, CalibrationReport};
+use crate::calibrate::{BoardSample, BoardSamples, CalibrationError, CalibrationReport, board_samples};
 use crate::color_field::frame::{Center, FieldFrame};
 use crate::color_field::validity::Validity;
 use crate::color_field::{ColorField, FieldMetadata, Form, ProjectorResidual, camera_key};
@@ -40,13 +42,13 @@ const MAX_ROUNDS: usize = 3;
 /// Fewest decoded pixels that a response is fitted to.
 const MIN_CODEWORDS: usize = 500;
 
-/// Computes a color field from the calibrated projector, its projected images, and the captures of up to four scenes,
-/// which tell its blur and response.
+/// Computes a color field from the calibrated projector, its projected images, and the boards of a sweep or, where there is
+/// none that can be used, the captures of up to four scenes, which tell its blur and response.
 ///
 /// # Errors
 ///
-/// The projector or a projected image is missing or does not fit, an image cannot be read, no scene could be decoded,
-/// or the caller stopped the work.
+/// The projector or a projected image is missing or does not fit, an image cannot be read, there is neither a sweep nor a
+/// scene that could be decoded, or the caller stopped the work.
 pub fn calibrate_from_projector(
     rig: &Rig,
     set: &PatternSet,
@@ -57,17 +59,28 @@ pub fn calibrate_from_projector(
     clock.begin("read the patterns");
     let projector = calibrated_projector(rig)?;
     let patterns = read_patterns(rig, set, projector)?;
-    let scenes = find_scenes(rig, set)?;
     let depth_mm = depth_range(rig, projector, opts)?;
     let frame = overlap_frame(&rig.camera, projector, depth_mm).ok_or_else(|| no_overlap(rig, depth_mm))?;
 
-    clock.begin("read the scenes");
-    let (captures, noise) = read_captures(rig, set, &scenes)?;
+    let known = known_codewords(rig, set, progress, &mut clock)?;
+    let (source, noise) = match known {
+        Some((known, noise)) => (known, noise),
+        None => {
+            let scenes = find_scenes(rig, set)?;
+            clock.begin("read the scenes");
+            let (captures, noise) = read_captures(rig, set, &scenes)?;
+            (Source::Scenes(captures), noise)
+        }
+    };
 
     clock.begin("estimate blur and response");
     let validity = lit_volume(&rig.camera, projector, &frame, depth_mm);
-    let fit = ResponseFit { rig, projector, patterns, captures, frame, validity, metadata: metadata(rig, set, noise) };
-    let Some(Fitted { residual, noise_sigma, response, mut field }) = fit.best(progress)? else {
+    let fit = ResponseFit { rig, projector, patterns, frame, validity, metadata: metadata(rig, set, noise) };
+    let fitted = match &source {
+        Source::Boards { codewords, .. } => Some(fit.fit_codewords(codewords)),
+        Source::Scenes(captures) => fit.fit_scenes(captures, progress)?,
+    };
+    let Some(Fitted { residual, noise_sigma, response, mut field }) = fitted else {
         let reason = "no scene could be decoded, so blur and response stay unknown; check the projector's calibration, \
                       or give a depth range";
         return Err(projector_error(rig.root.join("scenes"), reason));
@@ -86,7 +99,7 @@ pub fn calibrate_from_projector(
         light_mm: Some([center.x, center.y, center.z]),
         quality: None,
         frame: format!(
-            "light: the calibrated projector, blur {:.2} px, response {:.3} + {:.3} v^{:.2}, \
+            "light: the calibrated projector, blur {:.2} px, response {:.3} + {:.3} v^{:.2} from {source}, \
              median residual {residual:.3}",
             response.blur_px, response.offset, response.scale, response.gamma
         ),
@@ -98,6 +111,54 @@ pub fn calibrate_from_projector(
         stages: clock.finish(),
     };
     Ok((field, report))
+}
+
+/// What blur and response are estimated from.
+enum Source {
+    /// Boards of a sweep: codewords at points that are known.
+    Boards {
+        /// What they show.
+        codewords: Vec<Codeword>,
+        /// Number of board positions.
+        positions: usize,
+    },
+    /// Scenes, whose points are found by decoding.
+    Scenes(Vec<Capture>),
+}
+
+impl std::fmt::Display for Source {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Source::Boards { positions, .. } => write!(f, "{positions} boards"),
+            Source::Scenes(captures) if captures.len() == 1 => write!(f, "a scene"),
+            Source::Scenes(captures) => write!(f, "{} scenes", captures.len()),
+        }
+    }
+}
+
+/// Returns what the boards of the rig's sweep show, and the sensor's noise; `None` without a sweep, or with a warning
+/// where it cannot be used.
+fn known_codewords(
+    rig: &Rig,
+    set: &PatternSet,
+    progress: &Progress,
+    clock: &mut StageClock<'_>,
+) -> Result<Option<(Source, NoiseModel)>, CalibrationError> {
+    if rig.board.is_none() || rig.positions().is_err() {
+        return Ok(None);
+    }
+    let unusable = match board_samples(rig, set, progress, clock) {
+        Ok(BoardSamples { samples, positions, noise }) if samples.len() >= MIN_CODEWORDS => {
+            let codeword = |s: BoardSample| Codeword { point: s.point, intensities: s.values, variance: s.variance };
+            let codewords = samples.into_iter().map(codeword).collect();
+            return Ok(Some((Source::Boards { codewords, positions }, noise)));
+        }
+        Ok(BoardSamples { samples, .. }) => format!("only {} pixels of its boards are well lit", samples.len()),
+        Err(CalibrationError::Cancelled) => return Err(CalibrationError::Cancelled),
+        Err(error) => error.to_string(),
+    };
+    progress.warn(&format!("the sweep cannot tell the projector's blur and response, scenes have to: {unusable}"));
+    Ok(None)
 }
 
 /// The error of light and view that do not overlap.
@@ -136,9 +197,9 @@ fn metadata(rig: &Rig, set: &PatternSet, noise: NoiseModel) -> FieldMetadata {
     }
 }
 
-/// A field whose blur and response were fitted to scenes.
+/// A field whose blur and response were fitted.
 struct Fitted {
-    /// Median absolute residual of the scenes' codewords, normalized intensity.
+    /// Median absolute residual of the codewords, normalized intensity.
     residual: f64,
     /// Root of the median variance that noise gives these, normalized intensity.
     noise_sigma: f64,
@@ -152,16 +213,23 @@ struct ResponseFit<'a> {
     projector: &'a Projector,
     /// Projected images, one plane per channel of the camera; a single row or column where the others are the same.
     patterns: Vec<Image>,
-    captures: Vec<Capture>,
     frame: FieldFrame,
     validity: Validity,
     metadata: FieldMetadata,
 }
 
 impl ResponseFit<'_> {
-    /// Decodes the scenes and fits the response by turns, from every start, and returns the fit with the smallest
-    /// median residual; `None` if no scene could be decoded.
-    fn best(&self, progress: &Progress) -> Result<Option<Fitted>, CalibrationError> {
+    /// Fits the response to codewords at known points.
+    fn fit_codewords(&self, codewords: &[Codeword]) -> Fitted {
+        let (response, residual) = fit_response(&self.patterns, self.projector, codewords);
+        let variance = median(&mut codewords.iter().map(|c| c.variance).collect::<Vec<_>>());
+        let noise_sigma = f64::from(variance.unwrap_or(0.0)).sqrt();
+        Fitted { residual, noise_sigma, response, field: self.field(response) }
+    }
+
+    /// Decodes scenes and fits the response by turns, from every start, and returns the fit with the smallest median
+    /// residual; `None` if no scene could be decoded.
+    fn fit_scenes(&self, captures: &[Capture], progress: &Progress) -> Result<Option<Fitted>, CalibrationError> {
         let mut best: Option<Fitted> = None;
         let starts = if exponent_matters(&self.patterns) { &FIRST_GAMMAS[..] } else { &FIRST_GAMMAS[..1] };
         for gamma in starts.iter().copied() {
@@ -170,20 +238,18 @@ impl ResponseFit<'_> {
                 if progress.cancelled() {
                     return Err(CalibrationError::Cancelled);
                 }
-                let codewords = self.decode(&self.field(response));
+                let codewords = self.decode(captures, &self.field(response));
                 if codewords.len() < MIN_CODEWORDS {
                     break;
                 }
-                let (fitted, residual) = fit_response(&self.patterns, self.projector, &codewords);
-                tracing::debug!(gamma, round, ?fitted, residual, pixels = codewords.len(), "response");
-                if best.as_ref().is_none_or(|b| residual < b.residual) {
-                    let variance = median(&mut codewords.iter().map(|c| c.variance).collect::<Vec<_>>());
-                    let noise_sigma = f64::from(variance.unwrap_or(0.0)).sqrt();
-                    best = Some(Fitted { residual, noise_sigma, response: fitted, field: self.field(fitted) });
-                } else {
+                let fitted = self.fit_codewords(&codewords);
+                let (of_round, residual) = (fitted.response, fitted.residual);
+                tracing::debug!(gamma, round, ?of_round, residual, pixels = codewords.len(), "response");
+                if best.as_ref().is_some_and(|b| residual >= b.residual) {
                     break;
                 }
-                response = fitted;
+                best = Some(fitted);
+                response = of_round;
             }
         }
         Ok(best)
@@ -196,7 +262,7 @@ impl ResponseFit<'_> {
     }
 
     /// Decoded points of all captures, and their codewords.
-    fn decode(&self, field: &ColorField) -> Vec<Codeword> {
-        self.captures.iter().flat_map(|capture| decode_codewords(capture, &self.rig.camera, field)).collect()
+    fn decode(&self, captures: &[Capture], field: &ColorField) -> Vec<Codeword> {
+        captures.iter().flat_map(|capture| decode_codewords(capture, &self.rig.camera, field)).collect()
     }
 }

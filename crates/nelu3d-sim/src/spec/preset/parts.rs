@@ -40,7 +40,7 @@ pub(super) fn marker_board(rows: u32, side_mm: f64, pitch_mm: f64, edge_mm: f64,
         }
     }
     let [x, y] = half_mm;
-    BoardSpec::Markers { dictionary: DICTIONARY.into(), markers, extent_mm: [-x, -y, x, y] }
+    BoardSpec::Markers { dictionary: DICTIONARY.into(), markers, extent_mm: Some([-x, -y, x, y]) }
 }
 
 /// Returns a charuco board whose markers have three quarters of their squares' side.
@@ -52,7 +52,7 @@ pub(super) fn charuco_board(columns: usize, rows: usize, square_mm: f64) -> Boar
         marker_mm: 0.75 * square_mm,
         dictionary: DICTIONARY.into(),
         legacy: false,
-        extent_mm: [0.0, 0.0, columns as f64 * square_mm, rows as f64 * square_mm],
+        extent_mm: None,
     }
 }
 

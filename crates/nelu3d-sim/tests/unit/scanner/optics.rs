@@ -181,7 +181,7 @@ fn a_printed_board_is_made_of_dots() {
     // Dots of 5.08 mm, a third of a square and more.
     spec.print_dpi = Some(5.0);
     spec.board =
-        BoardSpec::Chessboard { columns: 10, rows: 7, square_mm: 12.0, extent_mm: [-20.0, -20.0, 140.0, 104.0] };
+        BoardSpec::Chessboard { columns: 10, rows: 7, square_mm: 12.0, extent_mm: Some([-20.0, -20.0, 140.0, 104.0]) };
     let SweepSpec::Stage { first_mm, last_mm, step_error_mm, .. } = &mut spec.sweep else { panic!("a stage") };
     (*first_mm, *last_mm, *step_error_mm) = (600.0, 620.0, 0.0);
     let (_dir, rig) = rig(&spec);

@@ -1,0 +1,62 @@
+//! Codewords that a sweep's boards show, each at a known point.
+
+use nelu3d_scan::Rig;
+use nelu3d_scan::rig::PatternSet;
+
+use super::board_poses::solve_board_poses;
+use super::error::CalibrationError;
+use super::options::CalibrationOptions;
+use super::views;
+use crate::progress::{Progress, StageClock};
+use crate::sensor::NoiseModel;
+
+/// A pixel that sees a board of the sweep.
+#[derive(Clone, Debug)]
+pub(crate) struct BoardSample {
+    /// The point of the board that it sees, mm, in the camera's frame.
+    pub(crate) point: [f64; 3],
+    /// Normalized intensity of every pattern channel.
+    pub(crate) values: Vec<f32>,
+    /// Variance that noise gives them, the mean of the channels.
+    pub(crate) variance: f32,
+}
+
+/// The samples of all boards of a sweep.
+pub(crate) struct BoardSamples {
+    /// Up to 200,000 well-lit pixels with all their channels, from positions that are spread over the sweep.
+    pub(crate) samples: Vec<BoardSample>,
+    /// Number of positions that they are from.
+    pub(crate) positions: usize,
+    /// Noise of the sensor's pixels.
+    pub(crate) noise: NoiseModel,
+}
+
+/// Finds the boards of a sweep and draws samples from its positions, as [`super::calibrate`] does it.
+///
+/// # Errors
+///
+/// Those of [`solve_board_poses`]; an image cannot be read; the caller stopped the work.
+pub(crate) fn board_samples(
+    rig: &Rig,
+    set: &PatternSet,
+    progress: &Progress,
+    clock: &mut StageClock<'_>,
+) -> Result<BoardSamples, CalibrationError> {
+    let mut placed = solve_board_poses(rig, set, &CalibrationOptions::default(), progress, clock)?.placed;
+    views::estimate_noise(&mut placed, rig, false, progress)?;
+    let (mut samples, mut positions) = (Vec::new(), 0);
+    for (p, drawn) in placed.drawn() {
+        positions += 1;
+        placed.for_each_drawn(p, drawn, |sample, t| {
+            if sample.contrast.iter().any(|contrast| *contrast < drawn.lit) {
+                return;
+            }
+            let contrast = |j: usize| sample.contrast[j % sample.contrast.len()];
+            let of = |(j, v): (usize, &f32)| placed.noise.normalized_variance(v.clamp(0.0, 1.0), contrast(j), 0.0);
+            let variance = sample.values.iter().enumerate().map(of).sum::<f32>() / sample.values.len() as f32;
+            let point = placed.dirs[sample.pixel] * t;
+            samples.push(BoardSample { point: point.into(), values: sample.values.to_vec(), variance });
+        });
+    }
+    Ok(BoardSamples { samples, positions, noise: placed.sensor_noise() })
+}
