@@ -17,7 +17,8 @@ pub(crate) struct CalibrateArgs {
     /// the field: it need not be estimated from scenes with little color then.
     #[arg(long, value_name = "SCENE")]
     pub colors: Option<String>,
-    /// Compute the field from the calibrated projector and the projected images instead of a sweep
+    /// Compute the field from the calibrated projector and the projected images; of a sweep, or else of scenes, it
+    /// takes the projector's blur and response
     #[arg(long)]
     pub from_projector: bool,
     /// Settings of a field from the projector.

@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::common::{nelu3d, simulated, small, stderr};
+use super::common::{nelu3d, simulated, stderr};
 use nelu3d_scan::Rig;
 use nelu3d_scan::image::{Raw, RawData, Response, decode, write_raw_png};
 use nelu3d_scan::pattern::{Alacarte, Axis, Pattern, Superposition};
@@ -153,8 +153,8 @@ fn what_does_not_tell_the_response_is_said_in_a_sentence() {
 /// sweep stand where they stand.
 #[test]
 fn a_sweep_tells_the_response_of_a_calibrated_projector() {
-    let mut spec = small("demo");
-    spec.scenes = Spec::preset("demo").unwrap().scenes;
+    let mut spec = Spec::preset("demo").unwrap();
+    spec.supersampling = 2;
     let LightSpec::Projector(projector) = &mut spec.light else { panic!("a projector") };
     projector.gamma = 1.8.into();
     let alacarte = Pattern::Alacarte(Alacarte { axis: Axis::X, count: 3, ..Alacarte::default() });

@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::common::{RigCopy, nelu3d, stderr};
 
 /// Arguments of the trainings, small ones.
-const PAPER: &[&str] = &["reconstruct", "--recipe", "paper", "--start", "random", "--device", "cpu"];
+const PAPER: &[&str] = &["reconstruct", "--recipe", "paper", "--start", "plane", "--device", "cpu"];
 const TURBOSL: &[&str] = &["decode", "--method", "turbosl"];
 const SMALL: &[&str] = &["--steps", "30", "--samples", "1024", "--checkpoint-every", "5", "--quiet"];
 

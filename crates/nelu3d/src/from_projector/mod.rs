@@ -157,7 +157,9 @@ fn known_codewords(
         Err(CalibrationError::Cancelled) => return Err(CalibrationError::Cancelled),
         Err(error) => error.to_string(),
     };
-    progress.warn(&format!("the sweep cannot tell the projector's blur and response, scenes have to: {unusable}"));
+    progress.warn(&format!(
+        "blur and response of the projector are estimated from scenes, not on the sweep's boards: {unusable}"
+    ));
     Ok(None)
 }
 
