@@ -157,7 +157,7 @@ fn known_codewords(
         Err(CalibrationError::Cancelled) => return Err(CalibrationError::Cancelled),
         Err(error) => error.to_string(),
     };
-    progress.warn(&format!(
+    progress.warn(format!(
         "blur and response of the projector are estimated from scenes, not on the sweep's boards: {unusable}"
     ));
     Ok(None)

@@ -11,5 +11,6 @@ mod types;
 
 pub use assemble::{MAX_SLOPE, assemble, image_plane, reject_small_components};
 pub use links::Links;
+pub use mesh::normals_from_links;
 pub use pixel_status::PixelStatus;
 pub use types::{Surface, SurfaceMaps};

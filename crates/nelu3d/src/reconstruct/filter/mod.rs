@@ -7,6 +7,8 @@ pub mod components;
 #[doc(hidden)]
 pub mod continuation;
 #[doc(hidden)]
+pub mod facing_away;
+#[doc(hidden)]
 pub mod partly_covered;
 mod settings;
 
@@ -22,12 +24,13 @@ use beyond::explained_beyond;
 use chance::ForeignCodewords;
 use components::{Alternatives, reject_unexplained_components};
 use continuation::reject_continuations;
+use facing_away::reject_facing_away;
 use partly_covered::reject_partly_covered;
 pub use settings::FilterSettings;
 
 /// Returns the depth of every valid pixel (camera z, mm; NaN elsewhere) and notes in the scene's measurements why the
 /// others are rejected: outside the calibrated volume, unexplained codeword, mixed pixel at a depth discontinuity or at
-/// an outline, component too small or explained by chance. `prior` is that of light that did not come directly from the
+/// an outline, turned away from the light, component too small or explained by chance. `prior` is that of light that did not come directly from the
 /// light source, `step` the spacing of the depth hypotheses in 1/z, 1/mm.
 pub(crate) fn filter(
     scene: &mut Scene<'_>,
@@ -85,7 +88,12 @@ pub(crate) fn filter(
     reject_unexplained_components(&mut depth, &mut status, camera, refined, settings, noise_is_known, alternatives);
     reject_continuations(&mut depth, &mut status, scene, refined, prior, step, settings.min_component);
     scene.measurements.status = status;
-    let Scene { camera, rays, measurements: m, .. } = scene;
+    let Scene { camera, rays, field, measurements: m, .. } = scene;
+    // After whole components: what is left of one whose worst part is gone may look better than all of it did.
+    if let Some(light) = field.frame.center() {
+        let light = [light.x, light.y, light.z].map(|v| v as f32);
+        reject_facing_away(&mut depth, &mut m.status, camera, &rays.plane, light);
+    }
     reject_small_components(&mut depth, &mut m.status, camera, settings.min_component);
     for i in 0..m.n() {
         if depth[i].is_nan() && m.status[i] == PixelStatus::Valid {

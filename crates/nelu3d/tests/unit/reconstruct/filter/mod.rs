@@ -1,3 +1,4 @@
 mod components;
 mod continuation;
+mod facing_away;
 mod partly_covered;
