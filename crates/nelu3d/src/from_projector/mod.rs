@@ -25,7 +25,7 @@ use crate::color_field::{ColorField, FieldMetadata, Form, ProjectorResidual, cam
 use crate::progress::{Progress, StageClock};
 use crate::reconstruct::{Codeword, decode_codewords};
 use crate::sensor::NoiseModel;
-use crate::verdict::Judgment;
+use crate::verdict::{Code, Finding, Judgment, Verdict};
 pub use geometry::crossing_depth;
 use geometry::{lit_volume, overlap_frame};
 use inputs::{calibrated_projector, depth_range, find_scenes, projector_error, read_captures, read_patterns};
@@ -91,8 +91,10 @@ pub fn calibrate_from_projector(
     // The standard deviation of a normal distribution with that median.
     field.metadata.residual = Some(ProjectorResidual { sigma: 1.4826 * residual, noise_sigma });
     let center = projector.center();
+    let mut judgment = Judgment::default();
+    judgment.extend(source.unsure(&fit.patterns, response));
     let report = CalibrationReport {
-        judgment: Judgment::default(),
+        judgment,
         boards_mm: None,
         corner_rms_px: None,
         trajectory: None,
@@ -124,6 +126,24 @@ enum Source {
     },
     /// Scenes, whose points are found by decoding.
     Scenes(Vec<Capture>),
+}
+
+impl Source {
+    /// Returns the note that the response rests on scenes, where it matters.
+    fn unsure(&self, patterns: &[Image], response: Response) -> Option<Finding> {
+        let Source::Scenes(_) = self else { return None };
+        exponent_matters(patterns).then(|| {
+            let sentence = format!(
+                "the projector's response v^{:.2} was found from scenes alone: of few patterns, another response with other \
+                 depths may explain the same images",
+                response.gamma
+            );
+            let remedy = "add a board sweep, three positions or more, on which points are known";
+            Finding::new(Code::ResponseFromScenes, Verdict::Good, sentence, remedy)
+                .with("exponent", f64::from((100.0 * response.gamma).round()) / 100.0)
+                .with("channels", patterns.len())
+        })
+    }
 }
 
 impl std::fmt::Display for Source {

@@ -40,6 +40,8 @@ pub enum Code {
     CodeRepeats,
     /// Images are not linear in light, by their noise.
     NonlinearResponse,
+    /// A projector's response was found from scenes alone, whose depths are not known.
+    ResponseFromScenes,
     /// Images were compressed with loss.
     LossyCompression,
     /// Much of what is lit is clipped.
@@ -62,7 +64,7 @@ pub enum Code {
 
 impl Code {
     /// All codes.
-    pub const ALL: [Code; 26] = [
+    pub const ALL: [Code; 27] = [
         Code::CornersMisfit,
         Code::CameraIntrinsics,
         Code::CameraDistortion,
@@ -80,6 +82,7 @@ impl Code {
         Code::PositionPartLeftOut,
         Code::CodeRepeats,
         Code::NonlinearResponse,
+        Code::ResponseFromScenes,
         Code::LossyCompression,
         Code::Clipped,
         Code::PatternWithoutLight,

@@ -32,8 +32,11 @@ pub fn reject_facing_away(
         .map(|i| if known(i) { towards(light, plane[i].map(|v| v * depth[i]), depth[i], normals[i]) } else { 0.0 })
         .collect();
     box_mean(&mut side, w, h, RADIUS);
-    for i in (0..w * h).filter(|i| known(*i) && side[*i] < 0.0).collect::<Vec<_>>() {
-        (depth[i], status[i]) = (f32::NAN, PixelStatus::Ambiguous);
+    // Pixels at the border of a steep sheet have no normal of their own.
+    for i in (0..w * h).filter(|i| side[*i] < 0.0) {
+        if depth[i].is_finite() {
+            (depth[i], status[i]) = (f32::NAN, PixelStatus::Ambiguous);
+        }
     }
 }
 

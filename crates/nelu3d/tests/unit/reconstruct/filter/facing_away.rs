@@ -23,7 +23,7 @@ fn left(slope_x: f32, slope_y: f32, light: [f32; 3]) -> f32 {
 #[test]
 fn what_light_cannot_meet_is_no_surface() {
     let light = [200.0, 0.0, 0.0];
-    assert!([0.0, 1.0, 5.0, -2.0].iter().all(|slope| left(*slope, 0.0, light) == 1.0));
+    assert_eq!([0.0, 1.0, 5.0, -2.0].map(|slope| left(slope, 0.0, light)), [1.0; 4]);
     // Isolated pixels have no normal.
     assert!(left(-6.0, 0.0, light) < 0.02);
     // It is the light that counts, not a side of the picture.
