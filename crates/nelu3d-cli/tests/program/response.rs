@@ -149,8 +149,8 @@ fn what_does_not_tell_the_response_is_said_in_a_sentence() {
     refused(&[], "does not add up");
 }
 
-/// Of a scene under three à la carte patterns, a wrong response and wrong depths explain the images as well; the boards of a
-/// sweep stand where they stand.
+/// Finds the response of a projector, v^1.8, on the boards of a sweep, and scans with it. From a scene alone v^2.2
+/// comes out: under three à la carte patterns a wrong response and wrong depths explain the images as well.
 #[test]
 fn a_sweep_tells_the_response_of_a_calibrated_projector() {
     let mut spec = Spec::preset("demo").unwrap();

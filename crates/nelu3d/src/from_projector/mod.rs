@@ -1,10 +1,10 @@
 //! A color field without a sweep, from a calibrated projector and the images that it projected.
 //!
 //! c(x) is then the pattern at the projector pixel that lights x, through the projector's optics (a blur) and its
-//! response (a curve). Neither is in any calibration file, so both are estimated: from the boards of a sweep, where there
-//! is one, whose points are known; else from scenes: decode with what is known, compare the captures with the patterns
-//! where they were found to come from, and repeat. What few patterns say of a scene can be explained by a wrong response
-//! and wrong depths together.
+//! response (a curve). Neither is in any calibration file, so both are estimated: from the boards of a sweep, where
+//! there is one, whose points are known; else from scenes: decode with what is known, compare the captures with the
+//! patterns where they were found to come from, and repeat. What few patterns say of a scene can be explained by a
+//! wrong response and wrong depths together.
 
 mod geometry;
 #[doc(hidden)]
@@ -42,13 +42,13 @@ const MAX_ROUNDS: usize = 3;
 /// Fewest decoded pixels that a response is fitted to.
 const MIN_CODEWORDS: usize = 500;
 
-/// Computes a color field from the calibrated projector, its projected images, and the boards of a sweep or, where there is
-/// none that can be used, the captures of up to four scenes, which tell its blur and response.
+/// Computes a color field from the calibrated projector, its projected images, and the boards of a sweep or, where
+/// there is none that can be used, the captures of up to four scenes, which tell its blur and response.
 ///
 /// # Errors
 ///
-/// The projector or a projected image is missing or does not fit, an image cannot be read, there is neither a sweep nor a
-/// scene that could be decoded, or the caller stopped the work.
+/// The projector or a projected image is missing or does not fit, an image cannot be read, there is neither a sweep nor
+/// a scene that could be decoded, or the caller stopped the work.
 pub fn calibrate_from_projector(
     rig: &Rig,
     set: &PatternSet,
@@ -134,8 +134,8 @@ impl Source {
         let Source::Scenes(_) = self else { return None };
         exponent_matters(patterns).then(|| {
             let sentence = format!(
-                "the projector's response v^{:.2} was found from scenes alone: of few patterns, another response with other \
-                 depths may explain the same images",
+                "the projector's response v^{:.2} was found from scenes alone: of few patterns, another response with \
+                 other depths may explain the same images",
                 response.gamma
             );
             let remedy = "add a board sweep, three positions or more, on which points are known";

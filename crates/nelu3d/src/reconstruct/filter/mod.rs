@@ -30,8 +30,8 @@ pub use settings::FilterSettings;
 
 /// Returns the depth of every valid pixel (camera z, mm; NaN elsewhere) and notes in the scene's measurements why the
 /// others are rejected: outside the calibrated volume, unexplained codeword, mixed pixel at a depth discontinuity or at
-/// an outline, turned away from the light, component too small or explained by chance. `prior` is that of light that did not come directly from the
-/// light source, `step` the spacing of the depth hypotheses in 1/z, 1/mm.
+/// an outline, turned away from the light, component too small or explained by chance. `prior` is that of light that
+/// did not come directly from the light source, `step` the spacing of the depth hypotheses in 1/z, 1/mm.
 pub(crate) fn filter(
     scene: &mut Scene<'_>,
     refined: &Refined,
@@ -91,8 +91,7 @@ pub(crate) fn filter(
     let Scene { camera, rays, field, measurements: m, .. } = scene;
     // After whole components: what is left of one whose worst part is gone may look better than all of it did.
     if let Some(light) = field.frame.center() {
-        let light = [light.x, light.y, light.z].map(|v| v as f32);
-        reject_facing_away(&mut depth, &mut m.status, camera, &rays.plane, light);
+        reject_facing_away(&mut depth, &mut m.status, camera, &rays.plane, light.coords.cast());
     }
     reject_small_components(&mut depth, &mut m.status, camera, settings.min_component);
     for i in 0..m.n() {

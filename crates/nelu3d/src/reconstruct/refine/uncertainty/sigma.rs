@@ -14,10 +14,10 @@ const POOL_RADIUS: usize = 2;
 const NOISE_RADIUS: usize = 8;
 
 /// Returns one standard deviation of the unknown per pixel of the prior's window; NaN where there is no surface. `x` is
-/// the solution, `posterior` what noise and prior leave in it, `systematic` what neighbors share of the residuals, which
-/// is no noise; `factor` tells how much more depths scatter at a pixel that average over so many pixels than their χ²
-/// says. What makes them scatter more, errors of the color field above all, is seen in the systematic part too, so that
-/// the larger of the two is added.
+/// the solution, `posterior` what noise and prior leave in it, `systematic` what neighbors share of the residuals,
+/// which is no noise; `factor` tells how much more depths scatter at a pixel that average over so many pixels than
+/// their χ² says. What makes them scatter more, errors of the color field above all, is seen in the systematic part
+/// too, so that the larger of the two is added.
 pub fn sigma(
     prior: &ThinPlatePrior,
     posterior: &Posterior,

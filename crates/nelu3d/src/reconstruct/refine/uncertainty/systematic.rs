@@ -46,14 +46,14 @@ const MIN_LEFT: f32 = 0.02;
 ///
 /// `residuals` and `slopes` are `n × k`: residuals r of the normalized intensities and their slopes g along the
 /// unknown, both divided by the noise's standard deviation. Depth has taken from the residuals what lies along g. With
-/// five patterns and more, an offset and a gain of the pixel are taken from them as well, and change the unknown by what
-/// of them lies along g: in a code of sinusoids, which moves across them, next to nothing. What channel j has across all
-/// of these has, averaged over squares of n pixels, variance P_jj/n from noise alone, with P the projection across them.
-/// Any variance above that is shared; its size s_j² is estimated over the surroundings, where g points elsewhere. It
-/// changes the unknown by Σ g_j s_j / |g|².
+/// five patterns and more, an offset and a gain of the pixel are taken from them as well, and change the unknown by
+/// what of them lies along g: in a code of sinusoids, which moves across them, next to nothing. What channel j has
+/// across all of these has, averaged over squares of n pixels, variance P_jj/n from noise alone, with P the projection
+/// across them. Any variance above that is shared; its size s_j² is estimated over the surroundings, where g points
+/// elsewhere. It changes the unknown by Σ g_j s_j / |g|².
 ///
-/// `averaged` is the number of pixels that the unknown averages over, per pixel: squares are as large. What smaller ones
-/// share (cells of the color field, say) averages out like noise, and is counted as such.
+/// `averaged` is the number of pixels that the unknown averages over, per pixel: squares are as large. What smaller
+/// ones share (cells of the color field, say) averages out like noise, and is counted as such.
 pub fn systematic(
     residuals: &[f32],
     slopes: &[f32],
@@ -238,8 +238,8 @@ impl<'a> Shared<'a> {
     fn new(active: &'a [bool], size: [usize; 2], radius: usize) -> Self {
         let mut near: Vec<f32> = active.iter().map(|a| if *a { 1.0 } else { 0.0 }).collect();
         box_mean(&mut near, size[0], size[1], radius);
-        // Where nothing is shared: half a standard deviation of its mean over as many squares as there are, 0.4 of which
-        // remain on average when negative values become 0.
+        // Where nothing is shared: half a standard deviation of its mean over as many squares as there are, 0.4 of
+        // which remain on average when negative values become 0.
         let side = (2 * radius + 1) as f32;
         let squares = ((2 * SYSTEMATIC_RADIUS + 1) as f32 / side).powi(2);
         Self { active, size, radius, near, chance: 0.5 * (2.0 / squares).sqrt() / (side * side) }

@@ -12,14 +12,14 @@ fn left(slope_x: f32, slope_y: f32, light: [f32; 3]) -> f32 {
     (0..w * h).filter(|i| i % w < 4 || *i == 20 * w + 30).for_each(|i| depth[i] = f32::NAN);
     let before = depth.iter().filter(|z| z.is_finite()).count();
     let mut status = vec![PixelStatus::Valid; w * h];
-    reject_facing_away(&mut depth, &mut status, &camera, &plane, light);
+    reject_facing_away(&mut depth, &mut status, &camera, &plane, light.into());
     let after = depth.iter().filter(|z| z.is_finite()).count();
     assert_eq!(status.iter().filter(|s| **s == PixelStatus::Ambiguous).count(), before - after);
     after as f32 / before as f32
 }
 
-/// Light from 16° to the right meets a surface that falls away to the right until that is steeper than 16° from the line
-/// of sight, and one that falls away to the left whatever its slope.
+/// Light from 16° to the right meets a surface that falls away to the right until that is steeper than 16° from the
+/// line of sight, and one that falls away to the left whatever its slope.
 #[test]
 fn what_light_cannot_meet_is_no_surface() {
     let light = [200.0, 0.0, 0.0];

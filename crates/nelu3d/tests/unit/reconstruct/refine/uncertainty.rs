@@ -97,8 +97,8 @@ fn shared_errors_are_told_from_noise() {
     }
 }
 
-/// What squares of 5 pixels share stays where depths average over as many; where they average over more, it averages out
-/// like noise, as whose level it is counted.
+/// What squares of 5 pixels share stays where depths average over as many; where they average over more, it averages
+/// out like noise, as whose level it is counted.
 #[test]
 fn errors_of_small_squares_average_out_in_large_ones() {
     let (w, h, k) = (160, 160, 3);
