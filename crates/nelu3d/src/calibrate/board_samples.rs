@@ -23,7 +23,7 @@ pub(crate) struct BoardSample {
 
 /// The samples of all boards of a sweep.
 pub(crate) struct BoardSamples {
-    /// Up to 200,000 well-lit pixels with all their channels, from positions that are spread over the sweep.
+    /// Well-lit pixels with all their channels, at most some hundred thousand, from positions all over the sweep.
     pub(crate) samples: Vec<BoardSample>,
     /// Number of positions that they are from.
     pub(crate) positions: usize,

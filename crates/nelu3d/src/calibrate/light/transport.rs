@@ -25,9 +25,9 @@ pub struct Transport<'a> {
 /// A sample to carry: its view, and its place in the image of a level.
 #[derive(Clone, Copy)]
 pub struct Seed {
-    /// Its view.
+    /// Index of the view (board position) that the sample was seen in.
     pub view: usize,
-    /// Its place in the image of the level, row by row.
+    /// Index of the sample in the level's image, row by row.
     pub index: usize,
     /// The point of the board that it shows, mm in the camera's frame.
     pub point: Point3<f64>,

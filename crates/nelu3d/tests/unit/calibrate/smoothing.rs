@@ -33,8 +33,8 @@ fn the_best_strength_lies_between_those_that_are_tried() {
     assert_eq!(found(&|_| 0.0), [1.0; 3]);
 }
 
-/// Of a channel of slow waves and one of fast ones under the same noise, the slow one is smoothed more; what was
-/// set aside is in the bins again.
+/// Smoothing strengths of a channel of slow waves and one of fast ones under the same noise: the slow one is smoothed
+/// more; samples that were set aside for the choice are in the bins again.
 #[test]
 fn a_slow_code_is_smoothed_more_than_a_fast_one() {
     let cells = [96, 96, 1];

@@ -9,7 +9,7 @@ fn kept(first: usize, chi2: [f32; 2], unseen: [f32; 2], chance: Option<f32>) -> 
     kept_where(false, first, chi2, unseen, chance)
 }
 
-/// The same, where the noise is known or not.
+/// Whether two flat pieces (as in [`kept`]) are kept where the noise is known, or where it is not.
 fn kept_where(noise_is_known: bool, first: usize, chi2: [f32; 2], unseen: [f32; 2], chance: Option<f32>) -> [bool; 2] {
     statuses(noise_is_known, first, chi2, unseen, chance, [0.0; 2]).map(|s| s == PixelStatus::Valid)
 }
