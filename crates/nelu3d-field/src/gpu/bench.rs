@@ -83,6 +83,7 @@ impl GpuReport {
             first_rays: n_rays,
             max_rays: n_rays,
             half_step: 0.0025,
+            anneal_steps: 0,
             seed: 1,
         };
         let before = gpu.memory();
@@ -127,7 +128,7 @@ fn published_networks() -> (NeuralSurface, HashField<2>) {
         append_position: true,
         training: training.clone(),
     };
-    let loss = SurfaceLoss { eikonal_every: 4, ..SurfaceLoss::default() };
+    let loss = SurfaceLoss::default();
     let config = SurfaceConfig { field, extent: [3.0; 3], sharpness: 0.3, sharpness_learning_rate: 0.0, loss };
     let surface = NeuralSurface::new(config, 1).expect("the published configuration is valid");
     let mut image = HashFieldConfig::<2>::small(1);

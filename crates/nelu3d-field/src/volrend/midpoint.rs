@@ -16,7 +16,7 @@ use crate::Real;
 /// ε of the alphas.
 pub const EPSILON: f64 = 1e-5;
 /// The least 1 − alpha that is divided by.
-const LEAST_PASSED: f64 = 1e-10;
+pub(crate) const LEAST_PASSED: f64 = 1e-10;
 
 /// The samples of a ray.
 #[derive(Clone, Copy, Debug)]

@@ -71,11 +71,17 @@ impl Rays {
     }
 
     /// The samples as midpoints of intervals of different lengths, seen along different directions.
-    fn with_intervals(mut self) -> Self {
+    pub(crate) fn with_intervals(mut self) -> Self {
         let lengths = uniform_f32(6, self.points.len(), 0.02, 0.3);
         let dirs = uniform_f32(7, 3 * self.mask.len(), -1.0, 1.0);
         let unit = |d: &[f32; 3]| d.map(|x| x / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt());
         self.intervals = Some((lengths, dirs.as_chunks().0.iter().map(unit).collect()));
+        self
+    }
+
+    /// The intervals, all of one length.
+    pub(crate) fn of_length(mut self, length: f32) -> Self {
+        self.intervals.iter_mut().for_each(|(lengths, _)| lengths.fill(length));
         self
     }
 

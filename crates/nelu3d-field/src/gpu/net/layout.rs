@@ -11,7 +11,7 @@ use bytemuck::{Pod, Zeroable};
 use std::sync::Arc;
 
 /// Parts that the points are cut into where a network's gradient is summed.
-pub(super) const N_CHUNKS: usize = 128;
+pub(super) const N_CHUNKS: usize = 512;
 
 /// A level as kernels read it.
 #[derive(Clone, Copy, Pod, Zeroable)]

@@ -1,21 +1,16 @@
-// The distance's gradient in space at every so-manyth sample, and u: what the eikonal loss sends to it. One thread per
-// sample; the fourth component of u is the sample's share of the loss.
+// The distance's gradient in space at every sample: one thread per sample.
 
 @group(0) @binding(0) var<storage, read> control: array<u32>;
 @group(0) @binding(1) var<storage, read> levels: array<Level>;
 @group(0) @binding(2) var<storage, read> table: array<f32>;
 @group(0) @binding(3) var<storage, read> points: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> d_x: array<f32>;
-@group(0) @binding(5) var<storage, read_write> u_of: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read_write> gradients: array<vec4<f32>>;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let s = id.x;
-    let n = control[N_AT];
-    if (s >= n) { return; }
-    u_of[s] = vec4(0.0);
-#if EIKONAL
-    if (s % EVERY != 0u) { return; }
+    if (s >= control[N_AT]) { return; }
     let p = points[s].xyz;
     var g = vec3(0.0);
     for (var l = 0u; l < N_LEVELS; l++) {
@@ -29,13 +24,5 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     for (var a = 0u; a < APPENDED; a++) { g[a] += 2.0 * d_x[(N_FEATURES + a) * CAPACITY + s]; }
-    let extent = vec3(EXTENT_X, EXTENT_Y, EXTENT_Z);
-    g /= extent;
-    let length = sqrt(dot(g, g));
-    let excess = length - 1.0;
-    let share = 1.0 / f32((n + EVERY - 1u) / EVERY);
-    var u = vec3(0.0);
-    if (length > 0.0) { u = EIKONAL_WEIGHT * share * 2.0 * excess / length * g / extent; }
-    u_of[s] = vec4(u, share * excess * excess);
-#endif
+    gradients[s] = vec4(g / vec3(EXTENT_X, EXTENT_Y, EXTENT_Z), 0.0);
 }

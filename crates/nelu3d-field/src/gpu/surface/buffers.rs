@@ -3,6 +3,7 @@
 use super::super::Gpu;
 use super::super::net::{Net, Shared, schedule};
 use super::super::program::Buffer;
+use super::calls::N_PARTS;
 use super::scene::{RayScene, ScenePixel};
 use crate::device::DeviceError;
 use crate::field::HashField;
@@ -54,11 +55,9 @@ pub(super) struct Buffers {
     pub(super) rays: Buffer<[u32; 4]>,
     /// Codewords of samples, `[k][sample]`.
     pub(super) colors: Buffer,
-    /// Intermediate values of compositing, per sample.
-    pub(super) steps: Buffer<[f32; 4]>,
-    /// s, the gradients by the samples' distances.
+    /// Transmittances before the samples; then s, the gradients by their distances.
     pub(super) s: Buffer,
-    /// u, the gradients by the distances' gradients.
+    /// The distances' gradients in space; then u, the gradients by them, and shares of the eikonal loss.
     pub(super) u: Buffer<[f32; 4]>,
     /// Losses of rays.
     pub(super) of_ray: Buffer<[f32; 4]>,
@@ -74,6 +73,8 @@ pub(super) struct Buffers {
     pub(super) occupied: Buffer<u32>,
     /// Cells that are looked at again.
     pub(super) picked: Buffer<u32>,
+    /// Sums of parts of the values.
+    pub(super) parts: Buffer,
     /// The value above which a cell is occupied.
     pub(super) threshold: Buffer,
 }
@@ -117,7 +118,6 @@ impl Buffers {
             frame: gpu.upload("the color field's frame", &frame(scene))?,
             rays: gpu.zeros("rays", n_rays)?,
             colors: gpu.zeros("codewords", n * k)?,
-            steps: gpu.zeros("compositing", n)?,
             s: gpu.zeros("gradients of distances", n)?,
             u: gpu.zeros("gradients of slopes", n)?,
             of_ray: gpu.zeros("losses of rays", n_rays)?,
@@ -127,6 +127,7 @@ impl Buffers {
             values: gpu.upload("occupancy", &occupancy.values)?,
             occupied: gpu.upload("occupied cells", &words)?,
             picked: gpu.zeros("picked cells", occupancy.cells.len())?,
+            parts: gpu.zeros("sums of the occupancy", N_PARTS)?,
             threshold: gpu.zeros("threshold", 1)?,
         })
     }

@@ -9,6 +9,7 @@ use crate::device::DeviceError;
 use crate::loss::{MASK_CLAMP, MIN_OPACITY};
 use crate::occupancy::OccupancyGrid;
 use crate::surface::SurfaceConfig;
+use crate::volrend::midpoint;
 use std::sync::Arc;
 
 const LEVEL: &str = include_str!("../shaders/level.wgsl");
@@ -16,6 +17,9 @@ const RANDOM: &str = include_str!("../shaders/random.wgsl");
 const ADAM: &str = include_str!("../shaders/adam.wgsl");
 /// Sums over one workgroup.
 const TOTAL: &str = concat!(include_str!("../shaders/place.wgsl"), include_str!("../shaders/total.wgsl"));
+
+/// Parts that the occupancy grid's cells are cut into where their values are summed.
+pub(super) const N_PARTS: usize = 256;
 
 /// The calls of a training.
 #[derive(Debug)]
@@ -120,7 +124,11 @@ impl Recorder<'_> {
         }
         calls.push(self.next_cells("cells_done", "DONE")?);
         let source = [TOTAL, include_str!("../shaders/cells_mean.wgsl")].concat();
-        let bindings: &[&dyn Binding] = &[&b.cells, &b.values, &b.threshold];
+        let constants = constants.count("N_PARTS", N_PARTS);
+        let of_parts = constants.clone().flag("PARTS", true);
+        let bindings: &[&dyn Binding] = &[&b.cells, &b.values, &b.parts];
+        calls.push(self.kernels.run("cells_parts", &source, &of_parts, [N_PARTS, 1, 1], bindings)?);
+        let bindings: &[&dyn Binding] = &[&b.parts, &b.threshold];
         calls.push(self.kernels.run("cells_mean", &source, &constants, [1; 3], bindings)?);
         let source = include_str!("../shaders/cells_mark.wgsl");
         let groups = [config.resolution.pow(3).div_ceil(32 * 64), 1, 1];
@@ -153,14 +161,20 @@ impl Recorder<'_> {
             .count("CELLS_A", scene.lattice.cells[0])
             .count("CELLS_B", scene.lattice.cells[1])
             .count("CELLS_W", scene.lattice.cells[2]);
-        let (per_ray, per_sample) = (self.per_ray(), self.per_sample());
+        let per_sample = self.per_sample();
         let source = include_str!("../shaders/begin.wgsl");
         let bindings: &[&dyn Binding] = &[&b.control, &b.schedule, &b.rates];
         let mut calls = vec![self.kernels.run("begin", source, &constants, [1; 3], bindings)?];
         let source = [RANDOM, include_str!("../shaders/draw.wgsl")].concat();
+        let each_ray = [scene.max_rays, 1, 1];
+        let bindings: &[&dyn Binding] = &[&b.control, &b.pixels, &b.occupied, &b.rays];
+        calls.push(self.kernels.run("draw", &source, &constants, each_ray, bindings)?);
+        let places = include_str!("../shaders/draw_places.wgsl");
+        calls.push(self.kernels.run("draw_places", places, &constants, [1; 3], &[&b.control, &b.rays])?);
         let bindings: &[&dyn Binding] =
             &[&b.control, &b.pixels, &b.occupied, &b.rays, &self.net.points, &self.ambient.points];
-        calls.push(self.kernels.run("draw", &source, &constants, per_ray, bindings)?);
+        let samples = constants.clone().flag("SAMPLES", true);
+        calls.push(self.kernels.run("draw_samples", &source, &samples, each_ray, bindings)?);
         let source = include_str!("../shaders/lattice.wgsl");
         let bindings: &[&dyn Binding] = &[&b.control, &self.net.points, &b.nodes, &b.frame, &b.colors];
         calls.push(self.kernels.run("lattice", source, &constants, per_sample, bindings)?);
@@ -194,27 +208,24 @@ impl Recorder<'_> {
         Ok(calls)
     }
 
-    /// Computes the gradients of the eikonal samples' distances, and what L_eik sends back to them.
+    /// Computes the gradients of the samples' distances.
     fn slopes(&mut self) -> Result<Call, DeviceError> {
-        let (b, config) = (self.buffers, self.config);
+        let b = self.buffers;
         let (levels, hashed, _, n_levels) = self.net.encoding();
-        let every = config.loss.eikonal_every;
-        let constants = self
-            .constants
-            .clone()
-            .count("N_LEVELS", n_levels)
-            .count("EVERY", every)
-            .flag("EIKONAL", every > 0)
-            .value("EIKONAL_WEIGHT", config.loss.eikonal_weight)
-            .value("EXTENT_X", config.extent[0].into())
-            .value("EXTENT_Y", config.extent[1].into())
-            .value("EXTENT_Z", config.extent[2].into());
+        let constants = self.extent().count("N_LEVELS", n_levels);
         let source = [LEVEL, include_str!("../shaders/slopes.wgsl")].concat();
         let bindings: &[&dyn Binding] = &[&b.control, levels, hashed, &self.net.points, self.net.d_x(), &b.u];
         self.kernels.run("slopes", &source, &constants, [self.net.capacity / 64, 1, 1], bindings)
     }
 
-    /// Composites the rays, computes their losses, and sends the gradients back to distances and ambient light.
+    /// Returns the constants with the lengths of the cube's axes.
+    fn extent(&self) -> Constants {
+        let [x, y, z] = self.config.extent.map(f64::from);
+        self.constants.clone().value("EXTENT_X", x).value("EXTENT_Y", y).value("EXTENT_Z", z)
+    }
+
+    /// Composites the rays, computes their losses, and sends the gradients back to distances, their gradients, and
+    /// ambient light.
     fn render(&mut self) -> Result<Call, DeviceError> {
         let (b, settings, ambient) = (self.buffers, &self.config.loss, self.scene.ambient);
         let min_white = match ambient {
@@ -222,8 +233,13 @@ impl Recorder<'_> {
             _ => 0.0,
         };
         let constants = self
-            .constants
-            .clone()
+            .extent()
+            .value("HALF_STEP", self.scene.half_step.into())
+            .value("EPSILON_ALPHA", midpoint::EPSILON)
+            .value("LEAST_PASSED", midpoint::LEAST_PASSED)
+            .value("ANNEAL_STEPS", self.scene.anneal_steps as f64)
+            .flag("ANNEALED", self.scene.anneal_steps > 0)
+            .value("EIKONAL_WEIGHT", settings.eikonal_weight)
             .value("L1", settings.norms.l1)
             .value("L2", settings.norms.l2)
             .value("ALPHA", settings.lookup_loss_weight)
@@ -237,7 +253,7 @@ impl Recorder<'_> {
             .flag("CLAMPED", settings.clamped_mask);
         let mut bindings: Vec<&dyn Binding> =
             vec![&b.control, &b.pixels, &b.rays, &self.net.out, &b.colors, &b.measured, &b.sharpness];
-        let more: [&dyn Binding; 4] = [self.ambient.d_out(), &b.steps, &b.s, &b.of_ray];
+        let more: [&dyn Binding; 4] = [self.ambient.d_out(), &b.u, &b.s, &b.of_ray];
         bindings.extend(more);
         if ambient != AmbientUse::None {
             bindings.push(&self.ambient.out);

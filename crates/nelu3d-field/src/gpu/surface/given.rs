@@ -9,8 +9,8 @@ use crate::surface::SurfaceBatch;
 impl SurfaceTraining {
     /// Takes the first step on given rays in the place of drawn ones, to be compared with
     /// [`NeuralSurface::train_step`](crate::surface::NeuralSurface::train_step) in a test. Ray r belongs to pixel r of
-    /// the scene, with its mask, measured codeword and I_white; k is its number of channels, and the ambient network
-    /// takes part. Returns how it went and the gradients by the sums of the ambient network's output layer, `[ray][k]`.
+    /// the scene, with its direction, mask, measured codeword and I_white; k is its number of channels, and the ambient
+    /// network takes part. Intervals are as long as the scene's steps, and annealed as far as the batch says. Returns how it went and the gradients by the sums of the ambient network's output layer, `[ray][k]`.
     ///
     /// # Errors
     ///
@@ -36,7 +36,8 @@ impl SurfaceTraining {
         gpu.submit(&[&self.calls.draw[..1]])?;
         let mut numbers = [0; 3];
         numbers[control::N_AT] = batch.points.len() as u32;
-        numbers[control::STEP_AT] = 1;
+        let anneal = batch.intervals.map_or(1.0, |intervals| intervals.anneal);
+        numbers[control::STEP_AT] = 1 + (anneal * self.anneal_steps as f32).round() as u32;
         numbers[control::RAYS_AT] = n_rays as u32;
         gpu.write(&self.buffers.control, &numbers);
         gpu.write(&self.buffers.rays, &spans);

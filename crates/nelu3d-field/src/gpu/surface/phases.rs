@@ -17,7 +17,7 @@ impl SurfaceTraining {
         let n = n_samples as f64;
         // The table's update clears what the scatter left, so the two are measured together.
         const PHASES: [(&str, &[&str]); 8] = [
-            ("draw and codewords", &["begin", "draw", "lattice"]),
+            ("draw and codewords", &["begin", "draw", "draw_places", "draw_samples", "lattice"]),
             ("encode", &["encode"]),
             ("layers", &["layer", "thin", "tangents"]),
             ("layers, back", &["layer_back", "thin_back"]),
@@ -53,9 +53,9 @@ impl SurfaceTraining {
             // Values and tangents.
             "layers" => (2.0 * n * (macs + inner), n * 4.0 * 2.0 * work.unit_values),
             "layers, back" => (2.0 * n * macs, n * 4.0 * work.unit_values),
-            // The slopes of every fourth sample, read twice.
-            "slopes" => (n * work.corner_values, n * 4.0 * (0.5 * work.corner_values + 2.0 * work.n_inputs)),
-            "compositing" => (n * 60.0, n * 4.0 * (2.0 + 8.0 + 2.0 + 3.0 * k)),
+            // The slopes of every sample, and the way back along them.
+            "slopes" => (4.0 * n * work.corner_values, n * 4.0 * (2.0 * work.corner_values + 2.0 * work.n_inputs)),
+            "compositing" => (n * 120.0, n * 4.0 * (2.0 + 12.0 + 3.0 + 2.0 * k)),
             "network's gradient" => (2.0 * n * macs, n * 4.0 * work.unit_values),
             // A value is read, added to and written; the table's gradient is read once, and its touched entries
             // updated.

@@ -63,8 +63,11 @@ pub struct RayScene<'a> {
     pub first_rays: usize,
     /// The most rays of a step.
     pub max_rays: usize,
-    /// Half a step, in the unit of the distance: the length over which a cell's alpha is computed.
+    /// Half a step, in the unit of the distance: half of the intervals around samples, and of the length over which a
+    /// cell's alpha is computed.
     pub half_step: f32,
+    /// Number of steps over which the cosine of the alphas is annealed, from r = 0 to 1; 0 for 1 from the start on.
+    pub anneal_steps: usize,
     /// Seed of the draws.
     pub seed: u64,
 }

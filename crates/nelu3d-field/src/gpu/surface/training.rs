@@ -27,6 +27,8 @@ pub struct SurfaceTraining {
     before: [u64; 2],
     done: usize,
     n_steps: usize,
+    /// See [`RayScene::anneal_steps`].
+    pub(super) anneal_steps: usize,
     /// Weights of the mask, eikonal and sparsity losses.
     weights: [f64; 3],
     /// Steps between two updates of the occupancy grid.
@@ -45,7 +47,7 @@ impl SurfaceTraining {
     ///
     /// # Panics
     ///
-    /// If a length does not fit.
+    /// If a length does not fit, or not every sample is to be in the eikonal loss.
     pub fn new(
         gpu: &Arc<Gpu>,
         surface: &NeuralSurface,
@@ -56,6 +58,7 @@ impl SurfaceTraining {
     ) -> Result<Self, DeviceError> {
         scene.check();
         assert_eq!(ambient.n_outputs(), scene.n_channels);
+        assert_eq!(surface.config.loss.eikonal_every, 1, "alphas at midpoints need every gradient");
         let (config, settings) = (&surface.config, &surface.config.loss);
         // A quarter more than wanted: how many there will be is known when they are drawn.
         let net = Net::new(gpu, &surface.field, scene.n_samples + scene.n_samples / 4, true)?;
@@ -70,6 +73,7 @@ impl SurfaceTraining {
             before: [surface.field.n_steps(), ambient.n_steps()],
             done: 0,
             n_steps,
+            anneal_steps: scene.anneal_steps,
             weights: [settings.mask_weight, settings.eikonal_weight, settings.sparsity_weight],
             every: occupancy.config.every,
             n_cells: occupancy.cells.len(),

@@ -35,10 +35,15 @@ pub fn step_units() -> f32 {
     (SIDE * 3f64.sqrt() / STEPS_PER_DIAGONAL) as f32
 }
 
-/// Returns how far the cosine of the alphas is annealed at a step: over 20,000 steps of a training of 10,000, in
-/// proportion in shorter ones.
+/// Returns how far the cosine of the alphas is annealed at a step of a training of `n_steps`, from 0 to 1.
 pub fn anneal(step: usize, n_steps: usize) -> f32 {
-    (step as f64 / (2 * n_steps).max(1) as f64).min(1.0) as f32
+    (step as f64 / anneal_steps(n_steps) as f64).min(1.0) as f32
+}
+
+/// Returns the number of steps over which the cosine of the alphas is annealed: 20,000 of a training of 10,000, in
+/// proportion in shorter ones.
+pub fn anneal_steps(n_steps: usize) -> usize {
+    (2 * n_steps).max(1)
 }
 
 /// Returns the optimizer of a field over `n_steps` steps: warm-up from 1 % over 500 of 10,000 steps, in proportion in

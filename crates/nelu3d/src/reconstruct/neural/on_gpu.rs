@@ -9,7 +9,6 @@ use std::sync::Arc;
 
 use super::ambient::{Ambient, AmbientField, MIN_WHITE, image_point};
 use super::batch::TrainingPixels;
-use super::bounds::SIDE;
 use super::config;
 use super::march::step_mm;
 use super::options::PaperOptions;
@@ -62,15 +61,24 @@ pub struct DeviceScene<'a> {
     pub n_samples: usize,
     /// Distance of samples along a ray, mm.
     pub step: f32,
-    /// Half of the length over which a cell's alpha is computed, in the unit of the distance field.
+    /// Half of the length of a sample's interval, and of that over which a cell's alpha is computed, in the unit of
+    /// the distance field.
     pub half_step: f32,
+    /// Iterations over which the cosine of the alphas is annealed; 0 for none.
+    pub anneal_steps: usize,
     /// Seed of the draws.
     pub seed: u64,
 }
 
 impl<'a> DeviceScene<'a> {
-    /// Collects what the device needs.
-    pub(super) fn new(pixels: &TrainingPixels, scene: &'a Scene<'_>, settings: &PaperOptions, seed: u64) -> Self {
+    /// Collects what the device needs for a training of `n_steps` iterations.
+    pub(super) fn new(
+        pixels: &TrainingPixels,
+        scene: &'a Scene<'_>,
+        settings: &PaperOptions,
+        n_steps: usize,
+        seed: u64,
+    ) -> Self {
         let Scene { field, grid, rays, measurements: m, .. } = scene;
         let bounds = &pixels.bounds;
         let side = bounds.side_mm();
@@ -83,8 +91,8 @@ impl<'a> DeviceScene<'a> {
             let [near, far] = bounds.clip(&ray.origin, &ray.dir, ray.range).map(|t| t as f32);
             let dir = (ray.dir / side).map(|d| d as f32).into();
             out.push(ScenePixel { dir, near, place: image_point(m, i), far, mask: f32::from(u8::from(is_lit)) });
-            measured.extend_from_slice(&m.p[i * k..(i + 1) * k]);
-            white.extend_from_slice(&m.light[i * n_channels..(i + 1) * n_channels]);
+            measured.extend(m.p[i * k..(i + 1) * k].iter().map(|p| if is_lit { *p } else { 0.0 }));
+            white.extend(m.light[i * n_channels..(i + 1) * n_channels].iter().map(|l| l.max(0.0)));
         }
         // From the cube to the frame: x = center + (q − 1/2) side, y = M (x, 1).
         let frame = &field.frame;
@@ -109,7 +117,8 @@ impl<'a> DeviceScene<'a> {
             },
             n_samples: settings.samples,
             step: step_mm(bounds) as f32,
-            half_step: (0.5 * SIDE * 3f64.sqrt() / config::STEPS_PER_DIAGONAL) as f32,
+            half_step: 0.5 * config::step_units(),
+            anneal_steps: settings.start.anneal_steps(n_steps),
             seed,
         }
     }
@@ -160,6 +169,7 @@ impl<'a> DeviceScene<'a> {
             first_rays: config::FIRST_RAYS,
             max_rays: config::MAX_RAYS,
             half_step: self.half_step,
+            anneal_steps: self.anneal_steps,
             seed: self.seed,
         };
         let mut training =

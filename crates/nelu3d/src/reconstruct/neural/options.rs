@@ -30,6 +30,12 @@ impl PaperStart {
         if self == Self::Lookup { 1.0 } else { config::anneal(step, n_steps) }
     }
 
+    /// Returns the number of steps over which a GPU anneals it as [`Self::anneal`] says; 0 where it is 1 from the start.
+    #[cfg(feature = "gpu")]
+    pub(super) fn anneal_steps(self, n_steps: usize) -> usize {
+        if self == Self::Lookup { 0 } else { config::anneal_steps(n_steps) }
+    }
+
     /// Returns the shape that needs no scene; `None` for the decoded surface.
     pub(super) fn shape(self) -> Option<Start> {
         match self {

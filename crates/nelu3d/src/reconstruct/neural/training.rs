@@ -61,12 +61,16 @@ impl Training<'_> {
             cx.progress.warn("a training with a checkpoint is done on the CPU: a GPU's state is not kept");
             return Ok(());
         }
-        cx.progress.warn(
-            "on a GPU, recipe `paper` marches every ray and takes alphas between neighboring samples, not at \
-             midpoints; on the CPU it trains as documented",
-        );
         let (scene, pixels, opts) = (self.scene, self.pixels, self.opts);
-        let on_device = on_gpu::DeviceScene::new(pixels, scene, &opts.paper, opts.seed);
+        if importance::per_ray(opts.paper.samples, opts.paper.ray_samples).is_some() {
+            cx.progress.warn(format!(
+                "a GPU marches every ray, so that {} samples an iteration are of fewer rays than on the CPU: take {} \
+                 there, as published",
+                opts.paper.samples,
+                config::PUBLISHED_SAMPLES
+            ));
+        }
+        let on_device = on_gpu::DeviceScene::new(pixels, scene, &opts.paper, self.n_steps, opts.seed);
         let (records, unit_mm) = (&mut self.reached.records, pixels.bounds.unit_mm);
         let mut on_report = |report: &nelu3d_field::gpu::TrainingReport, done: usize| {
             let counts = IterationCounts {

@@ -55,6 +55,7 @@ fn a_lost_gpu_hands_over_to_the_cpu() {
         n_samples: 512,
         step: 0.05,
         half_step: 0.01,
+        anneal_steps: 0,
         seed: 1,
     };
     let mut parts = TrainedParts { surface: &mut surface, ambient: &mut ambient, occupancy: &mut occupancy };
