@@ -1,6 +1,6 @@
-//! Order statistics of small and large samples.
+//! Order statistics of small and large samples, and the normal distribution.
 //!
-//! All of them select instead of sorting, so they take linear time. Values are ordered by `total_cmp`: NaN comes last,
+//! All order statistics select instead of sorting, so they take linear time. Values are ordered by `total_cmp`: NaN comes last,
 //! and no input makes a function panic except where it says so.
 
 use std::cmp::Ordering;
@@ -53,4 +53,14 @@ pub fn percentile(values: &mut [f64], p: f64) -> f64 {
     let (_, &mut below, rest) = values.select_nth_unstable_by(at.floor() as usize, f64::total_cmp);
     let above = rest.iter().copied().min_by(f64::total_cmp).unwrap_or(below);
     below + (above - below) * at.fract()
+}
+
+/// Returns the part of normally distributed errors that lie within `n` standard deviations: erf(n/√2), by Abramowitz and
+/// Stegun 7.1.26 (to 1.5e-7). `n` is not negative.
+pub fn within_sigmas(n: f64) -> f64 {
+    let x = n / std::f64::consts::SQRT_2;
+    let t = 1.0 / (1.0 + 0.327_591_1 * x);
+    let poly =
+        t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
+    1.0 - poly * (-x * x).exp()
 }

@@ -1,7 +1,7 @@
 //! From a sweep to a table, position by position: besides the table, no more than a few positions' images are in
 //! memory.
 
-use nelu3d_scan::Rig;
+use nelu3d_scan::{Image, Rig};
 use nelu3d_scan::rig::PatternSet;
 use rayon::prelude::*;
 
@@ -15,7 +15,7 @@ use nelu3d::calibrate::{
 use nelu3d::progress::Progress;
 use nelu3d::progress::StageClock;
 use nelu3d::sensor::DarkLevel;
-use nelu3d::sensor::{NoiseEstimator, NoiseModel, quantization_step};
+use nelu3d::sensor::{NoiseEstimator, NoiseModel, darkest_intensity, quantization_step};
 
 /// A table and what the sweep told of the sensor on the way.
 #[derive(Clone, Debug)]
@@ -67,7 +67,9 @@ pub fn build(
         }
     };
     let all: Vec<usize> = (0..placed.n_positions()).collect();
-    placed.sweep.stream(&all, progress, NoiseEstimator::add, map, take)?;
+    let darkest = darkest_intensity(rig.black_level, rig.saturation);
+    let gather = |noise: &mut NoiseEstimator, image: &Image| noise.add(image, darkest);
+    placed.sweep.stream(&all, progress, gather, map, take)?;
     let noise = noise.finish(quantization_step(rig.black_level, rig.saturation));
     table.variance = lit.variance(&noise);
     let found = (0..shape.n_pixels()).into_par_iter().any(|i| table.channel(i, 0).iter().any(|v| !v.is_nan()));
@@ -149,8 +151,8 @@ impl LitEntries {
     fn add(&mut self, l: f32, contrast: f32) {
         if contrast >= 0.1 {
             self.n += 1.0;
-            self.read += f64::from(NoiseModel { read: 1.0, gain: 0.0 }.normalized_variance(l, contrast, 0.0));
-            self.gain += f64::from(NoiseModel { read: 0.0, gain: 1.0 }.normalized_variance(l, contrast, 0.0));
+            self.read += f64::from(NoiseModel { read: 1.0, gain: 0.0, darkest: None }.normalized_variance(l, contrast, 0.0));
+            self.gain += f64::from(NoiseModel { read: 0.0, gain: 1.0, darkest: None }.normalized_variance(l, contrast, 0.0));
         }
     }
 

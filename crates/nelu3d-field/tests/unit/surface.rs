@@ -79,12 +79,6 @@ impl Rays {
         self
     }
 
-    /// The intervals, all of one length.
-    pub(crate) fn of_length(mut self, length: f32) -> Self {
-        self.intervals.iter_mut().for_each(|(lengths, _)| lengths.fill(length));
-        self
-    }
-
     pub(crate) fn batch(&self) -> SurfaceBatch<'_> {
         SurfaceBatch {
             offsets: &self.offsets,

@@ -2,6 +2,7 @@
 
 use nelu3d::Surface;
 use nelu3d_evaluate::{GroundTruth, TracePoint};
+use nelu3d_scan::statistics::within_sigmas;
 use serde_json::Value;
 
 use crate::chart::{Chart, ChartAxis, ChartMark, ChartSeries};
@@ -100,15 +101,6 @@ fn calibration(result: &Surface, truth: &GroundTruth) -> Option<Chart> {
             line("Gaussian", steps().map(|n| [n, within_sigmas(n)]).collect(), ChartMark::Ideal),
         ],
     })
-}
-
-/// Returns the fraction of Gaussian errors within n σ: erf(n/√2), by Abramowitz and Stegun 7.1.26 (to 1.5e-7).
-fn within_sigmas(n: f64) -> f64 {
-    let x = n / std::f64::consts::SQRT_2;
-    let t = 1.0 / (1.0 + 0.327_591_1 * x);
-    let poly =
-        t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
-    1.0 - poly * (-x * x).exp()
 }
 
 #[cfg(test)]

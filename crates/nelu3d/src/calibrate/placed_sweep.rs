@@ -136,14 +136,14 @@ impl<'a> PlacedSweep<'a> {
             (0..camera.n_pixels()).into_par_iter().map(|i| camera.ray([(i % w) as f64, (i / w) as f64]).dir).collect();
         let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, extent_mm, bend)).collect();
         let (excluded, drawn) = (vec![None; boards.len()], vec![None; boards.len()]);
-        let noise = NoiseModel { read: 0.0, gain: 0.0 };
+        let noise = NoiseModel { read: 0.0, gain: 0.0, darkest: None };
         Self { sweep, boards, camera, noise, noise_growth: None, dirs, excluded, drawn }
     }
 
     /// Returns the noise of the sensor's pixels.
     pub(super) fn sensor_noise(&self) -> NoiseModel {
         let pixels = self.sweep.binning.pow(2) as f32;
-        NoiseModel { read: self.noise.read * pixels, gain: self.noise.gain * pixels }
+        NoiseModel { read: self.noise.read * pixels, gain: self.noise.gain * pixels, ..self.noise }
     }
 
     /// Returns whether the outline of any board is in the image, lit or not.

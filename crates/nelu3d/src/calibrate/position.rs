@@ -4,7 +4,7 @@ use nelu3d_scan::Image;
 use nelu3d_scan::image::box_mean;
 use rayon::prelude::*;
 
-use crate::sensor::NoiseModel;
+use crate::sensor::{Intensities, NoiseModel};
 
 /// Light that reaches a pixel by other ways than from the point that it sees (veiling glare, interreflection), as a
 /// fraction of the light around it: on black ink that is a good part of what is measured, and noise does not say so.
@@ -34,6 +34,9 @@ pub struct Position {
     pub values: Vec<f32>,
     /// White − black, `height × width × channels`; 0 where the sample cannot be used.
     pub contrast: Vec<f32>,
+    /// White − black that does not follow a pixel's own noise, `height × width × channels`: what weights are made from;
+    /// empty for [`Self::contrast`].
+    pub light: Vec<f32>,
     /// White − black of what is bright around a sample, `height × width`: its mean weighted by itself.
     pub around: Vec<f32>,
     /// Variance of a sample's values that edges of ink beside it leave open, `height × width`.
@@ -74,10 +77,11 @@ impl Position {
     /// Returns one over the variance of channel `j` of a sample for the value `v`; 0 where it is unusable.
     #[inline]
     fn weight(&self, i: usize, j: usize, v: f32, noise: &NoiseModel) -> f32 {
-        let contrast = self.contrast[i * self.channels + j % self.channels];
-        if contrast <= 0.0 {
+        let at = i * self.channels + j % self.channels;
+        if self.contrast[at] <= 0.0 {
             return 0.0;
         }
+        let contrast = self.light.get(at).copied().unwrap_or(self.contrast[at]);
         let stray = STRAY_LIGHT * (self.around[i] / contrast - PAPER).max(0.0);
         1.0 / (noise.normalized_variance(v, contrast, 0.0) + stray * stray + self.edge[i])
     }
@@ -118,7 +122,8 @@ impl Position {
             }
         }
         let around = (0..w * h).map(|i| pixels(i % w, i / w).map(|i| self.around[i]).sum::<f32>() * norm).collect();
-        let mut reduced = Self { width: w, height: h, k, channels: c, values, contrast, around, edge: Vec::new() };
+        let (light, edge) = (Vec::new(), Vec::new());
+        let mut reduced = Self { width: w, height: h, k, channels: c, values, contrast, light, around, edge };
         reduced.edge = reduced.edges();
         reduced
     }
@@ -167,27 +172,35 @@ impl Position {
 /// Builds a [`Position`] image by image, so that only white, black and one pattern are in memory at a time.
 pub struct PositionBuilder {
     black: Image,
+    noise: Option<NoiseModel>,
+    /// Black as the noise has it, and its means; empty without a noise model.
+    blacks: Intensities,
     /// Number of pattern channels so far.
     filled: usize,
     position: Position,
 }
 
 impl PositionBuilder {
-    /// Starts a position from its white and black images; `threshold` is the smallest usable
-    /// white − black.
-    pub fn new(white: &Image, black: Image, k: usize, threshold: f32) -> Self {
+    /// Starts a position from its white and black images; `threshold` is the smallest usable white − black. With a noise
+    /// model, values and weights are free of what noise does to their means: see [`Intensities`] and
+    /// [`NoiseModel::normalized_bias`].
+    pub fn new(white: &Image, black: Image, k: usize, threshold: f32, noise: Option<NoiseModel>) -> Self {
         let (width, height, channels) = (white.width, white.height, white.channels);
+        let none = || Intensities { own: Vec::new(), mean: Vec::new() };
+        let [whites, blacks] = [white, &black].map(|image| noise.map_or_else(none, |n| Intensities::new(image, &n)));
         let mut contrast = white.data.clone();
-        for (w, b) in contrast.iter_mut().zip(&black.data) {
-            let d = *w - b;
+        for (at, w) in contrast.iter_mut().enumerate() {
+            let d = match whites.own.get(at) {
+                Some(own) => own - blacks.own[at],
+                None => *w - black.data[at],
+            };
             *w = if *w < 1.0 && d >= threshold { d } else { 0.0 };
         }
-        let values = vec![0.0; width * height * k];
-        Self {
-            black,
-            filled: 0,
-            position: Position { width, height, k, channels, values, contrast, around: Vec::new(), edge: Vec::new() },
-        }
+        // As bright as a usable sample, at least.
+        let light = whites.mean.iter().zip(&blacks.mean).map(|(w, b)| (w - b).max(threshold)).collect();
+        let (values, around, edge) = (vec![0.0; width * height * k], Vec::new(), Vec::new());
+        let position = Position { width, height, k, channels, values, contrast, light, around, edge };
+        Self { black, noise, blacks, filled: 0, position }
     }
 
     /// Adds the next pattern image. A clipped pixel is unusable in that channel.
@@ -195,16 +208,18 @@ impl PositionBuilder {
         let p = &mut self.position;
         let (c, k) = (p.channels, p.k);
         assert_eq!(pattern.data.len(), self.black.data.len());
-        let pixels = pattern.data.chunks_exact(c).zip(self.black.data.chunks_exact(c));
-        let targets = p.values.chunks_exact_mut(k).zip(p.contrast.chunks_exact_mut(c));
-        for ((pattern, black), (values, contrast)) in pixels.zip(targets) {
-            for ch in 0..c {
-                if pattern[ch] >= 1.0 {
-                    contrast[ch] = 0.0;
-                }
-                if contrast[ch] > 0.0 {
-                    values[self.filled + ch] = (pattern[ch] - black[ch]) / contrast[ch];
-                }
+        let own = self.noise.map(|noise| Intensities::new(pattern, &noise).own);
+        let (own, black) = own.as_ref().map_or((&pattern.data, &self.black.data), |own| (own, &self.blacks.own));
+        for (at, contrast) in p.contrast.iter_mut().enumerate() {
+            if pattern.data[at] >= 1.0 {
+                *contrast = 0.0;
+            }
+            if *contrast > 0.0 {
+                let value = (own[at] - black[at]) / *contrast;
+                let bias = self.noise.map_or(0.0, |noise| {
+                    noise.normalized_bias(value.clamp(0.0, 1.0), p.light[at], self.blacks.mean[at], true)
+                });
+                p.values[at / c * k + self.filled + at % c] = value - bias;
             }
         }
         self.filled += c;

@@ -16,6 +16,7 @@ use super::error::CalibrationError;
 pub(super) use super::position::Position;
 use super::position::PositionBuilder;
 use crate::progress::Progress;
+use crate::sensor::NoiseModel;
 
 /// Largest number of bytes of images in memory while a sweep is read.
 const READ_BUDGET: usize = 1 << 30;
@@ -33,6 +34,9 @@ pub struct Sweep<'a> {
     /// Side of the blocks of the sensor's pixels that are read as one.
     pub binning: usize,
     min_contrast: f32,
+    /// The noise of the pixels that are read, once it is known: positions that are read later are corrected for what it
+    /// does to their means.
+    pub noise: Option<NoiseModel>,
     pool: rayon::ThreadPool,
     /// Which patterns are mono images of a color camera, as the position that was read first has them, and its folder.
     mono: OnceLock<(Vec<bool>, PathBuf)>,
@@ -50,7 +54,7 @@ impl<'a> Sweep<'a> {
         let bytes = 4 * (full + binned * (4 * channels + k + (3 + 2 * k)));
         let at_once = (READ_BUDGET / bytes.max(1)).clamp(1, rayon::current_num_threads());
         let pool = rayon::ThreadPoolBuilder::new().num_threads(at_once).build().expect("a thread pool starts");
-        Self { rig, set, shots, k, channels, binning, min_contrast, pool, mono: OnceLock::new() }
+        Self { rig, set, shots, k, channels, binning, min_contrast, noise: None, pool, mono: OnceLock::new() }
     }
 
     /// Returns the number of images of a position that pass `gather` in [`Self::stream`]: the patterns and the white
@@ -164,7 +168,7 @@ impl<'a> Sweep<'a> {
         // Patterns that are mono images among colored ones are colored by the flash, pixel by pixel.
         let flash = (self.channels > 1 && self.binning > 1).then(|| (white.clone(), black.clone()));
         let (white, black) = (self.binned(white), self.binned(black));
-        let mut builder = PositionBuilder::new(&white, black, self.k, self.min_contrast);
+        let mut builder = PositionBuilder::new(&white, black, self.k, self.min_contrast, self.noise);
         let mut all = Vec::with_capacity(self.set.images.len());
         for name in &self.set.images {
             let (white, black) = flash.as_ref().map_or((&white, builder.black()), |(white, black)| (white, black));
@@ -191,7 +195,7 @@ impl<'a> Sweep<'a> {
         let capture = self.rig.read_shot(&self.shots[p], self.set, Need::Calibration)?;
         [&capture.white].into_iter().chain(&capture.patterns).for_each(|image| gather(&measured(image, cell)));
         let black = self.binned(capture.black.expect("a position has a black image"));
-        let mut builder = PositionBuilder::new(&self.binned(capture.white), black, self.k, self.min_contrast);
+        let mut builder = PositionBuilder::new(&self.binned(capture.white), black, self.k, self.min_contrast, self.noise);
         capture.patterns.into_iter().for_each(|pattern| builder.add(&self.binned(pattern)));
         self.agree_on_mono(capture.mono, &self.shots[p])?;
         Ok(builder.finish())

@@ -12,7 +12,7 @@ use super::judge::Fingerprint;
 use super::placed_sweep::{BoardPlane, PlacedSweep};
 use super::sweep::Position;
 use crate::progress::Progress;
-use crate::sensor::{NoiseEstimator, quantization_step};
+use crate::sensor::{NoiseEstimator, NoiseModel, darkest_intensity, quantization_step};
 
 /// Most positions that the search looks at. They are spread over the whole sweep, so more would only add shorter steps
 /// to the lever arms.
@@ -164,8 +164,9 @@ pub(super) fn estimate_noise(
     let (boards, dirs) = (&placed.boards, &placed.dirs);
     let (mut noise, mut kept) = (NoiseEstimator::default(), Vec::new());
     let n_images = which.len() * placed.sweep.n_images();
+    let darkest = darkest_intensity(rig.black_level, rig.saturation);
     let gather = |(noise, fingerprint): &mut (NoiseEstimator, Fingerprint), image: &Image| {
-        noise.add_one_of(n_images, image);
+        noise.add_one_of(n_images, image, darkest);
         fingerprint.add(image);
     };
     let map = |p: usize, (noise, fingerprint): (NoiseEstimator, Fingerprint), position: &Position| {
@@ -192,7 +193,9 @@ pub(super) fn estimate_noise(
     kept.into_iter().for_each(|(p, drawn)| placed.keep_drawn(p, drawn));
     let step = quantization_step(rig.black_level, rig.saturation);
     let pixels = placed.sweep.binning.pow(2);
-    (placed.noise, placed.noise_growth) = (noise.finish(step).of_mean(pixels), noise.growth(step));
+    let of_pixels = NoiseModel { darkest: Some(darkest), ..noise.finish(step) };
+    (placed.noise, placed.noise_growth) = (of_pixels.of_mean(pixels), noise.growth(step));
+    placed.sweep.noise = Some(placed.noise);
     let middle = placed.mean_point().normalize();
     Ok(finest.map(|finest| Views::new(k, placed_at, finest, &middle)))
 }

@@ -9,7 +9,7 @@ use nelu3d_scan::{Image, Projector, Rig};
 use super::geometry::crossing_depth;
 use super::options::FromProjectorOptions;
 use crate::calibrate::CalibrationError;
-use crate::sensor::{NoiseEstimator, NoiseModel, quantization_step};
+use crate::sensor::{NoiseEstimator, NoiseModel, darkest_intensity, quantization_step};
 
 /// Largest number of scenes that blur and response are estimated from.
 const MAX_SCENES: usize = 4;
@@ -87,14 +87,16 @@ pub(super) fn read_captures(
     scenes: &[Shot],
 ) -> Result<(Vec<Capture>, NoiseModel), CalibrationError> {
     let mut sensor = NoiseEstimator::default();
+    let darkest = darkest_intensity(rig.black_level, rig.saturation);
     let mut captures = Vec::new();
     for shot in scenes {
         let capture = rig.read_shot(shot, set, Need::Scene)?;
-        sensor.add(&capture.white);
-        capture.patterns.iter().for_each(|p| sensor.add(p));
+        sensor.add(&capture.white, darkest);
+        capture.patterns.iter().for_each(|p| sensor.add(p, darkest));
         captures.push(capture);
     }
-    Ok((captures, sensor.finish(quantization_step(rig.black_level, rig.saturation))))
+    let noise = sensor.finish(quantization_step(rig.black_level, rig.saturation));
+    Ok((captures, NoiseModel { darkest: Some(darkest), ..noise }))
 }
 
 /// Returns `[near, far]` depth, mm: as given, or around where the optical axes come closest.

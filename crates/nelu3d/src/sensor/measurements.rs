@@ -4,6 +4,7 @@ use nelu3d_scan::image::box_mean;
 use nelu3d_scan::rig::Capture;
 
 use super::dark_level::DarkLevel;
+use super::intensities::Intensities;
 use super::noise::NoiseModel;
 use crate::surface::PixelStatus;
 
@@ -59,45 +60,55 @@ impl Measurements {
             light: vec![0.0; n * c],
             has_black: capture.black.is_some(),
         };
-        for i in 0..n {
-            let (mut usable, mut saturated) = (0, 0);
-            for ch in 0..c {
-                let w = white.data[i * c + ch];
-                let b = match &capture.black {
-                    Some(black) => black.data[i * c + ch],
-                    None => dark.get(ch).map_or(0.0, |d| d.at(w)),
-                };
-                let contrast = w - b;
-                out.contrast[i] += contrast / c as f32;
-                out.light[i * c + ch] = contrast;
-                for (m, pattern) in capture.patterns.iter().enumerate() {
-                    let raw = pattern.data[i * c + ch];
-                    if w >= 1.0 || raw >= 1.0 {
-                        saturated += 1;
-                        continue;
-                    }
-                    if contrast <= 0.0 {
-                        continue;
-                    }
-                    let l = (raw - b) / contrast;
-                    if noise.is_underexposed(contrast, b) {
-                        continue;
-                    }
-                    let mut var = noise.normalized_variance(l.clamp(0.0, 1.0), contrast, b) + model_sigma * model_sigma;
-                    // All channels hold one value: together they weigh as much as one.
-                    if capture.mono[m] {
-                        var *= c as f32;
-                    }
-                    out.p[i * k + m * c + ch] = l;
-                    out.inv_var[i * k + m * c + ch] = 1.0 / var;
-                    usable += 1;
+        let black_of_white = |at: usize, w: f32| dark.get(at % c).map_or(0.0, |d| d.at(w));
+        let (whites, blacks) = (
+            Intensities::new(white, noise),
+            match &capture.black {
+                Some(black) => Intensities::new(black, noise),
+                None => Intensities {
+                    own: white.data.iter().enumerate().map(|(at, w)| black_of_white(at, *w)).collect(),
+                    mean: Vec::new(),
+                },
+            },
+        );
+        for at in 0..n * c {
+            out.light[at] = whites.own[at] - blacks.own[at];
+            out.contrast[at / c] += out.light[at] / c as f32;
+        }
+        let (mut usable, mut saturated) = (vec![0u16; n], vec![false; n]);
+        for (m, pattern) in capture.patterns.iter().enumerate() {
+            let values = Intensities::new(pattern, noise);
+            for at in 0..n * c {
+                let (i, ch) = (at / c, at % c);
+                if white.data[at] >= 1.0 || pattern.data[at] >= 1.0 {
+                    saturated[i] = true;
+                    continue;
                 }
+                // What is known of a pixel's noise must not follow it.
+                let black = match blacks.mean.get(at) {
+                    Some(black) => *black,
+                    None => black_of_white(at, whites.mean[at]),
+                };
+                let (contrast, light) = (out.light[at], whites.mean[at] - black);
+                if contrast <= 0.0 || light <= 0.0 || noise.is_underexposed(light, black) {
+                    continue;
+                }
+                let l = (values.own[at] - blacks.own[at]) / contrast;
+                let typical = ((values.mean[at] - black) / light).clamp(0.0, 1.0);
+                let mut var = noise.normalized_variance(typical, light, black) + model_sigma * model_sigma;
+                // All channels hold one value: together they weigh as much as one.
+                if capture.mono[m] {
+                    var *= c as f32;
+                }
+                out.p[i * k + m * c + ch] = l - noise.normalized_bias(typical, light, black, out.has_black);
+                out.inv_var[i * k + m * c + ch] = 1.0 / var;
+                usable[i] += 1;
             }
-            // A pixel needs most of its channels: with fewer the code is not the one that was calibrated.
-            if usable * 3 < k * 2 {
-                out.status[i] = if saturated > 0 { PixelStatus::Saturated } else { PixelStatus::Underexposed };
-                out.inv_var[i * k..(i + 1) * k].fill(0.0);
-            }
+        }
+        // A pixel needs most of its channels: with fewer the code is not the one that was calibrated.
+        for i in (0..n).filter(|i| usize::from(usable[*i]) * 3 < k * 2) {
+            out.status[i] = if saturated[i] { PixelStatus::Saturated } else { PixelStatus::Underexposed };
+            out.inv_var[i * k..(i + 1) * k].fill(0.0);
         }
         out.surround = out.surroundings();
         out

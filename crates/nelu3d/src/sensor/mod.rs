@@ -5,6 +5,7 @@
 mod compression;
 mod crosstalk;
 mod dark_level;
+mod intensities;
 mod measurements;
 mod noise;
 mod scene_faults;
@@ -12,6 +13,7 @@ mod scene_faults;
 pub use compression::BlockDetector;
 pub use crosstalk::{CrosstalkCorrection, CrosstalkMatrix, relative_white};
 pub use dark_level::{DarkEstimator, DarkLevel};
+pub use intensities::Intensities;
 pub use measurements::Measurements;
-pub use noise::{NoiseEstimator, NoiseModel, estimate_scene_noise, quantization_step};
+pub use noise::{NoiseEstimator, NoiseModel, darkest_intensity, estimate_scene_noise, quantization_step};
 pub use scene_faults::{CodewordStatistics, judge_capture, judge_clipping, judge_codewords, judge_explained};

@@ -1,6 +1,7 @@
 //! The sensor's noise, estimated from the captures themselves.
 
 use nelu3d_scan::Image;
+use nelu3d_scan::statistics::within_sigmas;
 use serde::{Deserialize, Serialize};
 
 /// Variance of a linear intensity I in `[0, 1]`: `read + gain · I` (read and quantization noise, shot noise).
@@ -11,12 +12,36 @@ pub struct NoiseModel {
     pub read: f32,
     /// Variance per unit of intensity.
     pub gain: f32,
+    /// The least intensity that the sensor's code can tell, where single pixels are measured: darker ones become it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub darkest: Option<f32>,
 }
+
+/// Standard deviations of noise above the darkest intensity from where on it is not clipped.
+const CLEAR_OF_CLIPPING: f32 = 4.0;
 
 impl NoiseModel {
     /// Returns the noise of the mean of `n` pixels.
     pub fn of_mean(self, n: usize) -> Self {
-        Self { read: self.read / n as f32, gain: self.gain / n as f32 }
+        // What is clipped before a mean is taken of it does not follow the noise of the mean.
+        let darkest = self.darkest.filter(|_| n == 1);
+        Self { read: self.read / n as f32, gain: self.gain / n as f32, darkest }
+    }
+
+    /// Returns the intensity, not negative, whose measurements have this mean when noise that falls below the darkest
+    /// intensity is clipped. The mean of max(d, N(μ, σ²)) is d + (μ − d) Φ(z) + σ φ(z) with z = (μ − d)/σ: without light
+    /// and with a black level of zero, 0.4 σ.
+    pub fn unclipped(&self, mean: f32) -> f32 {
+        let sigma = self.read.sqrt();
+        let Some(darkest) = self.darkest.filter(|d| mean < d + CLEAR_OF_CLIPPING * sigma) else { return mean };
+        let wanted = f64::from((mean - darkest) / sigma);
+        let mut z = wanted;
+        for _ in 0..8 {
+            let part = 0.5 * (1.0 + within_sigmas(z.abs()).copysign(z));
+            let found = z * part + (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
+            z -= (found - wanted) / part.max(0.1);
+        }
+        (darkest + sigma * z as f32).max(0.0)
     }
 
     /// Returns the variance of an intensity.
@@ -31,6 +56,14 @@ impl NoiseModel {
         let white = self.variance(black + contrast);
         let dark = self.variance(black);
         (pattern + l * l * white + (1.0 - l) * (1.0 - l) * dark) / (contrast * contrast)
+    }
+
+    /// Returns by how much noise of white and black moves the mean of a normalized intensity `l`, measured at contrast
+    /// `white − black` with a black image or without (`has_black`): (l σ²_white − (1 − l) σ²_black) / contrast², by
+    /// second-order propagation.
+    pub fn normalized_bias(&self, l: f32, contrast: f32, black: f32, has_black: bool) -> f32 {
+        let dark = if has_black { self.variance(black) } else { 0.0 };
+        (l * self.variance(black + contrast) - (1.0 - l) * dark) / (contrast * contrast)
     }
 
     /// Returns whether the light is too weak to tell anything at this contrast `white − black`: a shadow, the
@@ -66,19 +99,21 @@ pub struct NoiseEstimator {
     histograms: Vec<Histograms>,
     /// Per intensity level, sum of intensities and their number.
     intensity: Vec<(f64, u64)>,
+    /// Per intensity level, number of neighborhoods with a pixel as dark as the sensor's code goes.
+    clipped: Vec<u64>,
 }
 
 impl Default for NoiseEstimator {
     fn default() -> Self {
-        Self { histograms: vec![[[0; BUCKETS]; CLASSES]; LEVELS], intensity: vec![(0.0, 0); LEVELS] }
+        Self { histograms: vec![[[0; BUCKETS]; CLASSES]; LEVELS], intensity: vec![(0.0, 0); LEVELS], clipped: vec![0; LEVELS] }
     }
 }
 
 /// Estimates the noise from one scene alone, where no sweep is at hand: from its white image and three of its patterns.
-/// `lsb` is the sensor's [`quantization_step`].
-pub fn estimate_scene_noise(white: &Image, patterns: &[Image], lsb: f32) -> NoiseModel {
+/// `lsb` is the sensor's [`quantization_step`], `darkest` its [`darkest_intensity`].
+pub fn estimate_scene_noise(white: &Image, patterns: &[Image], lsb: f32, darkest: f32) -> NoiseModel {
     let mut estimator = NoiseEstimator::default();
-    [white].into_iter().chain(patterns.iter().take(3)).for_each(|image| estimator.add(image));
+    [white].into_iter().chain(patterns.iter().take(3)).for_each(|image| estimator.add(image, darkest));
     estimator.finish(lsb)
 }
 
@@ -111,13 +146,14 @@ fn class(roughness: f32) -> usize {
 
 impl NoiseEstimator {
     /// Adds an image. Each pixel's response to the mask [1 −2 1; −2 4 −2; 1 −2 1] (blind to any quadratic surface;
-    /// Immerkær 1996) goes to its intensity level; neighborhoods with a clipped pixel are skipped.
-    pub fn add(&mut self, image: &Image) {
-        self.add_one_of(1, image);
+    /// Immerkær 1996) goes to its intensity level; neighborhoods with a clipped pixel are skipped, be it white or as dark
+    /// as `darkest`, the sensor's [`darkest_intensity`].
+    pub fn add(&mut self, image: &Image, darkest: f32) {
+        self.add_one_of(1, image, darkest);
     }
 
     /// Adds an image like [`Self::add`], of `n` images that are added alike: of many, fewer rows of each are enough.
-    pub fn add_one_of(&mut self, n: usize, image: &Image) {
+    pub fn add_one_of(&mut self, n: usize, image: &Image, darkest: f32) {
         let (w, h, k) = (image.width, image.height, image.channels);
         // Every other row: neighboring rows' responses share two thirds of their pixels. Of large images fewer are enough.
         let step = (w * h / ENOUGH).max(w * h * n / ENOUGH_IN_ALL).max(2);
@@ -132,6 +168,10 @@ impl NoiseEstimator {
                     }
                     let r = v[0] - 2.0 * v[1] + v[2] - 2.0 * v[3] + 4.0 * v[4] - 2.0 * v[5] + v[6] - 2.0 * v[7] + v[8];
                     let level = ((mean.sqrt() * LEVELS as f32) as usize).min(LEVELS - 1);
+                    if v.iter().any(|v| *v <= darkest) {
+                        self.clipped[level] += 1;
+                        continue;
+                    }
                     self.histograms[level][class(roughness(&v))][bucket(r.abs())] += 1;
                     self.intensity[level].0 += f64::from(mean);
                     self.intensity[level].1 += 1;
@@ -149,6 +189,7 @@ impl NoiseEstimator {
             a.0 += b.0;
             a.1 += b.1;
         }
+        self.clipped.iter_mut().zip(&other.clipped).for_each(|(a, b)| *a += b);
     }
 
     /// Returns how many times its variance in the dark (a ninth to a third of the scale) the noise has in bright places
@@ -172,16 +213,20 @@ impl NoiseEstimator {
     }
 
     /// Fits the model. A level's σ is the mean of its smallest 80 % of responses, scaled to a Gaussian, which edges in
-    /// the picture cannot reach. Never below what quantization with step `lsb` alone gives.
+    /// the picture cannot reach. Never below what quantization with step `lsb` alone gives. Levels of which a part is
+    /// clipped in the dark are left out, as long as there are others: what is left of them has less noise.
     pub fn finish(&self, lsb: f32) -> NoiseModel {
         let floor = f64::from(lsb * lsb) / 12.0;
         // Weighted least squares of variance against intensity; variance estimates have errors proportional to
         // themselves.
+        const MIN_RESPONSES: u64 = 400;
+        const MAX_CLIPPED: f64 = 0.01;
+        let is_whole = |l: usize| self.clipped[l] as f64 <= MAX_CLIPPED * self.intensity[l].1 as f64;
+        let told: Vec<usize> = (0..LEVELS).filter(|l| self.intensity[*l].1 >= MIN_RESPONSES).collect();
+        let any_is_whole = told.iter().any(|l| is_whole(*l));
         let (mut s, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for (h, (sum, n)) in self.histograms.iter().zip(&self.intensity) {
-            if *n < 400 {
-                continue;
-            }
+        for l in told.into_iter().filter(|l| is_whole(*l) || !any_is_whole) {
+            let (h, (sum, n)) = (&self.histograms[l], &self.intensity[l]);
             let var = variance(&sum_of(h), *n).max(floor);
             let (x, weight) = (sum / *n as f64, (*n as f64).sqrt() / (var * var));
             s += weight;
@@ -191,7 +236,7 @@ impl NoiseEstimator {
             sxy += weight * x * var;
         }
         if s == 0.0 {
-            return NoiseModel { read: floor as f32, gain: 1e-4 };
+            return NoiseModel { read: floor as f32, gain: 1e-4, darkest: None };
         }
         let det = s * sxx - sx * sx;
         let (mut read, mut gain) =
@@ -203,7 +248,7 @@ impl NoiseEstimator {
             read = floor;
             gain = ((sxy - read * sx) / sxx).max(0.0);
         }
-        NoiseModel { read: read as f32, gain: gain as f32 }
+        NoiseModel { read: read as f32, gain: gain as f32, darkest: None }
     }
 }
 
@@ -247,4 +292,9 @@ fn variance(histogram: &[u32; BUCKETS], n: u64) -> f64 {
 /// Returns one step of the sensor's code in linear intensity, for a camera with these levels.
 pub fn quantization_step(black_level: f64, saturation: f64) -> f32 {
     (1.0 / (saturation - black_level).max(1e-9)) as f32
+}
+
+/// Returns the linear intensity of the sensor's least code, for a camera with these levels: 0 or less.
+pub fn darkest_intensity(black_level: f64, saturation: f64) -> f32 {
+    (-black_level / (saturation - black_level).max(1e-9)) as f32
 }

@@ -61,7 +61,9 @@ fn a_step_agrees_with_the_cpu() {
         config.loss.clamped_mask = clamped;
         config.field.training.weight_normalization = append;
         let lengths: Vec<usize> = (0..150).map(|r| [16, 1, 0, 7, 32][r % 5]).chain([300, 5, 97]).collect();
-        let rays = Rays::new(&lengths).with_intervals().of_length(0.07);
+        let mut rays = Rays::new(&lengths).with_intervals();
+        // Rays are marched there.
+        rays.intervals.iter_mut().for_each(|(lengths, _)| lengths.fill(0.07));
         let start = surface(config);
         let mut slow = start.clone();
         let mut d_expected = vec![0.0; rays.ambient.len()];

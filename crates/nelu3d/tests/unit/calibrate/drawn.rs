@@ -23,6 +23,7 @@ fn usable_samples_are_drawn_from_all_over_an_image() {
         around: (0..n).map(|i| 3.0 * i as f32).collect(),
         edge: (0..n).map(|i| 5.0 * i as f32).collect(),
         contrast,
+        light: Vec::new(),
     };
     let drawn = Drawn::of(&position, Fingerprint::default(), 0.1, 5);
     let count = drawn.pixels.len();

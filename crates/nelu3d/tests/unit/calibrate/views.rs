@@ -30,7 +30,7 @@ fn smoothing_keeps_planes_and_knows_holes() {
     contrast[5 * width + 9] = 0.0;
     let around = contrast.clone();
     let edge = vec![0.0; contrast.len()];
-    let position = Position { width, height, k: 1, channels: 1, values, contrast, around, edge };
+    let position = Position { width, height, k: 1, channels: 1, values, contrast, light: Vec::new(), around, edge };
     let out = smoothed(&position, |_| true, 1);
     let at = |x: usize, y: usize| &out[(y * width + x) * 2..][..2];
     assert!((at(4, 5)[0] - (4.0 * 0.02 + 5.0 * 0.03)).abs() < 1e-6 && (at(4, 5)[1] - 1.0).abs() < 1e-6);

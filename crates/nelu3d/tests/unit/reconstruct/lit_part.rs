@@ -5,7 +5,7 @@ use nelu3d::sensor::NoiseModel;
 use nelu3d_scan::rig::Capture;
 use nelu3d_scan::{Camera, Image};
 
-const NOISE: NoiseModel = NoiseModel { read: 1e-6, gain: 1e-5 };
+const NOISE: NoiseModel = NoiseModel { read: 1e-6, gain: 1e-5, darkest: None };
 
 /// A square of light of 40 × 20 px at (100, 60), and a hot pixel far from it.
 fn capture() -> Capture {

@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 #[test]
 fn finds_declared_noise_under_edges_and_shading() {
     let mut rng = rand::rngs::StdRng::seed_from_u64(1);
-    let expected = NoiseModel { read: 4e-6, gain: 1e-4 };
+    let expected = NoiseModel { read: 4e-6, gain: 1e-4, darkest: None };
     let mut image = Image::new(400, 300, 1);
     for y in 0..300 {
         for x in 0..400 {
@@ -15,7 +15,7 @@ fn finds_declared_noise_under_edges_and_shading() {
         }
     }
     let mut e = NoiseEstimator::default();
-    e.add(&image);
+    e.add(&image, 0.0);
     let m = e.finish(1.0 / 4095.0);
     for i in [0.1, 0.4, 0.8] {
         let ratio = m.variance(i) / expected.variance(i);
@@ -27,7 +27,7 @@ fn finds_declared_noise_under_edges_and_shading() {
     assert!((0.8..1.25).contains(&(growth / shot)), "{growth}, not {shot}");
     image.data.iter_mut().for_each(|v| *v = v.max(0.0).powf(1.0 / 2.2));
     let mut e = NoiseEstimator::default();
-    e.add(&image);
+    e.add(&image, 0.0);
     let growth = e.growth(1.0 / 255.0).unwrap();
     assert!((0.2..0.7).contains(&growth), "{growth}");
     assert_eq!(NoiseEstimator::default().growth(1.0 / 255.0), None);
@@ -49,6 +49,6 @@ fn edges_are_not_noise() {
         }
     }
     let mut e = NoiseEstimator::default();
-    e.add(&image);
+    e.add(&image, 0.0);
     assert_eq!(e.growth(1.0 / 4095.0), None);
 }

@@ -33,7 +33,7 @@ fn field(form: Form) -> ColorField {
         center: Center::Light,
         source: "sweep".into(),
         camera: camera_key(&Camera::pinhole(20, 12, 30.0, 30.0, 9.5, 5.5)),
-        noise: NoiseModel { read: 1e-6, gain: 1e-4 },
+        noise: NoiseModel { read: 1e-6, gain: 1e-4, darkest: None },
         dark: Vec::new(),
         crosstalk: None,
         cells_per_pixel: 1,
