@@ -122,12 +122,13 @@ impl Captured {
                 }
             }
         });
+        let channels = (images.patterns.len() * c) as f32;
         let status = (0..n)
             .into_par_iter()
             .map(|i| {
                 if brightest[i] >= 1.0 {
                     PixelStatus::Saturated
-                } else if contrast[i] < min_contrast || noise.is_underexposed(contrast[i], black[i]) {
+                } else if contrast[i] < min_contrast || noise.is_underexposed(contrast[i], black[i], channels) {
                     PixelStatus::Underexposed
                 } else {
                     PixelStatus::Valid

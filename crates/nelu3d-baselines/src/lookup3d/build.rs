@@ -1,8 +1,8 @@
 //! From a sweep to a table, position by position: besides the table, no more than a few positions' images are in
 //! memory.
 
-use nelu3d_scan::{Image, Rig};
 use nelu3d_scan::rig::PatternSet;
+use nelu3d_scan::{Image, Rig};
 use rayon::prelude::*;
 
 use super::error::LookupTableError;
@@ -151,8 +151,10 @@ impl LitEntries {
     fn add(&mut self, l: f32, contrast: f32) {
         if contrast >= 0.1 {
             self.n += 1.0;
-            self.read += f64::from(NoiseModel { read: 1.0, gain: 0.0, darkest: None }.normalized_variance(l, contrast, 0.0));
-            self.gain += f64::from(NoiseModel { read: 0.0, gain: 1.0, darkest: None }.normalized_variance(l, contrast, 0.0));
+            self.read +=
+                f64::from(NoiseModel { read: 1.0, gain: 0.0, darkest: None }.normalized_variance(l, contrast, 0.0));
+            self.gain +=
+                f64::from(NoiseModel { read: 0.0, gain: 1.0, darkest: None }.normalized_variance(l, contrast, 0.0));
         }
     }
 

@@ -5,7 +5,9 @@ use std::path::Path;
 use nelu3d::calibrate::{CalibrationOptions, Sweep};
 use nelu3d::progress::{Progress, StageClock};
 use nelu3d::result::SavedResult;
-use nelu3d::sensor::{darkest_intensity, DarkEstimator, DarkLevel, Measurements, estimate_scene_noise, quantization_step};
+use nelu3d::sensor::{
+    DarkEstimator, DarkLevel, Measurements, darkest_intensity, estimate_scene_noise, quantization_step,
+};
 use nelu3d::surface::{SurfaceMaps, assemble, image_plane, reject_small_components};
 use nelu3d_scan::Rig;
 use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};

@@ -195,7 +195,8 @@ impl<'a> Sweep<'a> {
         let capture = self.rig.read_shot(&self.shots[p], self.set, Need::Calibration)?;
         [&capture.white].into_iter().chain(&capture.patterns).for_each(|image| gather(&measured(image, cell)));
         let black = self.binned(capture.black.expect("a position has a black image"));
-        let mut builder = PositionBuilder::new(&self.binned(capture.white), black, self.k, self.min_contrast, self.noise);
+        let mut builder =
+            PositionBuilder::new(&self.binned(capture.white), black, self.k, self.min_contrast, self.noise);
         capture.patterns.into_iter().for_each(|pattern| builder.add(&self.binned(pattern)));
         self.agree_on_mono(capture.mono, &self.shots[p])?;
         Ok(builder.finish())

@@ -40,6 +40,7 @@ impl LitPart {
     /// image where nothing is lit, or nearly all.
     pub fn of(capture: &Capture, noise: &NoiseModel, dark: &[DarkLevel]) -> Self {
         let white = &capture.white;
+        let channels = (capture.patterns.len() * white.channels) as f32;
         Self::around(white.width, white.height, |i: usize| {
             (0..white.channels).any(|c| {
                 let w = white.data[i * white.channels + c];
@@ -47,7 +48,7 @@ impl LitPart {
                     Some(black) => black.data[i * white.channels + c],
                     None => dark.get(c).map_or(0.0, |d| d.at(w)),
                 };
-                w >= 1.0 || (w > black && !noise.is_underexposed(w - black, black))
+                w >= 1.0 || (w > black && !noise.is_underexposed(w - black, black, channels))
             })
         })
     }

@@ -6,7 +6,7 @@ use nelu3d_scan::image::box_mean;
 use super::noise::NoiseModel;
 
 /// Radius of the squares of pixels, px.
-const RADIUS: usize = 2;
+const RADIUS: usize = 1;
 /// Standard deviations of noise by which a pixel may differ from the mean around it.
 const ALIKE: f32 = 4.0;
 

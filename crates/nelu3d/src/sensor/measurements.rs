@@ -90,7 +90,7 @@ impl Measurements {
                     None => black_of_white(at, whites.mean[at]),
                 };
                 let (contrast, light) = (out.light[at], whites.mean[at] - black);
-                if contrast <= 0.0 || light <= 0.0 || noise.is_underexposed(light, black) {
+                if contrast <= 0.0 || light <= 0.0 || noise.is_underexposed(light, black, out.independent) {
                     continue;
                 }
                 let l = (values.own[at] - blacks.own[at]) / contrast;

@@ -66,16 +66,20 @@ impl NoiseModel {
         (l * self.variance(black + contrast) - (1.0 - l) * dark) / (contrast * contrast)
     }
 
-    /// Returns whether the light is too weak to tell anything at this contrast `white − black`: a shadow, the
-    /// background, or too short an exposure. The variance of a codeword in mid range decides, so that a dark codeword
-    /// is not mistaken for weak light.
-    pub fn is_underexposed(&self, contrast: f32, black: f32) -> bool {
-        self.normalized_variance(0.5, contrast, black) > MAX_SIGMA * MAX_SIGMA
+    /// Returns whether the light is too weak for `channels` channels together to tell anything at this contrast `white −
+    /// black`: a shadow, the background, or too short an exposure. The variance of a codeword in mid range decides, so
+    /// that a dark codeword is not mistaken for weak light.
+    pub fn is_underexposed(&self, contrast: f32, black: f32, channels: f32) -> bool {
+        let most = (MAX_SIGMA * channels.sqrt()).min(MAX_SIGMA_OF_MANY);
+        contrast <= 0.0 || self.normalized_variance(0.5, contrast, black) > most * most
     }
 }
 
-/// The largest standard deviation of the normalized intensity with which a channel still tells something.
-const MAX_SIGMA: f32 = 0.12;
+/// The largest standard deviation of the normalized intensity, over the root of the number of channels, that still tells
+/// something: 0.12 of three channels.
+const MAX_SIGMA: f32 = 0.07;
+/// The largest one however many channels there are.
+const MAX_SIGMA_OF_MANY: f32 = 0.24;
 
 /// Number of intensity levels.
 const LEVELS: usize = 24;
@@ -105,7 +109,11 @@ pub struct NoiseEstimator {
 
 impl Default for NoiseEstimator {
     fn default() -> Self {
-        Self { histograms: vec![[[0; BUCKETS]; CLASSES]; LEVELS], intensity: vec![(0.0, 0); LEVELS], clipped: vec![0; LEVELS] }
+        Self {
+            histograms: vec![[[0; BUCKETS]; CLASSES]; LEVELS],
+            intensity: vec![(0.0, 0); LEVELS],
+            clipped: vec![0; LEVELS],
+        }
     }
 }
 
@@ -212,23 +220,30 @@ impl NoiseEstimator {
         Some(typical(BRIGHT)? / typical(DARK)?)
     }
 
-    /// Fits the model. A level's σ is the mean of its smallest 80 % of responses, scaled to a Gaussian, which edges in
-    /// the picture cannot reach. Never below what quantization with step `lsb` alone gives. Levels of which a part is
-    /// clipped in the dark are left out, as long as there are others: what is left of them has less noise.
+    /// Fits the model. A level's σ is the mean of the smallest 80 % of responses of its flattest tenth, scaled to a
+    /// Gaussian, which edges in the picture cannot reach. Never below what quantization with step `lsb` alone gives.
+    /// Levels of which a part is clipped in the dark have less noise, and those that have nothing but edges more: both
+    /// are left out, as long as there are others.
     pub fn finish(&self, lsb: f32) -> NoiseModel {
-        let floor = f64::from(lsb * lsb) / 12.0;
-        // Weighted least squares of variance against intensity; variance estimates have errors proportional to
-        // themselves.
         const MIN_RESPONSES: u64 = 400;
-        const MAX_CLIPPED: f64 = 0.01;
+        const MAX_CLIPPED: f64 = 0.05;
+        let floor = f64::from(lsb * lsb) / 12.0;
         let is_whole = |l: usize| self.clipped[l] as f64 <= MAX_CLIPPED * self.intensity[l].1 as f64;
         let told: Vec<usize> = (0..LEVELS).filter(|l| self.intensity[*l].1 >= MIN_RESPONSES).collect();
-        let any_is_whole = told.iter().any(|l| is_whole(*l));
+        let flat = |l: &usize| flattest(&self.histograms[*l], MIN_RESPONSES).map(|(var, n)| (*l, var, n));
+        let flat: Vec<(usize, f64, u64)> = told.iter().filter_map(flat).collect();
+        let whole: Vec<_> = flat.iter().copied().filter(|(l, ..)| is_whole(*l)).collect();
+        let any = |l: &usize| {
+            let n = self.intensity[*l].1;
+            (*l, variance(&sum_of(&self.histograms[*l]), n), n)
+        };
+        let levels = [whole, flat].into_iter().find(|levels| !levels.is_empty());
+        // Weighted least squares of variance against intensity; variance estimates have errors proportional to
+        // themselves.
         let (mut s, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for l in told.into_iter().filter(|l| is_whole(*l) || !any_is_whole) {
-            let (h, (sum, n)) = (&self.histograms[l], &self.intensity[l]);
-            let var = variance(&sum_of(h), *n).max(floor);
-            let (x, weight) = (sum / *n as f64, (*n as f64).sqrt() / (var * var));
+        for (l, var, n) in levels.unwrap_or_else(|| told.iter().map(any).collect()) {
+            let (var, (sum, of)) = (var.max(floor), self.intensity[l]);
+            let (x, weight) = (sum / of as f64, (n as f64).sqrt() / (var * var));
             s += weight;
             sx += weight * x;
             sxx += weight * x * x;

@@ -19,8 +19,10 @@ fn step(gpu: &Arc<Gpu>, start: &NeuralSurface, rays: &Rays) -> (SurfaceLosses, N
     let n_rays = rays.mask.len();
     let (lengths, dirs) = rays.intervals.as_ref().unwrap();
     let extent = start.config().extent;
-    let pixel = |(&mask, dir): (&f32, &[f32; 3])| {
-        ScenePixel { dir: std::array::from_fn(|a| 0.7 * dir[a] / extent[a]), mask, ..Default::default() }
+    let pixel = |(&mask, dir): (&f32, &[f32; 3])| ScenePixel {
+        dir: std::array::from_fn(|a| 0.7 * dir[a] / extent[a]),
+        mask,
+        ..Default::default()
     };
     let pixels: Vec<ScenePixel> = rays.mask.iter().zip(dirs).map(pixel).collect();
     let scene = RayScene {

@@ -16,7 +16,7 @@ use super::slopes::{cosine, slopes};
 use super::thin_plate::ThinPlatePrior;
 use super::uncertainty::{self, Information, Nuisances, Posterior, systematic};
 use super::window::Window;
-use crate::color_field::SplineEvaluator;
+use crate::color_field::{ColorField, SplineEvaluator};
 use crate::reconstruct::initialize::InitialDepth;
 use crate::reconstruct::light_fractions::LightFractionPrior;
 use crate::reconstruct::scene::Scene;
@@ -61,11 +61,25 @@ pub(super) struct Refinement<'a> {
     /// Light fractions of the pixels.
     fractions: LightFractions<'a>,
     data: DataTerm,
+    /// What a pixel's information about depth is worth beside what its noise says: see [`trust`].
+    trust: f32,
     /// c across the narrow band, and its slope by the unknown, `n × 2 k`.
     rendered: Vec<f32>,
     /// The rays of the pixels, and what was evaluated along them.
     bands: Bands,
 }
+
+/// Returns what a pixel's information about depth is worth beside what its noise says: depths of single pixels scatter
+/// more where errors of the color field go along the code's slope, and a surface that followed them would be rougher
+/// than the true one.
+fn trust(field: &ColorField) -> f32 {
+    1.0 / field.metadata.depth_noise_factor(TRUST_PIXELS, None).min(MAX_DISTRUST)
+}
+
+/// Number of pixels whose mean's scatter counts: about what the prior averages over.
+const TRUST_PIXELS: f32 = 16.0;
+/// The largest factor of the noise's variance that is believed.
+const MAX_DISTRUST: f32 = 4.0;
 
 impl<'a> Refinement<'a> {
     /// Begins at the initial surface.
@@ -104,6 +118,7 @@ impl<'a> Refinement<'a> {
             prior: ThinPlatePrior::new(window.w, window.h, active.to_vec()),
             fractions: LightFractions::new(m, window, active, channels, fractions, radius),
             data: DataTerm { h: vec![0.0; n], g: vec![0.0; n], chi2: vec![0.0; n] },
+            trust: trust(scene.field),
             rendered: vec![0.0; n * 2 * k],
             bands,
         }
@@ -200,8 +215,9 @@ impl<'a> Refinement<'a> {
                     let robust = 1.0 / (1.0 + misfit / cut);
                     loss += f64::from(misfit * robust);
                     chi2[x] = misfit;
-                    h[x] = information * (robust * robust);
-                    g[x] = gradient * (robust * robust);
+                    let weight = self.trust * robust * robust;
+                    h[x] = information * weight;
+                    g[x] = gradient * weight;
                 }
                 loss
             })
@@ -250,7 +266,9 @@ impl<'a> Refinement<'a> {
         for at in (0..n).filter(|at| prior.active[*at]) {
             let i = start + at;
             let px = self.window.at(i);
-            information[at] = Information { h: self.data.h[i], chi2: self.data.chi2[i] / m.independent_at(px) };
+            // Both beside the noise model that the normal equations were set up with.
+            let chi2 = self.trust * self.data.chi2[i] / m.independent_at(px);
+            information[at] = Information { h: self.data.h[i], chi2 };
             for j in 0..k {
                 let weight = m.inv_var[px * k + j].sqrt();
                 whitened[at * k + j] = weight * self.residual(i, px, j);
