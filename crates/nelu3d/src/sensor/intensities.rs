@@ -7,6 +7,8 @@ use super::noise::NoiseModel;
 
 /// Radius of the squares of pixels, px.
 const RADIUS: usize = 1;
+/// Pixels of such a square.
+const PIXELS: f32 = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32;
 /// Standard deviations of noise by which a pixel may differ from the mean around it.
 const ALIKE: f32 = 4.0;
 
@@ -15,8 +17,8 @@ const ALIKE: f32 = 4.0;
 pub struct Intensities {
     /// As measured, without what clipping in the dark adds to their means ([`NoiseModel::unclipped`]).
     pub own: Vec<f32>,
-    /// Their means over the square around every pixel; the pixel's own where the two differ by more than noise: at an
-    /// edge, on a fine stripe, in a texture.
+    /// The means of the eight pixels around each; its own where the two differ by more than noise: at an edge, on a fine
+    /// stripe, in a texture.
     ///
     /// It is what a weight has to be made from. A variance that follows a pixel's own noise gives more weight to what
     /// noise has made dark, or has divided by a white that it made bright, and all weighted means come out too dark: by
@@ -35,7 +37,9 @@ impl Intensities {
             let mut around: Vec<f32> = image.data.iter().skip(c).step_by(channels).copied().collect();
             box_mean(&mut around, w, h, RADIUS);
             for ((mean, around), part) in mean.iter_mut().skip(c).step_by(channels).zip(&around).zip(&ones) {
-                let around = around / part;
+                // A square of one pixel has no others.
+                let others = (part * PIXELS - 1.0).max(1.0);
+                let around = (around * PIXELS - *mean) / others;
                 let difference = *mean - around;
                 if difference * difference <= ALIKE * ALIKE * noise.variance(around) {
                     *mean = around;

@@ -85,7 +85,7 @@ fn edges_stay_where_they_are() {
     }
     let scatter = found.mean.iter().enumerate().filter(|(i, _)| i % SIDE % 10 == 5);
     let far = scatter.filter(|(i, mean)| (*mean - clean(i % SIDE)).abs() > NOISE.variance(clean(i % SIDE)).sqrt());
-    assert!(far.count() < SIDE * SIDE / 10 / 100, "a mean of 25 pixels scatters by a fifth");
+    assert!(far.count() < SIDE * SIDE / 10 / 100, "a mean of 8 pixels scatters by a third");
 }
 
 /// The mean of max(d, N(μ, σ²)), by sums.
