@@ -7,7 +7,7 @@ use nelu3d_scan::rig::{Need, PatternSet, RigError, Shot};
 use nelu3d_scan::{Image, Rig};
 use rayon::prelude::*;
 
-use nelu3d::sensor::{NoiseModel, darkest_intensity, estimate_scene_noise, quantization_step};
+use nelu3d::sensor::{NoiseModel, estimate_scene_noise, quantization_step};
 use nelu3d::surface::PixelStatus;
 
 /// The images of a scene, linear.
@@ -74,8 +74,7 @@ impl Captured {
         let white = &images.white;
         let (n, c) = (white.width * white.height, white.channels);
         let step = quantization_step(rig.black_level, rig.saturation);
-        let darkest = darkest_intensity(rig.black_level, rig.saturation);
-        let noise = estimate_scene_noise(white, &images.patterns, step, darkest);
+        let noise = estimate_scene_noise(white, &images.patterns, step);
         let none = if images.black.is_none() { vec![0.0; n * c] } else { Vec::new() };
         let dark: &[f32] = images.black.as_ref().map_or(&none, |b| &b.data);
         let mut scale = vec![0.0; n * c];

@@ -1,8 +1,8 @@
 //! From a sweep to a table, position by position: besides the table, no more than a few positions' images are in
 //! memory.
 
+use nelu3d_scan::Rig;
 use nelu3d_scan::rig::PatternSet;
-use nelu3d_scan::{Image, Rig};
 use rayon::prelude::*;
 
 use super::error::LookupTableError;
@@ -15,7 +15,7 @@ use nelu3d::calibrate::{
 use nelu3d::progress::Progress;
 use nelu3d::progress::StageClock;
 use nelu3d::sensor::DarkLevel;
-use nelu3d::sensor::{NoiseEstimator, NoiseModel, darkest_intensity, quantization_step};
+use nelu3d::sensor::{NoiseEstimator, NoiseModel, quantization_step};
 
 /// A table and what the sweep told of the sensor on the way.
 #[derive(Clone, Debug)]
@@ -67,9 +67,7 @@ pub fn build(
         }
     };
     let all: Vec<usize> = (0..placed.n_positions()).collect();
-    let darkest = darkest_intensity(rig.black_level, rig.saturation);
-    let gather = |noise: &mut NoiseEstimator, image: &Image| noise.add(image, darkest);
-    placed.sweep.stream(&all, progress, gather, map, take)?;
+    placed.sweep.stream(&all, progress, NoiseEstimator::add, map, take)?;
     let noise = noise.finish(quantization_step(rig.black_level, rig.saturation));
     table.variance = lit.variance(&noise);
     let found = (0..shape.n_pixels()).into_par_iter().any(|i| table.channel(i, 0).iter().any(|v| !v.is_nan()));

@@ -5,9 +5,7 @@ use std::path::Path;
 use nelu3d::calibrate::{CalibrationOptions, Sweep};
 use nelu3d::progress::{Progress, StageClock};
 use nelu3d::result::SavedResult;
-use nelu3d::sensor::{
-    DarkEstimator, DarkLevel, Measurements, darkest_intensity, estimate_scene_noise, quantization_step,
-};
+use nelu3d::sensor::{DarkEstimator, DarkLevel, Measurements, estimate_scene_noise, quantization_step};
 use nelu3d::surface::{SurfaceMaps, assemble, image_plane, reject_small_components};
 use nelu3d_scan::Rig;
 use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
@@ -64,16 +62,15 @@ pub(crate) fn decode_scene(
 
     clock.begin("normalize");
     let step = quantization_step(rig.black_level, rig.saturation);
-    let darkest = darkest_intensity(rig.black_level, rig.saturation);
     let (noise, dark) = match sensor {
         Some(sensor) => sensor,
         None => (
-            estimate_scene_noise(&capture.white, &capture.patterns, step, darkest),
+            estimate_scene_noise(&capture.white, &capture.patterns, step),
             dark_of(&capture, rig, set, opts.min_contrast, progress)?,
         ),
     };
     let size = [capture.white.width, capture.white.height];
-    let mut m = Measurements::new(&capture, size, &noise, &dark, 0.0);
+    let mut m = Measurements::as_measured(&capture, size, &noise, &dark);
 
     clock.begin("decode");
     let buffers = MapBuffers::of(&mut m);

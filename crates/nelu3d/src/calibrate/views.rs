@@ -166,7 +166,7 @@ pub(super) fn estimate_noise(
     let n_images = which.len() * placed.sweep.n_images();
     let darkest = darkest_intensity(rig.black_level, rig.saturation);
     let gather = |(noise, fingerprint): &mut (NoiseEstimator, Fingerprint), image: &Image| {
-        noise.add_one_of(n_images, image, darkest);
+        noise.add_one_of(n_images, image);
         fingerprint.add(image);
     };
     let map = |p: usize, (noise, fingerprint): (NoiseEstimator, Fingerprint), position: &Position| {

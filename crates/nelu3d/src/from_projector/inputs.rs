@@ -91,8 +91,8 @@ pub(super) fn read_captures(
     let mut captures = Vec::new();
     for shot in scenes {
         let capture = rig.read_shot(shot, set, Need::Scene)?;
-        sensor.add(&capture.white, darkest);
-        capture.patterns.iter().for_each(|p| sensor.add(p, darkest));
+        sensor.add(&capture.white);
+        capture.patterns.iter().for_each(|p| sensor.add(p));
         captures.push(capture);
     }
     let noise = sensor.finish(quantization_step(rig.black_level, rig.saturation));

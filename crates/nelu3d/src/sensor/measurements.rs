@@ -43,6 +43,23 @@ impl Measurements {
     /// deviation of the color field itself, which is added to the sensor's noise; `image` the size of the picture that
     /// the capture is a part of, px.
     pub fn new(capture: &Capture, image: [usize; 2], noise: &NoiseModel, dark: &[DarkLevel], model_sigma: f32) -> Self {
+        Self::normalized(capture, image, noise, dark, model_sigma, true)
+    }
+
+    /// Normalizes a capture as [`Self::new`] does, but for what noise does to means: for values that are compared one by
+    /// one with others that were measured alike.
+    pub fn as_measured(capture: &Capture, image: [usize; 2], noise: &NoiseModel, dark: &[DarkLevel]) -> Self {
+        Self::normalized(capture, image, &NoiseModel { darkest: None, ..*noise }, dark, 0.0, false)
+    }
+
+    fn normalized(
+        capture: &Capture,
+        image: [usize; 2],
+        noise: &NoiseModel,
+        dark: &[DarkLevel],
+        model_sigma: f32,
+        unbiased: bool,
+    ) -> Self {
         let white = &capture.white;
         let (n, c) = (white.width * white.height, white.channels);
         let k = capture.patterns.len() * c;
@@ -100,7 +117,8 @@ impl Measurements {
                 if capture.mono[m] {
                     var *= c as f32;
                 }
-                out.p[i * k + m * c + ch] = l - noise.normalized_bias(typical, light, black, out.has_black);
+                let bias = if unbiased { noise.normalized_bias(typical, light, black, out.has_black) } else { 0.0 };
+                out.p[i * k + m * c + ch] = l - bias;
                 out.inv_var[i * k + m * c + ch] = 1.0 / var;
                 usable[i] += 1;
             }

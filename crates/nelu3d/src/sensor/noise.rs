@@ -103,25 +103,19 @@ pub struct NoiseEstimator {
     histograms: Vec<Histograms>,
     /// Per intensity level, sum of intensities and their number.
     intensity: Vec<(f64, u64)>,
-    /// Per intensity level, number of neighborhoods with a pixel as dark as the sensor's code goes.
-    clipped: Vec<u64>,
 }
 
 impl Default for NoiseEstimator {
     fn default() -> Self {
-        Self {
-            histograms: vec![[[0; BUCKETS]; CLASSES]; LEVELS],
-            intensity: vec![(0.0, 0); LEVELS],
-            clipped: vec![0; LEVELS],
-        }
+        Self { histograms: vec![[[0; BUCKETS]; CLASSES]; LEVELS], intensity: vec![(0.0, 0); LEVELS] }
     }
 }
 
 /// Estimates the noise from one scene alone, where no sweep is at hand: from its white image and three of its patterns.
-/// `lsb` is the sensor's [`quantization_step`], `darkest` its [`darkest_intensity`].
-pub fn estimate_scene_noise(white: &Image, patterns: &[Image], lsb: f32, darkest: f32) -> NoiseModel {
+/// `lsb` is the sensor's [`quantization_step`].
+pub fn estimate_scene_noise(white: &Image, patterns: &[Image], lsb: f32) -> NoiseModel {
     let mut estimator = NoiseEstimator::default();
-    [white].into_iter().chain(patterns.iter().take(3)).for_each(|image| estimator.add(image, darkest));
+    [white].into_iter().chain(patterns.iter().take(3)).for_each(|image| estimator.add(image));
     estimator.finish(lsb)
 }
 
@@ -154,14 +148,13 @@ fn class(roughness: f32) -> usize {
 
 impl NoiseEstimator {
     /// Adds an image. Each pixel's response to the mask [1 −2 1; −2 4 −2; 1 −2 1] (blind to any quadratic surface;
-    /// Immerkær 1996) goes to its intensity level; neighborhoods with a clipped pixel are skipped, be it white or as dark
-    /// as `darkest`, the sensor's [`darkest_intensity`].
-    pub fn add(&mut self, image: &Image, darkest: f32) {
-        self.add_one_of(1, image, darkest);
+    /// Immerkær 1996) goes to its intensity level; neighborhoods with a clipped pixel are skipped.
+    pub fn add(&mut self, image: &Image) {
+        self.add_one_of(1, image);
     }
 
     /// Adds an image like [`Self::add`], of `n` images that are added alike: of many, fewer rows of each are enough.
-    pub fn add_one_of(&mut self, n: usize, image: &Image, darkest: f32) {
+    pub fn add_one_of(&mut self, n: usize, image: &Image) {
         let (w, h, k) = (image.width, image.height, image.channels);
         // Every other row: neighboring rows' responses share two thirds of their pixels. Of large images fewer are enough.
         let step = (w * h / ENOUGH).max(w * h * n / ENOUGH_IN_ALL).max(2);
@@ -176,10 +169,6 @@ impl NoiseEstimator {
                     }
                     let r = v[0] - 2.0 * v[1] + v[2] - 2.0 * v[3] + 4.0 * v[4] - 2.0 * v[5] + v[6] - 2.0 * v[7] + v[8];
                     let level = ((mean.sqrt() * LEVELS as f32) as usize).min(LEVELS - 1);
-                    if v.iter().any(|v| *v <= darkest) {
-                        self.clipped[level] += 1;
-                        continue;
-                    }
                     self.histograms[level][class(roughness(&v))][bucket(r.abs())] += 1;
                     self.intensity[level].0 += f64::from(mean);
                     self.intensity[level].1 += 1;
@@ -197,7 +186,6 @@ impl NoiseEstimator {
             a.0 += b.0;
             a.1 += b.1;
         }
-        self.clipped.iter_mut().zip(&other.clipped).for_each(|(a, b)| *a += b);
     }
 
     /// Returns how many times its variance in the dark (a ninth to a third of the scale) the noise has in bright places
@@ -220,30 +208,19 @@ impl NoiseEstimator {
         Some(typical(BRIGHT)? / typical(DARK)?)
     }
 
-    /// Fits the model. A level's σ is the mean of the smallest 80 % of responses of its flattest tenth, scaled to a
-    /// Gaussian, which edges in the picture cannot reach. Never below what quantization with step `lsb` alone gives.
-    /// Levels of which a part is clipped in the dark have less noise, and those that have nothing but edges more: both
-    /// are left out, as long as there are others.
+    /// Fits the model. A level's σ is the mean of its smallest 80 % of responses, scaled to a Gaussian, which edges in
+    /// the picture cannot reach. Never below what quantization with step `lsb` alone gives.
     pub fn finish(&self, lsb: f32) -> NoiseModel {
-        const MIN_RESPONSES: u64 = 400;
-        const MAX_CLIPPED: f64 = 0.05;
         let floor = f64::from(lsb * lsb) / 12.0;
-        let is_whole = |l: usize| self.clipped[l] as f64 <= MAX_CLIPPED * self.intensity[l].1 as f64;
-        let told: Vec<usize> = (0..LEVELS).filter(|l| self.intensity[*l].1 >= MIN_RESPONSES).collect();
-        let flat = |l: &usize| flattest(&self.histograms[*l], MIN_RESPONSES).map(|(var, n)| (*l, var, n));
-        let flat: Vec<(usize, f64, u64)> = told.iter().filter_map(flat).collect();
-        let whole: Vec<_> = flat.iter().copied().filter(|(l, ..)| is_whole(*l)).collect();
-        let any = |l: &usize| {
-            let n = self.intensity[*l].1;
-            (*l, variance(&sum_of(&self.histograms[*l]), n), n)
-        };
-        let levels = [whole, flat].into_iter().find(|levels| !levels.is_empty());
         // Weighted least squares of variance against intensity; variance estimates have errors proportional to
         // themselves.
         let (mut s, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for (l, var, n) in levels.unwrap_or_else(|| told.iter().map(any).collect()) {
-            let (var, (sum, of)) = (var.max(floor), self.intensity[l]);
-            let (x, weight) = (sum / of as f64, (n as f64).sqrt() / (var * var));
+        for (h, (sum, n)) in self.histograms.iter().zip(&self.intensity) {
+            if *n < 400 {
+                continue;
+            }
+            let var = variance(&sum_of(h), *n).max(floor);
+            let (x, weight) = (sum / *n as f64, (*n as f64).sqrt() / (var * var));
             s += weight;
             sx += weight * x;
             sxx += weight * x * x;

@@ -3,7 +3,6 @@
 use super::super::Gpu;
 use super::super::net::{Net, Shared, schedule};
 use super::super::program::Buffer;
-use super::calls::N_PARTS;
 use super::scene::{RayScene, ScenePixel};
 use crate::device::DeviceError;
 use crate::field::HashField;
@@ -34,6 +33,9 @@ pub(super) mod control {
 const SURFACE_RATES: usize = 0;
 /// Index of the ambient network's rates in [`Buffers::rates`].
 const AMBIENT_RATES: usize = 4;
+
+/// Parts that the occupancy grid's cells are cut into where their values are summed.
+pub(super) const N_PARTS: usize = 256;
 
 /// The buffers.
 #[derive(Debug)]

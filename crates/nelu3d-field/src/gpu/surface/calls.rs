@@ -3,7 +3,7 @@
 use super::super::Gpu;
 use super::super::net::{Back, Net};
 use super::super::program::{Binding, Call, Constants, Kernels, folded};
-use super::buffers::{Buffers, control};
+use super::buffers::{Buffers, N_PARTS, control};
 use super::scene::{AmbientUse, RayScene};
 use crate::device::DeviceError;
 use crate::loss::{MASK_CLAMP, MIN_OPACITY};
@@ -17,9 +17,6 @@ const RANDOM: &str = include_str!("../shaders/random.wgsl");
 const ADAM: &str = include_str!("../shaders/adam.wgsl");
 /// Sums over one workgroup.
 const TOTAL: &str = concat!(include_str!("../shaders/place.wgsl"), include_str!("../shaders/total.wgsl"));
-
-/// Parts that the occupancy grid's cells are cut into where their values are summed.
-pub(super) const N_PARTS: usize = 256;
 
 /// The calls of a training.
 #[derive(Debug)]

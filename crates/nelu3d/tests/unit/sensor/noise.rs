@@ -15,7 +15,7 @@ fn finds_declared_noise_under_edges_and_shading() {
         }
     }
     let mut e = NoiseEstimator::default();
-    e.add(&image, 0.0);
+    e.add(&image);
     let m = e.finish(1.0 / 4095.0);
     for i in [0.1, 0.4, 0.8] {
         let ratio = m.variance(i) / expected.variance(i);
@@ -27,7 +27,7 @@ fn finds_declared_noise_under_edges_and_shading() {
     assert!((0.8..1.25).contains(&(growth / shot)), "{growth}, not {shot}");
     image.data.iter_mut().for_each(|v| *v = v.max(0.0).powf(1.0 / 2.2));
     let mut e = NoiseEstimator::default();
-    e.add(&image, 0.0);
+    e.add(&image);
     let growth = e.growth(1.0 / 255.0).unwrap();
     assert!((0.2..0.7).contains(&growth), "{growth}");
     assert_eq!(NoiseEstimator::default().growth(1.0 / 255.0), None);
@@ -49,6 +49,6 @@ fn edges_are_not_noise() {
         }
     }
     let mut e = NoiseEstimator::default();
-    e.add(&image, 0.0);
+    e.add(&image);
     assert_eq!(e.growth(1.0 / 4095.0), None);
 }
