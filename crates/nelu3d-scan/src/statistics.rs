@@ -1,7 +1,7 @@
 //! Order statistics of small and large samples, and the normal distribution.
 //!
-//! All order statistics select instead of sorting, so they take linear time. Values are ordered by `total_cmp`: NaN comes last,
-//! and no input makes a function panic except where it says so.
+//! All order statistics select instead of sorting, so they take linear time. Values are ordered by `total_cmp`: NaN
+//! comes last, and no input makes a function panic except where it says so.
 
 use std::cmp::Ordering;
 
