@@ -1,14 +1,10 @@
 //! Intensities of an image whose means are those of the light, and what their noise is judged by.
 
 use nelu3d_scan::Image;
-use nelu3d_scan::image::box_mean;
+use rayon::prelude::*;
 
 use super::noise::NoiseModel;
 
-/// Radius of the squares of pixels, px.
-const RADIUS: usize = 1;
-/// Pixels of such a square.
-const PIXELS: f32 = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32;
 /// Standard deviations of noise by which a pixel may differ from the mean around it.
 const ALIKE: f32 = 4.0;
 
@@ -29,30 +25,73 @@ pub struct Intensities {
 impl Intensities {
     /// Takes the intensities of an image with this noise.
     pub fn new(image: &Image, noise: &NoiseModel) -> Self {
-        let (w, h, channels) = (image.width, image.height, image.channels);
-        let (mut own, mut mean) = (image.data.clone(), image.data.clone());
-        let mut ones = vec![1.0; w * h];
-        box_mean(&mut ones, w, h, RADIUS);
-        for c in 0..channels {
-            let mut around: Vec<f32> = image.data.iter().skip(c).step_by(channels).copied().collect();
-            box_mean(&mut around, w, h, RADIUS);
-            for ((mean, around), part) in mean.iter_mut().skip(c).step_by(channels).zip(&around).zip(&ones) {
-                // A square of one pixel has no others.
-                let others = (part * PIXELS - 1.0).max(1.0);
-                let around = (around * PIXELS - *mean) / others;
-                let difference = *mean - around;
-                if difference * difference <= ALIKE * ALIKE * noise.variance(around) {
-                    *mean = around;
+        let row = (image.width * image.channels).max(1);
+        let (mut own, mut mean) = (image.data.clone(), vec![0.0; image.data.len()]);
+        let rows = own.par_chunks_mut(row).zip(mean.par_chunks_mut(row)).enumerate();
+        rows.for_each_init(
+            || vec![0.0; row],
+            |columns, (y, (own, mean))| {
+                sum_columns(image, y, columns);
+                let n_rows = 1 + usize::from(y > 0) + usize::from(y + 1 < image.height);
+                mean_of_others(columns, own, image.channels, n_rows, mean);
+                keep_edges(own, noise, mean);
+                if noise.darkest.is_some() {
+                    for (own, mean) in own.iter_mut().zip(mean) {
+                        let unclipped = noise.unclipped(*mean);
+                        *own += unclipped - *mean;
+                        *mean = unclipped;
+                    }
                 }
-            }
-        }
-        if noise.darkest.is_some() {
-            for (own, mean) in own.iter_mut().zip(&mut mean) {
-                let unclipped = noise.unclipped(*mean);
-                *own += unclipped - *mean;
-                *mean = unclipped;
-            }
-        }
+            },
+        );
         Self { own, mean }
+    }
+}
+
+/// Writes the sums of a row of an image and of its neighbors to `sums`.
+fn sum_columns(image: &Image, y: usize, sums: &mut [f32]) {
+    let row = |y: usize| &image.data[y * sums.len()..(y + 1) * sums.len()];
+    let (own, above, below) = (row(y), row(y.saturating_sub(1)), row((y + 1).min(image.height - 1)));
+    let (has_above, has_below) = (f32::from(y > 0), f32::from(y + 1 < image.height));
+    for (((sum, own), above), below) in sums.iter_mut().zip(own).zip(above).zip(below) {
+        *sum = own + has_above * above + has_below * below;
+    }
+}
+
+/// Writes the means of the eight pixels around each of a row, fewer at the border, to `mean`; `columns` has the sums of
+/// `n_rows` rows.
+fn mean_of_others(columns: &[f32], own: &[f32], channels: usize, n_rows: usize, mean: &mut [f32]) {
+    let n = own.len();
+    let others = |columns: usize| 1.0 / ((n_rows * columns - 1).max(1)) as f32;
+    if n <= 2 * channels {
+        // One or two pixels.
+        let pixels = n / channels;
+        for i in 0..n {
+            let sum: f32 = columns.iter().skip(i % channels).step_by(channels).sum();
+            mean[i] = if n_rows * pixels > 1 { (sum - own[i]) * others(pixels) } else { own[i] };
+        }
+        return;
+    }
+    let part = others(3);
+    let inner = &mut mean[channels..n - channels];
+    for ((((mean, own), left), here), right) in
+        inner.iter_mut().zip(&own[channels..]).zip(columns).zip(&columns[channels..]).zip(&columns[2 * channels..])
+    {
+        *mean = (left + here + right - own) * part;
+    }
+    let part = others(2);
+    for c in 0..channels {
+        let last = n - channels + c;
+        mean[c] = (columns[c] + columns[channels + c] - own[c]) * part;
+        mean[last] = (columns[last - channels] + columns[last] - own[last]) * part;
+    }
+}
+
+/// Writes a pixel's own intensity to `mean` where the two differ by more than noise.
+fn keep_edges(own: &[f32], noise: &NoiseModel, mean: &mut [f32]) {
+    for (mean, own) in mean.iter_mut().zip(own) {
+        let difference = own - *mean;
+        let is_alike = difference * difference <= ALIKE * ALIKE * noise.variance(*mean);
+        *mean = if is_alike { *mean } else { *own };
     }
 }

@@ -1,5 +1,7 @@
 //! The sensor's noise, estimated from the captures themselves.
 
+use std::sync::LazyLock;
+
 use nelu3d_scan::Image;
 use nelu3d_scan::statistics::within_sigmas;
 use serde::{Deserialize, Serialize};
@@ -20,6 +22,39 @@ pub struct NoiseModel {
 /// Standard deviations of noise above the darkest intensity from where on it is not clipped.
 const CLEAR_OF_CLIPPING: f32 = 4.0;
 
+/// What clipping at zero has made of means, the other way round.
+static UNCLIPPED: LazyLock<Unclipped> = LazyLock::new(Unclipped::new);
+
+/// The mean z ≥ 0 of a standard Gaussian whose mean is m when what is below zero becomes zero, for m up to
+/// [`CLEAR_OF_CLIPPING`]: a table, linear in between (to 1e-5).
+struct Unclipped([f32; Unclipped::STEPS + 2]);
+
+impl Unclipped {
+    const STEPS: usize = 512;
+    const PER_UNIT: f32 = Self::STEPS as f32 / CLEAR_OF_CLIPPING;
+
+    /// Solves m = z Φ(z) + φ(z) for z by Newton's method.
+    fn new() -> Self {
+        Self(std::array::from_fn(|i| {
+            let m = i as f64 / f64::from(Self::PER_UNIT);
+            let mut z = m;
+            for _ in 0..8 {
+                let part = 0.5 * (1.0 + within_sigmas(z.abs()).copysign(z));
+                let found = z * part + (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
+                z -= (found - m) / part.max(0.1);
+            }
+            z as f32
+        }))
+    }
+
+    /// Returns the mean z; 0 where it would be less.
+    fn at(&self, m: f32) -> f32 {
+        let t = (m * Self::PER_UNIT).clamp(0.0, Self::STEPS as f32);
+        let (i, part) = (t as usize, t.fract());
+        (self.0[i] + part * (self.0[i + 1] - self.0[i])).max(0.0)
+    }
+}
+
 impl NoiseModel {
     /// Returns the noise of the mean of `n` pixels.
     pub fn of_mean(self, n: usize) -> Self {
@@ -34,14 +69,7 @@ impl NoiseModel {
     pub fn unclipped(&self, mean: f32) -> f32 {
         let sigma = self.read.sqrt();
         let Some(darkest) = self.darkest.filter(|d| mean < d + CLEAR_OF_CLIPPING * sigma) else { return mean };
-        let wanted = f64::from((mean - darkest) / sigma);
-        let mut z = wanted;
-        for _ in 0..8 {
-            let part = 0.5 * (1.0 + within_sigmas(z.abs()).copysign(z));
-            let found = z * part + (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
-            z -= (found - wanted) / part.max(0.1);
-        }
-        (darkest + sigma * z as f32).max(0.0)
+        (darkest + sigma * UNCLIPPED.at((mean - darkest) / sigma)).max(0.0)
     }
 
     /// Returns the variance of an intensity.

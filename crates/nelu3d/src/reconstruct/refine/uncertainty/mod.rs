@@ -21,6 +21,7 @@ mod posterior;
 mod sigma;
 mod systematic;
 mod uniform_plate;
+mod zones;
 
 pub use information::Information;
 pub use posterior::Posterior;

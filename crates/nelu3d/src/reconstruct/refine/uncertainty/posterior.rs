@@ -5,6 +5,7 @@ use nelu3d_scan::image::box_mean;
 use super::information::Information;
 use super::masked_mean::masked_mean;
 use super::uniform_plate::FrequencyMeans;
+use super::zones::Zones;
 use crate::reconstruct::refine::thin_plate::ThinPlatePrior;
 
 /// Radius over which a pixel's weight and information are averaged, px.
@@ -71,12 +72,9 @@ impl Posterior {
     /// has the expected energy E = f tr(QΣHΣ) + γ tr(HΣHΣ), where f, `noise_ratio`, is the noise's variance over that
     /// of its model. That is solved for γ.
     pub(super) fn prior_scale(&self, prior: &ThinPlatePrior, x: &[f32], noise_ratio: &[f32]) -> Vec<f32> {
-        let around = |mut v: Vec<f32>| {
-            box_mean(&mut v, prior.width, prior.height, ROUGHNESS_RADIUS);
-            v
-        };
-        let found = around(prior.energy(x));
-        let (noise, rough) = (around(self.noise_energy.clone()), around(self.prior_energy.clone()));
+        let zones = Zones::new(&prior.active, [prior.width, prior.height], ROUGHNESS_RADIUS);
+        let (found, noise) = (zones.mean(&prior.energy(x)), zones.mean(&self.noise_energy));
+        let rough = zones.mean(&self.prior_energy);
         let scale = |i: usize| {
             if rough[i] > 0.0 { ((found[i] - noise_ratio[i] * noise[i]) / rough[i]).clamp(0.0, 1.0) } else { 1.0 }
         };

@@ -3,6 +3,8 @@
 use nelu3d_scan::image::box_mean;
 use rayon::prelude::*;
 
+use super::zones::Zones;
+
 /// Radii of the squares whose mean errors are told from noise, px: about what the prior averages over, here much and
 /// there little.
 const RADII: [usize; 2] = [2, 4];
@@ -69,8 +71,8 @@ pub fn systematic(
         return Systematic { variance: vec![0.0; n], unshared: vec![1.0; n] };
     }
     let parts = Parts::new(residuals, slopes, nuisances, k, active);
-    let mut visible: Vec<Vec<f32>> = (0..k).map(|j| channel(&parts.visible, j, k)).collect();
-    visible.iter_mut().for_each(|v| box_mean(v, w, h, SYSTEMATIC_RADIUS));
+    let zones = Zones::new(active, [w, h], SYSTEMATIC_RADIUS);
+    let visible: Vec<Vec<f32>> = (0..k).map(|j| zones.mean(&channel(&parts.visible, j, k))).collect();
     let mut out = Systematic { variance: vec![0.0; n], unshared: vec![0.0; n] };
     for (level, radius) in RADII.into_iter().enumerate() {
         // Between two radii, means of both.
@@ -79,7 +81,8 @@ pub fn systematic(
         if !(0..n).any(|i| wanted(&i)) {
             continue;
         }
-        let found = of_squares(&parts, &visible, nuisances.are_taken(), k, &Shared::new(active, [w, h], radius));
+        let found =
+            of_squares(&parts, &visible, nuisances.are_taken(), k, &Shared::new(active, [w, h], &zones, radius));
         for i in (0..n).filter(wanted) {
             out.variance[i] += part(i) * found.variance[i];
             out.unshared[i] += part(i) * found.unshared[i];
@@ -220,6 +223,7 @@ fn subtract(a: &mut [f32], b: &[f32], part: f32) {
 struct Shared<'a> {
     active: &'a [bool],
     size: [usize; 2],
+    zones: &'a Zones,
     radius: usize,
     /// Part of the pixels around each that are active.
     near: Vec<f32>,
@@ -235,14 +239,14 @@ struct SharedSquares {
 
 impl<'a> Shared<'a> {
     /// Prepares squares of one radius in a window of a size.
-    fn new(active: &'a [bool], size: [usize; 2], radius: usize) -> Self {
+    fn new(active: &'a [bool], size: [usize; 2], zones: &'a Zones, radius: usize) -> Self {
         let mut near: Vec<f32> = active.iter().map(|a| if *a { 1.0 } else { 0.0 }).collect();
         box_mean(&mut near, size[0], size[1], radius);
         // Where nothing is shared: half a standard deviation of its mean over as many squares as there are, 0.4 of
         // which remain on average when negative values become 0.
         let side = (2 * radius + 1) as f32;
         let squares = ((2 * SYSTEMATIC_RADIUS + 1) as f32 / side).powi(2);
-        Self { active, size, radius, near, chance: 0.5 * (2.0 / squares).sqrt() / (side * side) }
+        Self { active, size, zones, radius, near, chance: 0.5 * (2.0 / squares).sqrt() / (side * side) }
     }
 
     /// Returns the mean squares of a map around every pixel.
@@ -259,8 +263,6 @@ impl<'a> Shared<'a> {
             out.all[i] = own[i] * own[i];
             out.shared[i] = shared - (out.all[i] - shared) / (pixels - 1.0).max(1.0);
         }
-        box_mean(&mut out.shared, w, h, SYSTEMATIC_RADIUS);
-        box_mean(&mut out.all, w, h, SYSTEMATIC_RADIUS);
-        out
+        SharedSquares { shared: self.zones.mean(&out.shared), all: self.zones.mean(&out.all) }
     }
 }

@@ -170,6 +170,39 @@ fn an_offset_and_a_gain_do_not_move_phases() {
     assert!((0.3..1.2).contains(&(one / expected)), "{one} {expected}");
 }
 
+/// A surface that is rough at its edges, where errors are shared, is no less certain farther in than one that is not.
+#[test]
+fn what_happens_at_edges_stays_there() {
+    let (w, h, k) = (80, 80, 3);
+    let (n, active) = (w * h, window(80, 80));
+    let first = active.iter().position(|a| *a).unwrap();
+    let edge = |i: usize| {
+        let from = |at: usize, begin: usize, side: usize| (at - begin).min(side - 1 - begin - at);
+        from((i % w).clamp(first % w, w - 1 - first % w), first % w, w).min(from(i / w, first / w, h))
+    };
+    let random = normals(n * k, 9);
+    let slopes: Vec<f32> = (0..n * k).map(|i| 2.0 * ((i / k) as f32 * 0.1 + (i % k) as f32 * 2.0).sin()).collect();
+    let information: Vec<Information> =
+        active.iter().map(|a| Information { h: if *a { 0.5 } else { 0.0 }, chi2: 1.0 }).collect();
+    let none = Nuisances { offset: &[], gain: &[], patterns: 3 };
+    let of = |rough: f32, shared: f32| {
+        let at_edge = |i: usize| active[i] && edge(i) < 6;
+        let x: Vec<f32> = (0..n).map(|i| if at_edge(i) { rough * random[i] } else { 0.0 }).collect();
+        let residuals: Vec<f32> =
+            (0..n * k).map(|i| random[i] + if at_edge(i / k) && i % k == 0 { shared } else { 0.0 }).collect();
+        let mut prior = ThinPlatePrior::new(w, h, active.clone());
+        prior.reweight(&vec![0.0; n], 0.1, 0.5, 3);
+        let posterior = Posterior::new(&prior, &information);
+        let systematic = systematic(&residuals, &slopes, &none, k, &active, [w, h], &posterior.pixels);
+        sigma(&prior, &posterior, &x, &information, &systematic, |_, _| 1.0)
+    };
+    let (quiet, loud) = (of(0.0, 0.0), of(1.0, 3.0));
+    for i in (0..n).filter(|i| active[*i]) {
+        let more = loud[i] / quiet[i];
+        assert!(if edge(i) < 3 { more > 1.2 } else { edge(i) < 11 || more < 1.1 }, "{}: {more}", edge(i));
+    }
+}
+
 /// Uncertainties of some rows are those of the whole surface, but near the rows that are missing.
 #[test]
 fn strips_of_a_surface_have_its_uncertainties() {
