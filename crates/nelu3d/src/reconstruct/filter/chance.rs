@@ -44,8 +44,8 @@ impl ForeignCodewords {
     }
 
     /// Returns the fraction of foreign codewords that some depth explains at least as well as the found depth explains
-    /// a pixel's own: the median over the pixels of a component. `None` where every codeword of the picture may belong
-    /// to the component's rays. `step` is the spacing of the depths that are tried in 1/z, 1/mm.
+    /// a pixel's own: the median and the mean over the pixels of a component. `None` where every codeword of the picture
+    /// may belong to the component's rays. `step` is the spacing of the depths that are tried in 1/z, 1/mm.
     pub(super) fn explained_as_well(
         &self,
         pixels: &[usize],
@@ -53,12 +53,13 @@ impl ForeignCodewords {
         refined: &Refined,
         prior: &LightFractionPrior,
         step: f32,
-    ) -> Option<f32> {
+    ) -> Option<[f32; 2]> {
         let prior = prior.weights(&scene.measurements);
         let tested: Vec<usize> = spread(pixels, TESTED).collect();
         let mut shares: Vec<f32> =
             tested.par_iter().filter_map(|i| self.test(*i, scene, refined, prior, step)).collect();
-        if 2 * shares.len() < tested.len() { None } else { median(&mut shares) }
+        let mean = shares.iter().sum::<f32>() / shares.len() as f32;
+        if 2 * shares.len() < tested.len() { None } else { median(&mut shares).map(|median| [median, mean]) }
     }
 
     /// The test of one pixel.

@@ -80,9 +80,12 @@ pub(crate) fn filter(
     let foreign = ForeignCodewords::new(scene, &depth);
     let noise_is_known = scene.field.metadata.is_at_its_noise();
     let alternatives = |pixels: &[usize]| {
-        let by_chance = foreign.explained_as_well(pixels, scene, refined, prior, step);
+        let explained = foreign.explained_as_well(pixels, scene, refined, prior, step);
+        let by_chance = explained.map(|[median, _]| median);
+        let never_by_chance = explained.is_some_and(|[_, mean]| mean == 0.0);
         let chance = by_chance.unwrap_or(settings.unknown_chance);
-        Alternatives { by_chance, beyond: explained_beyond(pixels, scene, refined, prior, step, chance) }
+        let beyond = explained_beyond(pixels, scene, refined, prior, step, chance);
+        Alternatives { by_chance, never_by_chance, beyond }
     };
     let camera = scene.camera;
     reject_unexplained_components(&mut depth, &mut status, camera, refined, settings, noise_is_known, alternatives);

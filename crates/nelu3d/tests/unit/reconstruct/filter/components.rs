@@ -40,7 +40,7 @@ fn statuses(
     let settings = FilterSettings::default();
     let alternatives = |pixels: &[usize]| {
         let piece = piece(pixels[0]).expect("components consist of pieces");
-        Alternatives { by_chance: chance, beyond: beyond[piece] }
+        Alternatives { by_chance: chance, never_by_chance: chance == Some(0.0), beyond: beyond[piece] }
     };
     reject_unexplained_components(&mut depth, &mut status, &camera, &refined, &settings, noise_is_known, alternatives);
     for i in 0..n {
@@ -92,7 +92,16 @@ fn a_wrong_period_fits_much_worse_than_the_rest_of_the_scene() {
     assert_eq!(kept(28, [1.08, 3.52], [0.04, 0.0], Some(0.06)), [true, true]);
     // What is within the noise is right however good the rest is, and the larger piece tells what is typical.
     assert_eq!(kept(28, [0.1, 1.7], [0.0, 0.0], Some(0.0)), [true, true]);
-    assert_eq!(kept(3, [3.0, 0.5], [0.0, 0.0], Some(0.0)), [false, true]);
+    assert_eq!(kept(3, [3.0, 0.5], [0.0, 0.0], Some(0.01)), [false, true]);
+}
+
+#[test]
+fn what_no_foreign_codeword_does_may_fit_worse_than_the_rest() {
+    // A box under Gray code before a wall that fits better than noise allows.
+    assert_eq!(kept(28, [0.47, 2.28], [0.017, 0.03], Some(0.0)), [true, true]);
+    assert_eq!(kept(28, [0.47, 2.28], [0.017, 0.03], Some(0.01)), [true, false]);
+    // Whatever chance does, a codeword that hardly fits is at a wrong depth.
+    assert_eq!(kept(28, [0.47, 9.0], [0.017, 0.0], Some(0.0)), [true, false]);
 }
 
 #[test]
