@@ -44,8 +44,9 @@ impl ForeignCodewords {
     }
 
     /// Returns the fraction of foreign codewords that some depth explains at least as well as the found depth explains
-    /// a pixel's own: the median and the mean over the pixels of a component. `None` where every codeword of the picture
-    /// may belong to the component's rays. `step` is the spacing of the depths that are tried in 1/z, 1/mm.
+    /// a pixel's own: the median over the pixels of a component; and, likewise, the least χ² of a foreign codeword over
+    /// the own one's. `None` where every codeword of the picture may belong to the component's rays. `step` is the
+    /// spacing of the depths that are tried in 1/z, 1/mm.
     pub(super) fn explained_as_well(
         &self,
         pixels: &[usize],
@@ -56,14 +57,16 @@ impl ForeignCodewords {
     ) -> Option<[f32; 2]> {
         let prior = prior.weights(&scene.measurements);
         let tested: Vec<usize> = spread(pixels, TESTED).collect();
-        let mut shares: Vec<f32> =
-            tested.par_iter().filter_map(|i| self.test(*i, scene, refined, prior, step)).collect();
-        let mean = shares.iter().sum::<f32>() / shares.len() as f32;
-        if 2 * shares.len() < tested.len() { None } else { median(&mut shares).map(|median| [median, mean]) }
+        let (mut shares, mut ratios): (Vec<f32>, Vec<f32>) =
+            tested.par_iter().filter_map(|i| self.test(*i, scene, refined, prior, step)).unzip();
+        if 2 * shares.len() < tested.len() {
+            return None;
+        }
+        median(&mut shares).zip(median(&mut ratios)).map(|(share, ratio)| [share, ratio])
     }
 
-    /// The test of one pixel.
-    fn test(&self, i: usize, scene: &Scene<'_>, refined: &Refined, prior: [f32; 2], step: f32) -> Option<f32> {
+    /// The test of one pixel: fraction of foreign codewords, and the least χ² of one over the own codeword's.
+    fn test(&self, i: usize, scene: &Scene<'_>, refined: &Refined, prior: [f32; 2], step: f32) -> Option<(f32, f32)> {
         let Scene { rays, field, measurements: m, .. } = scene;
         let spline = scene.spline();
         let (ray, dir_z) = (rays.in_frame(i), rays.dir_z(i));
@@ -101,7 +104,11 @@ impl ForeignCodewords {
                 *best = best.min(chi2_of_weighted(m, *j, inv_var, &c, prior));
             }
         }
-        Some(best.iter().filter(|b| **b <= own).count() as f32 / best.len() as f32)
+        let least = best.iter().copied().fold(f32::INFINITY, f32::min);
+        Some((
+            best.iter().filter(|b| **b <= own).count() as f32 / best.len() as f32,
+            least / own.max(f32::MIN_POSITIVE),
+        ))
     }
 }
 

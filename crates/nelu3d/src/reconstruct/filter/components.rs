@@ -3,7 +3,7 @@
 //! A single pixel may have a codeword that nothing explains: a highlight, a mixed pixel, a corner full of
 //! interreflection. A whole component whose typical codeword does not fit, fits only with much light of unseen origin,
 //! or fits no better than codewords that belong elsewhere, is at a wrong depth. So is one that fits much worse than the
-//! rest of the scene does, unless none of many codewords from elsewhere fits as well; and one that a point outside the
+//! rest of the scene does, unless codewords from elsewhere fit far worse still; and one that a point outside the
 //! calibrated volume explains far better. Three patterns that
 //! leave no color unused (a la carte) give every codeword some depth on every ray: there it counts alone that a
 //! component fits within the noise, without any other light.
@@ -21,8 +21,8 @@ pub struct Alternatives {
     /// Fraction of foreign codewords that are explained as well as the component's own; `None` where that cannot be
     /// tried.
     pub by_chance: Option<f32>,
-    /// Whether no foreign codeword at all is, at no pixel that was tested.
-    pub never_by_chance: bool,
+    /// Least χ² of a foreign codeword at any depth over that of the component's own; 0 where that cannot be tried.
+    pub foreign_chi2: f32,
     /// Fraction of the component's pixels that a point outside the calibrated volume explains far better, beyond what
     /// chance does.
     pub beyond: f32,
@@ -36,8 +36,8 @@ struct Score {
     score: f32,
     /// It is explained outside the calibrated volume.
     is_beyond: bool,
-    /// No foreign codeword is explained as well as its own: it need not fit as well as the rest of the scene does.
-    never_by_chance: bool,
+    /// Foreign codewords fit far worse than its own: it need not fit as well as the rest of the scene does.
+    is_unique: bool,
 }
 
 /// Rejects the connected components of a depth map (camera z, mm) that are not explained, as
@@ -61,7 +61,7 @@ pub fn reject_unexplained_components(
     let score = |pixels: &Vec<usize>| {
         let median_of = |map: &[f32]| median(&mut pixels.iter().map(|i| map[*i]).collect::<Vec<f32>>());
         let (Some(chi2), Some(unseen)) = (median_of(&refined.chi2), median_of(&refined.unseen)) else {
-            return Score { chi2: f32::INFINITY, score: f32::INFINITY, is_beyond: false, never_by_chance: false };
+            return Score { chi2: f32::INFINITY, score: f32::INFINITY, is_beyond: false, is_unique: false };
         };
         let light = chi2 / settings.max_component_chi2 + unseen / settings.max_component_unseen;
         let clear = chi2 / settings.clear_chi2 + unseen / settings.clear_unseen;
@@ -84,7 +84,7 @@ pub fn reject_unexplained_components(
             chi2,
             score,
             is_beyond: other.is_some_and(|o| o.beyond > settings.max_beyond),
-            never_by_chance: other.is_some_and(|o| o.never_by_chance),
+            is_unique: other.is_some_and(|o| o.foreign_chi2 >= settings.unique),
         }
     };
     let scores: Vec<Score> = members.iter().map(score).collect();
@@ -92,7 +92,7 @@ pub fn reject_unexplained_components(
     let candidates = members.iter().zip(&scores).filter(|(_, s)| s.score < 1.0 && !s.is_beyond);
     let typical = weighted_median(candidates.map(|(pixels, s)| (s.chi2, pixels.len())).collect());
     let max_chi2 = settings.clear_chi2.max(settings.chi2_over_typical * typical.unwrap_or(f32::INFINITY));
-    let fits = |s: &Score| s.chi2 <= max_chi2 || s.never_by_chance;
+    let fits = |s: &Score| s.chi2 <= max_chi2 || s.is_unique;
     let is_explained = |s: &Score| s.score < 1.0 && fits(s) && !s.is_beyond;
     let decoded: usize = members.iter().map(Vec::len).sum();
     let explained: usize = members.iter().zip(&scores).map(|(p, s)| if is_explained(s) { p.len() } else { 0 }).sum();

@@ -81,11 +81,10 @@ pub(crate) fn filter(
     let noise_is_known = scene.field.metadata.is_at_its_noise();
     let alternatives = |pixels: &[usize]| {
         let explained = foreign.explained_as_well(pixels, scene, refined, prior, step);
-        let by_chance = explained.map(|[median, _]| median);
-        let never_by_chance = explained.is_some_and(|[_, mean]| mean == 0.0);
+        let (by_chance, foreign_chi2) = (explained.map(|[share, _]| share), explained.map_or(0.0, |[_, ratio]| ratio));
         let chance = by_chance.unwrap_or(settings.unknown_chance);
         let beyond = explained_beyond(pixels, scene, refined, prior, step, chance);
-        Alternatives { by_chance, never_by_chance, beyond }
+        Alternatives { by_chance, foreign_chi2, beyond }
     };
     let camera = scene.camera;
     reject_unexplained_components(&mut depth, &mut status, camera, refined, settings, noise_is_known, alternatives);

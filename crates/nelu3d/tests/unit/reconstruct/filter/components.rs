@@ -40,7 +40,11 @@ fn statuses(
     let settings = FilterSettings::default();
     let alternatives = |pixels: &[usize]| {
         let piece = piece(pixels[0]).expect("components consist of pieces");
-        Alternatives { by_chance: chance, never_by_chance: chance == Some(0.0), beyond: beyond[piece] }
+        Alternatives {
+            by_chance: chance,
+            foreign_chi2: if chance == Some(0.0) { 1.8 } else { 1.0 },
+            beyond: beyond[piece],
+        }
     };
     reject_unexplained_components(&mut depth, &mut status, &camera, &refined, &settings, noise_is_known, alternatives);
     for i in 0..n {
