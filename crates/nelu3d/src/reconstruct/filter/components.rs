@@ -4,9 +4,8 @@
 //! interreflection. A whole component whose typical codeword does not fit, fits only with much light of unseen origin,
 //! or fits no better than codewords that belong elsewhere, is at a wrong depth. So is one that fits much worse than the
 //! rest of the scene does, unless codewords from elsewhere fit far worse still; and one that a point outside the
-//! calibrated volume explains far better. Three patterns that
-//! leave no color unused (a la carte) give every codeword some depth on every ray: there it counts alone that a
-//! component fits within the noise, without any other light.
+//! calibrated volume explains far better. Three patterns that leave no color unused (a la carte) give every codeword
+//! some depth on every ray: there it counts alone that a component fits within the noise, without any other light.
 
 use nelu3d_scan::Camera;
 use nelu3d_scan::statistics::median;
