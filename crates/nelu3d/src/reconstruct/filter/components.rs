@@ -3,8 +3,8 @@
 //! A single pixel may have a codeword that nothing explains: a highlight, a mixed pixel, a corner full of
 //! interreflection. A whole component whose typical codeword does not fit, fits only with much light of unseen origin,
 //! or fits no better than codewords that belong elsewhere, is at a wrong depth. So is one that fits much worse than the
-//! rest of the scene does, unless codewords from elsewhere fit far worse still; and one that a point outside the
-//! calibrated volume explains far better. Three patterns that leave no color unused (a la carte) give every codeword
+//! rest of the scene does, a little more where codewords from elsewhere fit far worse still; and one that a point outside
+//! the calibrated volume explains far better. Three patterns that leave no color unused (a la carte) give every codeword
 //! some depth on every ray: there it counts alone that a component fits within the noise, without any other light.
 
 use nelu3d_scan::Camera;
@@ -35,7 +35,7 @@ struct Score {
     score: f32,
     /// It is explained outside the calibrated volume.
     is_beyond: bool,
-    /// Foreign codewords fit far worse than its own: it need not fit as well as the rest of the scene does.
+    /// Foreign codewords fit far worse than its own: it need not fit quite as well as the rest of the scene does.
     is_unique: bool,
 }
 
@@ -90,15 +90,16 @@ pub fn reject_unexplained_components(
     // A right depth explains codewords about as well everywhere in a scene.
     let candidates = members.iter().zip(&scores).filter(|(_, s)| s.score < 1.0 && !s.is_beyond);
     let typical = weighted_median(candidates.map(|(pixels, s)| (s.chi2, pixels.len())).collect());
-    let max_chi2 = settings.clear_chi2.max(settings.chi2_over_typical * typical.unwrap_or(f32::INFINITY));
-    let fits = |s: &Score| s.chi2 <= max_chi2 || s.is_unique;
+    let max_chi2 =
+        settings.chi2_over_typical.map(|times| settings.clear_chi2.max(times * typical.unwrap_or(f32::INFINITY)));
+    let fits = |s: &Score| s.chi2 <= max_chi2[usize::from(s.is_unique)];
     let is_explained = |s: &Score| s.score < 1.0 && fits(s) && !s.is_beyond;
     let decoded: usize = members.iter().map(Vec::len).sum();
     let explained: usize = members.iter().zip(&scores).map(|(p, s)| if is_explained(s) { p.len() } else { 0 }).sum();
     // Where next to nothing is explained, what is left was found by chance, too.
     let share = (explained as f32 / decoded.max(1) as f32 / settings.explained).min(1.0);
     let limit = settings.max_score_alone + (1.0 - settings.max_score_alone) * share;
-    tracing::debug!(limit, max_chi2, explained, decoded, "components");
+    tracing::debug!(limit, ?max_chi2, explained, decoded, "components");
     for (pixels, score) in members.iter().zip(&scores) {
         let why = match score {
             s if s.is_beyond => PixelStatus::OutsideVolume,

@@ -33,11 +33,12 @@ pub struct FilterSettings {
     /// The same for the median fraction of light of unseen origin. Fractions of the two add up.
     pub clear_unseen: f32,
     /// Median χ² per measurement of a component, as a multiple of what is typical of the scene's explained pixels,
-    /// above which it is at a wrong depth, unless it is below `clear_chi2`. Right ones had 3.3 times as much at most
-    /// (1.9 but for one of 201 px), wrong periods 5.3 and more. A box under Gray code had 4.8 times as
-    /// much as the wall behind it, but foreign codewords 1.8 times as much as the box.
-    pub chi2_over_typical: f32,
-    /// Least χ² of foreign codewords, as a multiple of the component's own, from which that does not count.
+    /// above which it is at a wrong depth, unless it is below `clear_chi2`: of any component, and of one that `unique`
+    /// holds for. Right ones had 3.3 times as much at most (1.9 but for one of 201 px), wrong periods 5.3 and more. A
+    /// box under Gray code had 4.9 times as much as the wall behind it, and codewords from elsewhere 1.8 times as much
+    /// as the box; wrong periods for which that holds had 7.7 times as much.
+    pub chi2_over_typical: [f32; 2],
+    /// Least χ² of foreign codewords, as a multiple of the component's own, from which the second limit holds.
     pub unique: f32,
     /// Fraction of a component's pixels that a point outside the calibrated volume explains far better, beyond what
     /// chance does, above which the component lies there.
@@ -64,7 +65,7 @@ impl Default for FilterSettings {
             unknown_chance: 0.3,
             clear_chi2: 1.75,
             clear_unseen: 0.08,
-            chi2_over_typical: 4.0,
+            chi2_over_typical: [4.0, 6.0],
             unique: 1.5,
             max_beyond: 0.25,
             explained: 0.25,
