@@ -123,18 +123,22 @@ impl ThinPlatePrior {
         PlateSystem { width: *width, height: *height, active, xx: wxx, yy: wyy, xy: wxy, h, g }
     }
 
-    /// Returns Σ w (D x)² of the differences at each pixel.
-    pub(in crate::reconstruct::refine) fn energy(&self, x: &[f32]) -> Vec<f32> {
-        let one = |i: usize| {
-            let weights = [self.wxx[i], self.wyy[i], self.wxy[i]];
-            if weights == [0.0; 3] {
-                return 0.0;
-            }
-            let exists = self.exists(i);
-            let d = |j: usize| if exists[j] { self.difference(x, i, j) } else { 0.0 };
-            (0..3).map(|j| weights[j] * d(j).powi(2)).sum()
-        };
-        (0..x.len()).into_par_iter().with_min_len(self.width).map(one).collect()
+    /// Returns Σ w (D x − a mean of theirs)² of the differences at each pixel. `mean` takes the differences of one
+    /// direction and their weights, 0 where there is none.
+    pub(in crate::reconstruct::refine) fn energy(
+        &self,
+        x: &[f32],
+        mean: impl Fn(&[f32], &[f32]) -> Vec<f32>,
+    ) -> Vec<f32> {
+        let mut energy = vec![0.0f32; x.len()];
+        for (direction, weights) in [&self.wxx, &self.wyy, &self.wxy].into_iter().enumerate() {
+            let difference = |i: usize| if weights[i] > 0.0 { self.difference(x, i, direction) } else { 0.0 };
+            let differences: Vec<f32> = (0..x.len()).into_par_iter().with_min_len(self.width).map(difference).collect();
+            let mean = mean(&differences, weights);
+            let squares = differences.iter().zip(&mean).zip(weights).map(|((d, mean), w)| w * (d - mean).powi(2));
+            energy.iter_mut().zip(squares).for_each(|(sum, square)| *sum += square);
+        }
+        energy
     }
 
     /// Returns the geometric mean of the weights of a pixel's own second differences along x and y: the weight of a

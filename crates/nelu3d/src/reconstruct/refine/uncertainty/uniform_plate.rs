@@ -12,6 +12,21 @@ pub(super) struct FrequencyMeans {
     pub(super) noise: f32,
     /// Mean of ρs/(1 + ρs)²: the prior's variance times the information, and the energy of the noise.
     pub(super) prior: f32,
+    /// Energy of the surface, of second differences less their mean over a square of [`square()`].
+    pub(super) surface_energy: f32,
+    /// Energy of the noise, likewise.
+    pub(super) noise_energy: f32,
+}
+
+/// Sides of the smallest and the largest square over which second differences are averaged, px. In smaller ones noise
+/// would have a part in the mean.
+const SQUARE: [f32; 2] = [5.0, 17.0];
+
+/// Returns the side of the square about whose mean second differences are rough, px, for a solution that averages over
+/// so many pixels: twice as wide as these. What does not change within it is not smoothed away, and what is may change
+/// within it.
+pub(super) fn square(pixels: f32) -> f32 {
+    (2.0 * pixels.max(1.0).sqrt()).clamp(SQUARE[0], SQUARE[1])
 }
 
 /// Smallest and largest ln ρ of the table.
@@ -33,17 +48,25 @@ static MEANS: LazyLock<Vec<FrequencyMeans>> = LazyLock::new(|| {
             let ((fx, wx), (fy, wy)) = (node(i), node(j));
             let (x, y) = (2.0 - 2.0 * fx.cos(), 2.0 - 2.0 * fy.cos());
             // (x + y)²: the squares of both straight differences, and twice that of the mixed one.
-            symbols.push(((x + y).powi(2), wx * wy));
+            symbols.push(((x + y).powi(2), wx * wy, [fx, fy]));
         }
     }
     let total: f64 = symbols.iter().map(|s| s.1).sum();
     (RATIOS[0] * STEPS..=RATIOS[1] * STEPS)
         .map(|step| {
             let ratio = (f64::from(step) / f64::from(STEPS)).exp();
-            let mean = |f: &dyn Fn(f64) -> f64| {
-                (symbols.iter().map(|(s, weight)| weight * f(ratio * s)).sum::<f64>() / total) as f32
+            let mean = |f: &dyn Fn(f64, [f64; 2]) -> f64| {
+                (symbols.iter().map(|(s, weight, at)| weight * f(ratio * s, *at)).sum::<f64>() / total) as f32
             };
-            FrequencyMeans { noise: mean(&|q| (1.0 + q).powi(-2)), prior: mean(&|q| q * (1.0 + q).powi(-2)) }
+            let noise = mean(&|q, _| (1.0 + q).powi(-2));
+            let side = f64::from(square(1.0 / noise));
+            let rest = |[fx, fy]: [f64; 2]| (1.0 - of_square(side, fx) * of_square(side, fy)).powi(2);
+            FrequencyMeans {
+                noise,
+                prior: mean(&|q, _| q * (1.0 + q).powi(-2)),
+                surface_energy: mean(&|q, at| (1.0 + q).powi(-2) * rest(at)),
+                noise_energy: mean(&|q, at| q * (1.0 + q).powi(-2) * rest(at)),
+            }
         })
         .collect()
 });
@@ -55,6 +78,16 @@ impl FrequencyMeans {
         let position = position.clamp(0.0, (MEANS.len() - 1) as f32 - 1e-3);
         let (a, b, t) = (MEANS[position as usize], MEANS[position as usize + 1], position.fract());
         let between = |a: f32, b: f32| a + t * (b - a);
-        Self { noise: between(a.noise, b.noise), prior: between(a.prior, b.prior) }
+        Self {
+            noise: between(a.noise, b.noise),
+            prior: between(a.prior, b.prior),
+            surface_energy: between(a.surface_energy, b.surface_energy),
+            noise_energy: between(a.noise_energy, b.noise_energy),
+        }
     }
+}
+
+/// Returns the part of a frequency, radians per pixel, that a mean over so many pixels leaves.
+fn of_square(side: f64, frequency: f64) -> f64 {
+    (0.5 * side * frequency).sin() / (side * (0.5 * frequency).sin())
 }

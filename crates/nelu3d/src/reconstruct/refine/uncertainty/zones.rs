@@ -42,6 +42,11 @@ impl Zones {
         Self { size: [w, h], radius, within, zone }
     }
 
+    /// Returns which pixels lie in the innermost zone.
+    pub(super) fn innermost(&self) -> &[bool] {
+        &self.within[BEGIN.len() - 1].0
+    }
+
     /// Returns the mean of a map around every pixel of the surface, over those of the square that are no nearer to an
     /// edge than its zone; 0 outside of the surface.
     pub(super) fn mean(&self, v: &[f32]) -> Vec<f32> {

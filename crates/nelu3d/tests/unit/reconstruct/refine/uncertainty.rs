@@ -279,3 +279,49 @@ fn sigma_is_that_of_the_errors_whatever_the_roughness() {
         assert!((fraction - 0.683).abs() < 0.1, "{part}: {fraction}");
     }
 }
+
+/// Where information lies in stripes, as under few patterns, the variance from noise is that of solutions for random
+/// noise on them and between them.
+#[test]
+fn little_information_is_helped_by_what_is_beside_it() {
+    let (w, h) = (120, 100);
+    let (n, active) = (w * h, window(120, 100));
+    let mut prior = ThinPlatePrior::new(w, h, active.clone());
+    prior.reweight(&vec![0.0; n], 0.1, 0.5, 3);
+    let stripe = |i: usize| i % w / 4 % 2;
+    let data: Vec<f32> = (0..n).map(|i| if active[i] { [4.0, 0.05][stripe(i)] } else { 0.0 }).collect();
+    let info: Vec<Information> = data.iter().map(|h| Information { h: *h, chi2: 1.0 }).collect();
+    let claimed = Posterior::new(&prior, &info).noise;
+    let until = PlateStop { reduction: 1e-5, settled: 0.0, iterations: 4000 };
+    let inner: Vec<usize> = (0..n).filter(|i| (8..w - 8).contains(&(i % w)) && (8..h - 8).contains(&(i / w))).collect();
+    let (mut of_draws, mut of_claims) = ([0.0f64; 2], [0.0f64; 2]);
+    for draw in 0..4 {
+        let noise = normals(n, 50 + draw);
+        let g: Vec<f32> = data.iter().zip(&noise).map(|(h, e)| h.sqrt() * e).collect();
+        let x = solve(&prior.system(&data, &g), &vec![0.0; n], until).0;
+        for i in &inner {
+            of_draws[stripe(*i)] += f64::from(x[*i]).powi(2);
+            of_claims[stripe(*i)] += f64::from(claimed[*i]);
+        }
+    }
+    for (stripe, (found, claimed)) in of_draws.into_iter().zip(of_claims).enumerate() {
+        assert!((claimed / found - 1.0).abs() < 0.2, "{stripe}: {}", claimed / found);
+    }
+}
+
+/// A curvature that is everywhere the same is not smoothed away, however strong it is.
+#[test]
+fn an_even_curvature_is_no_roughness() {
+    let (w, h) = (80, 70);
+    let (n, active) = (w * h, window(80, 70));
+    let information: Vec<Information> =
+        active.iter().map(|a| Information { h: if *a { 0.5 } else { 0.0 }, chi2: 0.0 }).collect();
+    let none = Systematic { variance: vec![0.0; n], unshared: vec![1.0; n] };
+    let mut prior = ThinPlatePrior::new(w, h, active);
+    prior.reweight(&vec![0.0; n], 0.1, 10.0, 3);
+    let posterior = Posterior::new(&prior, &information);
+    let of = |x: Vec<f32>| sigma(&prior, &posterior, &x, &information, &none, |_, _| 1.0)[35 * w + 40];
+    let even = of((0..n).map(|i| 0.1 * ((i % w) as f32 - 40.0).powi(2)).collect());
+    let rough = of(normals(n, 3).into_iter().map(|v| 0.1 * v).collect());
+    assert!(even < 0.01 * rough, "{even} {rough}");
+}
