@@ -300,7 +300,7 @@ fn little_information_is_helped_by_what_is_beside_it() {
         let g: Vec<f32> = data.iter().zip(&noise).map(|(h, e)| h.sqrt() * e).collect();
         let x = solve(&prior.system(&data, &g), &vec![0.0; n], until).0;
         for i in &inner {
-            of_draws[stripe(*i)] += f64::from(x[*i]).powi(2);
+            of_draws[stripe(*i)] += x[*i].powi(2);
             of_claims[stripe(*i)] += f64::from(claimed[*i]);
         }
     }
