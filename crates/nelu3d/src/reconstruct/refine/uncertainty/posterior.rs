@@ -34,7 +34,7 @@ pub struct Posterior {
     pub pixels: Vec<f32>,
     /// Energies in the solution, of noise and of a surface that is as rough as the prior allows.
     whole: Energies,
-    /// The same of second differences less their mean over [`square()`].
+    /// Energies in the solution of second differences less their mean over [`square()`], of noise and of such a surface.
     rest: Energies,
 }
 
