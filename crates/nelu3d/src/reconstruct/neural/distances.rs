@@ -30,7 +30,7 @@ fn distances(cells: &[bool], size: &[usize]) -> Vec<f32> {
     squares.into_iter().map(f32::sqrt).collect()
 }
 
-/// Writes min over j of (i − j)² + line[j]: the lower envelope of parabolas.
+/// Writes min over j of (i − j)² + `line[j]`: the lower envelope of parabolas.
 fn envelope(line: &[f32], out: &mut [f32]) {
     // The parabolas of the envelope, and from where each is the lowest.
     let mut lowest: Vec<(usize, f32)> = Vec::with_capacity(line.len());
