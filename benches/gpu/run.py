@@ -70,6 +70,7 @@ def main():
     parser.add_argument("--torch-device", default="cuda")
     parser.add_argument("--nelu3d", default="target/release/nelu3d")
     parser.add_argument("--dlp", default="../shared/data/dlp", type=pathlib.Path)
+    parser.add_argument("--dlp-field", type=pathlib.Path, help="its field, where its sweep is not there")
     parser.add_argument("--film", default="../shared/data/film", type=pathlib.Path)
     parser.add_argument("--small", action="store_true", help="for software drivers")
     options = parser.parse_args()
@@ -96,20 +97,19 @@ def main():
 
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        rigs = [("dlp", options.dlp, "pawn", True)] if options.dlp.is_dir() else []
+        # Label, rig, scene, field (None: calibrated here), whether recipe `paper` runs, too.
+        rigs = [("dlp", options.dlp, "pawn", options.dlp_field, True)] if options.dlp.is_dir() else []
         if not rigs:
             print(f"LEFT OUT: {options.dlp} is not there", file=sys.stderr)
         if not options.small:
-            rigs.append(("2 megapixels", two_megapixels(program, folder), None, False))
-        for label, rig, scene, paper in rigs:
+            rigs.append(("2 megapixels", two_megapixels(program, folder), None, None, False))
+        for label, rig, scene, field, paper in rigs:
             scene = scene or sorted(p.name for p in (rig / "scenes").iterdir())[0]
-            field = folder / f"{label[0]}.safetensors"
-            for form in ["grid", "hash"] if paper and not options.small else ["grid"]:
+            if field is None:
+                field = folder / f"{label[0]}.safetensors"
+                _, secs = run(program, "calibrate", rig, "-o", field)
                 # A spline is fitted on the CPU whatever the device.
-                for d in [device, "cpu"] if form == "hash" else ["cpu"]:
-                    _, secs = run(program, "calibrate", rig, "--form", form, "--device", d, "-o", field)
-                    row(f"{label}: calibrate, {form}", f"{secs:.1f} s", d)
-            run(program, "calibrate", rig, "--device", "cpu", "-o", field)
+                row(f"{label}: calibrate, grid", f"{secs:.1f} s", "cpu")
             for d in [device, "cpu"] * (1 if options.small else 2):
                 out = folder / f"fast-{d}"
                 _, secs = run(program, "reconstruct", rig, scene, "--field", field, "--device", d, "-o", out)
@@ -124,16 +124,22 @@ def main():
                 row(f"{label} {scene}: paper, {ITERATIONS} iterations", text, device)
                 if torch:
                     row(f"the same in PyTorch, {ITERATIONS} steps", f"{torch * ITERATIONS:.0f} s", options.torch_device)
-        if options.film.is_dir():
-            field = folder / "film.safetensors"
-            run(program, "calibrate", options.film, "-o", field)
-            sequence = sorted(p.name for p in (options.film / "sequences").iterdir())[0]
-            for d in [device, "cpu"]:
-                out = folder / f"sequence-{d}"
-                answer, secs = run(program, "sequence", options.film, sequence, "--field", field, "--device", d, "-o", out)
-                row(f"film {sequence}", f"{len(answer['table']) / secs:.2f} frames/s", d)
-        else:
-            print(f"LEFT OUT: {options.film} is not there", file=sys.stderr)
+        film = options.film
+        if not film.is_dir():
+            print(f"{film} is not there: the preset `film-triton` in its place", file=sys.stderr)
+            film = folder / "film"
+            run(program, "simulate", "film-triton", "-o", film)
+        field = folder / "film.safetensors"
+        run(program, "calibrate", film, "-o", field)
+        sequence = sorted(p.name for p in (film / "sequences").iterdir())[0]
+        for d in [device, "cpu"]:
+            out = folder / f"sequence-{d}"
+            answer, secs = run(program, "sequence", film, sequence, "--field", field, "--device", d, "-o", out)
+            row(f"{film.name} {sequence}", f"{len(answer['table']) / secs:.2f} frames/s", d)
+        # Last, as the CPU takes minutes.
+        for d in [device, "cpu"] if not options.small else []:
+            _, secs = run(program, "calibrate", folder / "preset", "--form", "hash", "--device", d, "-o", field)
+            row("preset dlp: calibrate, hash", f"{secs:.1f} s", d)
 
     print(f"{bench['device']}\n\n| what | measured | on, against |\n|---|---|---|")
     for row in rows:

@@ -80,6 +80,7 @@ impl GpuReport {
             frame: ProjectiveFrame::UNIT,
             ambient: AmbientUse::Fraction,
             n_samples,
+            first_step: 0,
             first_rays: n_rays,
             max_rays: n_rays,
             half_step: 0.0025,

@@ -15,7 +15,7 @@ fn main() {
         rates[4u * i + 2u] = row.z;
         rates[4u * i + 3u] = row.w;
     }
-    if (step > 0u) {
+    if (step > FIRST_STEP) {
         let n_rays = f32(control[RAYS_AT]);
         let n = control[N_AT_SAMPLES];
         var next = f32(MAX_RAYS);

@@ -82,7 +82,7 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    /// Uploads what is known and makes room for the rest, for `n_steps` steps.
+    /// Uploads what is known and makes room for the rest, for `n_steps` steps with those that are done.
     pub(super) fn new(
         gpu: &Gpu,
         [net, ambient_net]: [&Net; 2],
@@ -94,10 +94,12 @@ impl Buffers {
     ) -> Result<Self, DeviceError> {
         let (n, n_rays, k) = (net.capacity, ambient_net.capacity, scene.lattice.k);
         let mut numbers = [0u32; control::N];
+        numbers[control::STEP_AT] = scene.first_step as u32;
         numbers[control::RAYS_AT] = scene.first_rays as u32;
+        let done = scene.first_step as u64;
         let [first, second] = [
-            schedule(&surface.config.field.training, surface.field.n_steps(), n_steps),
-            schedule(&ambient.config.training, ambient.n_steps(), n_steps),
+            schedule(&surface.config.field.training, surface.field.n_steps() - done, n_steps),
+            schedule(&ambient.config.training, ambient.n_steps() - done, n_steps),
         ];
         let both: Vec<[f32; 4]> = first.into_iter().zip(second).flat_map(|(a, b)| [a, b]).collect();
         let measured: Vec<f32> = scene

@@ -147,6 +147,7 @@ impl Recorder<'_> {
         let constants = self
             .constants
             .clone()
+            .count("FIRST_STEP", scene.first_step)
             .count("TARGET", scene.n_samples)
             .count("MAX_RAYS", scene.max_rays)
             .count("MAX_SAMPLES", self.net.capacity)

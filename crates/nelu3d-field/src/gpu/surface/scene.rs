@@ -59,7 +59,9 @@ pub struct RayScene<'a> {
     pub ambient: AmbientUse,
     /// Samples that a step should have.
     pub n_samples: usize,
-    /// Rays of the first step.
+    /// Steps of this training that are done: draws, annealing, learning rates and the occupancy grid go on from there.
+    pub first_step: usize,
+    /// Rays of the step after these.
     pub first_rays: usize,
     /// The most rays of a step.
     pub max_rays: usize,

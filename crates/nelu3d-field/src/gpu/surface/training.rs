@@ -39,7 +39,7 @@ pub struct SurfaceTraining {
 }
 
 impl SurfaceTraining {
-    /// Puts everything on the device, for at most `n_steps` steps.
+    /// Puts everything on the device, for at most `n_steps` steps, with the [`RayScene::first_step`] that are done.
     ///
     /// # Errors
     ///
@@ -47,7 +47,8 @@ impl SurfaceTraining {
     ///
     /// # Panics
     ///
-    /// If a length does not fit, or not every sample is to be in the eikonal loss.
+    /// If a length does not fit, not every sample is to be in the eikonal loss, or a field has fewer steps than are
+    /// done.
     pub fn new(
         gpu: &Arc<Gpu>,
         surface: &NeuralSurface,
@@ -70,8 +71,8 @@ impl SurfaceTraining {
             gpu: gpu.clone(),
             net,
             ambient: ambient_net,
-            before: [surface.field.n_steps(), ambient.n_steps()],
-            done: 0,
+            before: [surface.field.n_steps(), ambient.n_steps()].map(|n| n - scene.first_step as u64),
+            done: scene.first_step,
             n_steps,
             anneal_steps: scene.anneal_steps,
             weights: [settings.mask_weight, settings.eikonal_weight, settings.sparsity_weight],
@@ -82,7 +83,7 @@ impl SurfaceTraining {
         })
     }
 
-    /// Returns the number of steps done.
+    /// Returns the number of steps done, with [`RayScene::first_step`].
     pub fn done(&self) -> usize {
         self.done
     }
@@ -108,8 +109,12 @@ impl SurfaceTraining {
         self.report()
     }
 
-    /// Reads the losses and counts of the last step.
-    pub(super) fn report(&self) -> Result<TrainingReport, DeviceError> {
+    /// Reads the losses and counts of the last step that was the last of a [`Self::run`].
+    ///
+    /// # Errors
+    ///
+    /// The device failed.
+    pub fn report(&self) -> Result<TrainingReport, DeviceError> {
         let b = &self.buffers;
         let [image, mask, eikonal, sparsity] = self.gpu.read(&b.losses, 1)?[0].map(f64::from);
         let [w_mask, w_eikonal, w_sparsity] = self.weights;

@@ -37,6 +37,7 @@ fn step(gpu: &Arc<Gpu>, start: &NeuralSurface, rays: &Rays) -> (SurfaceLosses, N
         frame: ProjectiveFrame::UNIT,
         ambient: AmbientUse::Fraction,
         n_samples: rays.points.len(),
+        first_step: 0,
         first_rays: n_rays,
         max_rays: n_rays,
         half_step: 0.5 * lengths[0],
@@ -155,6 +156,7 @@ fn a_training_finds_a_plane_and_goes_on_from_where_it_was() {
         frame: ProjectiveFrame::UNIT,
         ambient: AmbientUse::Fraction,
         n_samples: 2000,
+        first_step: 0,
         first_rays: 16,
         max_rays: 128,
         half_step: 0.015,
@@ -170,6 +172,7 @@ fn a_training_finds_a_plane_and_goes_on_from_where_it_was() {
         surface.field().query(&[[0.4, 0.5, 0.52], [0.6, 0.5, 0.56]], &mut out);
         out
     };
+    let (mut half, mut half_ambient, mut half_occupancy) = (surface.clone(), ambient.clone(), occupancy.clone());
     let mut training = SurfaceTraining::new(&gpu, &surface, &ambient, &occupancy, &scene, 120).unwrap();
     let early = training.run(40).unwrap();
     assert!(early.n_rays > 16 && early.n_samples > 700, "{early:?}");
@@ -182,6 +185,19 @@ fn a_training_finds_a_plane_and_goes_on_from_where_it_was() {
     assert_eq!((surface.field().n_steps(), ambient.n_steps()), (120, 120));
     assert!((occupancy.occupied_fraction() - late.occupied).abs() < 1e-9);
     assert!(occupancy.is_occupied([0.5, 0.5, 0.54]) && !occupancy.is_occupied([0.5, 0.5, 0.1]));
+    // Stopped in the middle, it ends in the same way: draws, rates and the number of rays go on.
+    let mut first = SurfaceTraining::new(&gpu, &half, &half_ambient, &half_occupancy, &scene, 120).unwrap();
+    let middle = first.run(64).unwrap();
+    first.fetch(&mut half, &mut half_ambient, &mut half_occupancy).unwrap();
+    let wanted = middle.n_rays as f64 * (0.9 + 0.1 * scene.n_samples as f64 / middle.n_samples as f64);
+    let rest = RayScene { first_step: 64, first_rays: wanted as usize, ..scene };
+    let mut second = SurfaceTraining::new(&gpu, &half, &half_ambient, &half_occupancy, &rest, 120).unwrap();
+    let end = second.run(120).unwrap();
+    second.fetch(&mut half, &mut half_ambient, &mut half_occupancy).unwrap();
+    assert_eq!((second.done(), half.field().n_steps(), half_ambient.n_steps()), (120, 120, 120));
+    assert!(end.n_rays.abs_diff(late.n_rays) <= 2, "{late:?} {end:?}");
+    assert_close(&[end.inv_s as f32, end.losses.image as f32], &[late.inv_s as f32, late.losses.image as f32], 0.02);
+    assert_close(&depth(&half), &[before, behind], 0.02);
     // As if nothing had happened.
     let mut again = SurfaceTraining::new(&gpu, &surface, &ambient, &occupancy, &scene, 10).unwrap();
     let after = again.run(10).unwrap();

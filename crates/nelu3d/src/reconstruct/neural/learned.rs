@@ -66,13 +66,22 @@ impl Learned {
 
     /// Returns what a checkpoint holds, in its order.
     pub(super) fn parts(&self) -> [&dyn TrainingState; 3] {
-        [&self.surface, &self.ambient.field, &self.occupancy]
+        parts(&self.surface, &self.ambient, &self.occupancy)
     }
 
     /// Returns what a checkpoint holds, in its order, to be read.
     pub(super) fn parts_mut(&mut self) -> [&mut dyn TrainingState; 3] {
         [&mut self.surface, &mut self.ambient.field, &mut self.occupancy]
     }
+}
+
+/// Returns what a checkpoint holds, in its order.
+pub(super) fn parts<'a>(
+    surface: &'a NeuralSurface,
+    ambient: &'a AmbientField,
+    occupancy: &'a OccupancyGrid,
+) -> [&'a dyn TrainingState; 3] {
+    [surface, &ambient.field, occupancy]
 }
 
 /// Returns the signed distance field of a training of `n_steps` iterations.

@@ -31,11 +31,22 @@ pub struct TrainedParts<'a> {
     pub occupancy: &'a mut OccupancyGrid,
 }
 
-/// Receives a report and the number of iterations that are done; answers whether the loss is still a number.
-pub(super) type OnReport<'a> = dyn FnMut(&TrainingReport, usize) -> bool + 'a;
+/// What follows a training on a device.
+pub trait Follower {
+    /// Receives a report and the number of iterations that are done; answers whether the loss is still a number.
+    fn report(&mut self, report: &TrainingReport, done: usize) -> bool;
 
-/// Renders the depth map of what is trained so far.
-pub(super) type RenderDepth<'a> = dyn Fn(&TrainedParts<'_>) -> Vec<f32> + 'a;
+    /// Receives the state after `done` iterations, which the next goes on from with `n_rays` rays; `stopping` when no
+    /// more will come because the work is canceled.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be kept, which ends the training.
+    fn fetched(&mut self, parts: &TrainedParts<'_>, done: usize, n_rays: usize, stopping: bool) -> Result<(), Failure>;
+
+    /// Renders the depth map of what is trained so far, camera z in mm, 0 where there is none.
+    fn render_depth(&self, parts: &TrainedParts<'_>) -> Vec<f32>;
+}
 
 /// A scene as the device needs it.
 pub struct DeviceScene<'a> {
@@ -123,36 +134,38 @@ impl<'a> DeviceScene<'a> {
         }
     }
 
-    /// Trains what is in `parts`, and returns the number of iterations that are done and of the rays of the last: all,
-    /// or those up to the last checkpoint of a device that failed.
+    /// Trains what is in `parts` from `reached` on, the number of iterations that are done and of the rays of the next.
+    /// Returns how far it came: to `n_steps`, or to the last state fetched from a device that failed.
+    ///
+    /// # Errors
+    ///
+    /// The training diverged, was canceled, or a state could not be kept.
     pub fn train(
         &self,
         gpu: &Arc<Gpu>,
         parts: &mut TrainedParts<'_>,
+        mut reached: (usize, usize),
         n_steps: usize,
         cx: &mut Context<'_>,
-        on_report: &mut OnReport<'_>,
-        render_depth: &RenderDepth<'_>,
+        follower: &mut dyn Follower,
     ) -> Result<(usize, usize), Failure> {
-        let mut saved = (0, config::FIRST_RAYS);
-        match self.attempt(gpu, parts, n_steps, cx, on_report, render_depth, &mut saved) {
+        match self.attempt(gpu, parts, &mut reached, n_steps, cx, follower) {
             Ok(Ok(())) => {}
             Ok(Err(failure)) => return Err(failure),
-            Err(e) => cx.progress.warn(format!("{e}; training goes on from iteration {} on the CPU", saved.0)),
+            Err(e) => cx.progress.warn(format!("{e}; training goes on from iteration {} on the CPU", reached.0)),
         }
-        Ok(saved)
+        Ok(reached)
     }
 
-    /// Trains until the end or until the device fails; `saved` is how far [`Self::train`] came.
+    /// Trains until the end or until the device fails; `reached` is how far [`Self::train`] came.
     fn attempt(
         &self,
         gpu: &Arc<Gpu>,
         parts: &mut TrainedParts<'_>,
+        reached: &mut (usize, usize),
         n_steps: usize,
         cx: &mut Context<'_>,
-        on_report: &mut OnReport<'_>,
-        render_depth: &RenderDepth<'_>,
-        saved: &mut (usize, usize),
+        follower: &mut dyn Follower,
     ) -> Result<Result<(), Failure>, DeviceError> {
         let scene = RayScene {
             pixels: &self.pixels,
@@ -166,7 +179,8 @@ impl<'a> DeviceScene<'a> {
             frame: self.frame,
             ambient: self.ambient,
             n_samples: self.n_samples,
-            first_rays: config::FIRST_RAYS,
+            first_step: reached.0,
+            first_rays: reached.1,
             max_rays: config::MAX_RAYS,
             half_step: self.half_step,
             anneal_steps: self.anneal_steps,
@@ -175,8 +189,13 @@ impl<'a> DeviceScene<'a> {
         let mut training =
             SurfaceTraining::new(gpu, parts.surface, &parts.ambient.field, parts.occupancy, &scene, n_steps)?;
         while training.done() < n_steps {
-            if let Err(cancelled) = cx.stop_if_cancelled() {
-                return Ok(Err(cancelled));
+            if let Err(canceled) = cx.stop_if_cancelled() {
+                if training.done() > reached.0 {
+                    let report = training.report()?;
+                    self.fetch(&training, &report, parts, reached)?;
+                }
+                let kept = follower.fetched(parts, reached.0, reached.1, true);
+                return Ok(kept.and(Err(canceled)));
             }
             // The records are of the iterations after each hundredth, and of the last.
             let done = training.done();
@@ -186,22 +205,36 @@ impl<'a> DeviceScene<'a> {
             let until = record.min(shown).min(n_steps).min((done / CHECKPOINT + 1) * CHECKPOINT);
             let report = training.run(until)?;
             cx.progress.tick(until, n_steps);
-            if (until == record || until == n_steps) && !on_report(&report, until) {
+            if (until == record || until == n_steps) && !follower.report(&report, until) {
                 return Ok(Err(diverged(until)));
             }
             if until == shown || until.is_multiple_of(CHECKPOINT) || until == n_steps {
-                // Whole or not at all.
-                let mut surface = parts.surface.clone();
-                let mut ambient = parts.ambient.field.clone();
-                let mut occupancy = parts.occupancy.clone();
-                training.fetch(&mut surface, &mut ambient, &mut occupancy)?;
-                (*parts.surface, parts.ambient.field, *parts.occupancy) = (surface, ambient, occupancy);
-                *saved = (until, report.n_rays);
+                self.fetch(&training, &report, parts, reached)?;
+                if let Err(failure) = follower.fetched(parts, reached.0, reached.1, false) {
+                    return Ok(Err(failure));
+                }
                 if until == shown {
-                    cx.observe(Stage::Refine, until, || render_depth(parts));
+                    cx.observe(Stage::Refine, until, || follower.render_depth(parts));
                 }
             }
         }
         Ok(Ok(()))
+    }
+
+    /// Brings back what was trained, whole or not at all, and how far it is.
+    fn fetch(
+        &self,
+        training: &SurfaceTraining,
+        report: &TrainingReport,
+        parts: &mut TrainedParts<'_>,
+        reached: &mut (usize, usize),
+    ) -> Result<(), DeviceError> {
+        let mut surface = parts.surface.clone();
+        let mut ambient = parts.ambient.field.clone();
+        let mut occupancy = parts.occupancy.clone();
+        training.fetch(&mut surface, &mut ambient, &mut occupancy)?;
+        (*parts.surface, parts.ambient.field, *parts.occupancy) = (surface, ambient, occupancy);
+        *reached = (training.done(), config::next_ray_count(report.n_rays, report.n_samples, self.n_samples));
+        Ok(())
     }
 }

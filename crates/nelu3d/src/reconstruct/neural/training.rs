@@ -1,7 +1,12 @@
 //! The training of recipe `paper`: on a GPU, on the CPU, or begun on a GPU that fails and ended on the CPU.
 
 #[cfg(feature = "gpu")]
+use std::time::{Duration, Instant};
+
+#[cfg(feature = "gpu")]
 use nelu3d_field::device::Device;
+#[cfg(feature = "gpu")]
+use nelu3d_field::gpu::TrainingReport;
 use nelu3d_field::occupancy::OccupancyGrid;
 use nelu3d_field::surface::NeuralSurface;
 
@@ -10,9 +15,11 @@ use super::checkpoint::{Checkpoint, Reached};
 use super::codewords::Codewords;
 use super::config;
 use super::importance;
+#[cfg(feature = "gpu")]
+use super::learned;
 use super::learned::Learned;
 #[cfg(feature = "gpu")]
-use super::on_gpu;
+use super::on_gpu::{DeviceScene, Follower, TrainedParts};
 use super::record::{IterationCounts, TrainingRecord, diverged, is_observed_after};
 use super::view::{self, RenderedView};
 use crate::color_field::CameraRays;
@@ -42,7 +49,7 @@ impl Training<'_> {
     /// Trains all iterations.
     pub(super) fn run(&mut self, cx: &mut Context<'_>) -> Result<(), Failure> {
         #[cfg(feature = "gpu")]
-        if self.reached.done == 0 {
+        if self.reached.done < self.n_steps {
             self.run_on_gpu(cx)?;
         }
         self.run_on_cpu(cx)
@@ -57,10 +64,6 @@ impl Training<'_> {
             cx.progress.warn("recipe `paper` is trained on the CPU, where form `published` is queried");
             return Ok(());
         }
-        if self.checkpoint.is_some() {
-            cx.progress.warn("a training with a checkpoint is done on the CPU: a GPU's state is not kept");
-            return Ok(());
-        }
         let (scene, pixels, opts) = (self.scene, self.pixels, self.opts);
         if importance::per_ray(opts.paper.samples, opts.paper.ray_samples).is_some() {
             cx.progress.warn(format!(
@@ -70,27 +73,16 @@ impl Training<'_> {
                 config::PUBLISHED_SAMPLES
             ));
         }
-        let on_device = on_gpu::DeviceScene::new(pixels, scene, &opts.paper, self.n_steps, opts.seed);
-        let (records, unit_mm) = (&mut self.reached.records, pixels.bounds.unit_mm);
-        let mut on_report = |report: &nelu3d_field::gpu::TrainingReport, done: usize| {
-            let counts = IterationCounts {
-                inv_s_per_mm: report.inv_s / unit_mm,
-                rays: report.n_rays,
-                samples: report.n_samples,
-                occupied: report.occupied,
-            };
-            records.push(TrainingRecord::new(done, &report.losses, counts));
-            report.losses.total.is_finite()
-        };
-        let mut parts = on_gpu::TrainedParts {
-            surface: &mut self.learned.surface,
-            ambient: &mut self.learned.ambient,
-            occupancy: &mut self.learned.occupancy,
-        };
-        let (done, n_rays) = on_device.train(&gpu, &mut parts, self.n_steps, cx, &mut on_report, &|parts| {
-            render_view(parts.surface, pixels, &scene.rays, parts.occupancy, scene.measurements.n()).depth
-        })?;
+        let on_device = DeviceScene::new(pixels, scene, &opts.paper, self.n_steps, opts.seed);
+        let Learned { surface, ambient, occupancy } = &mut self.learned;
+        let mut parts = TrainedParts { surface, ambient, occupancy };
+        let from = (self.reached.done, self.reached.n_rays);
+        let mut kept =
+            Kept { scene, pixels, reached: &mut self.reached, checkpoint: self.checkpoint, last: Instant::now() };
+        let (done, n_rays) = on_device.train(&gpu, &mut parts, from, self.n_steps, cx, &mut kept)?;
         (self.reached.done, self.reached.n_rays) = (done, n_rays);
+        // What a device that failed did after the last state that was fetched is done again.
+        self.reached.records.retain(|r| r.iteration <= done);
         Ok(())
     }
 
@@ -160,6 +152,50 @@ impl Training<'_> {
     pub(super) fn render_view(&self) -> RenderedView {
         let (rays, n) = (&self.scene.rays, self.scene.measurements.n());
         render_view(&self.learned.surface, self.pixels, rays, &self.learned.occupancy, n)
+    }
+}
+
+/// What is recorded and kept of a training on a device.
+#[cfg(feature = "gpu")]
+struct Kept<'a> {
+    scene: &'a Scene<'a>,
+    pixels: &'a TrainingPixels,
+    reached: &'a mut Reached,
+    checkpoint: Option<&'a Checkpoint>,
+    /// When the checkpoint was written, or the training began.
+    last: Instant,
+}
+
+/// Time between two checkpoints of a device's state: writing one takes as long as a hundred iterations.
+#[cfg(feature = "gpu")]
+const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(30);
+
+#[cfg(feature = "gpu")]
+impl Follower for Kept<'_> {
+    fn report(&mut self, report: &TrainingReport, done: usize) -> bool {
+        let counts = IterationCounts {
+            inv_s_per_mm: report.inv_s / self.pixels.bounds.unit_mm,
+            rays: report.n_rays,
+            samples: report.n_samples,
+            occupied: report.occupied,
+        };
+        self.reached.records.push(TrainingRecord::new(done, &report.losses, counts));
+        report.losses.total.is_finite()
+    }
+
+    fn fetched(&mut self, parts: &TrainedParts<'_>, done: usize, n_rays: usize, stopping: bool) -> Result<(), Failure> {
+        (self.reached.done, self.reached.n_rays) = (done, n_rays);
+        let Some(checkpoint) = self.checkpoint else { return Ok(()) };
+        if done > 0 && (stopping || self.last.elapsed() >= BETWEEN_CHECKPOINTS) {
+            checkpoint.save(self.reached, &learned::parts(parts.surface, parts.ambient, parts.occupancy))?;
+            self.last = Instant::now();
+        }
+        Ok(())
+    }
+
+    fn render_depth(&self, parts: &TrainedParts<'_>) -> Vec<f32> {
+        let (rays, n) = (&self.scene.rays, self.scene.measurements.n());
+        render_view(parts.surface, self.pixels, rays, parts.occupancy, n).depth
     }
 }
 

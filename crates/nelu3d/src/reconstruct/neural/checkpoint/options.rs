@@ -11,10 +11,11 @@ use super::identity::Identity;
 #[cfg_attr(feature = "clap", derive(clap::Args))]
 pub struct CheckpointOptions {
     /// Keep the state of the training in this file, and go on from it if it is there: an interrupted training ends with
-    /// the result of an uninterrupted one; the file is removed at the end (on the CPU)
+    /// the result of an uninterrupted one; the file is removed at the end
     #[cfg_attr(feature = "clap", arg(id = "checkpoint", long = "checkpoint", value_name = "FILE"))]
     pub path: Option<PathBuf>,
-    /// Number of iterations between two writings of that file
+    /// Number of iterations between two writings of that file (on the CPU; of a GPU's state every half minute, and when
+    /// the program is asked to stop)
     #[cfg_attr(feature = "clap", arg(id = "checkpoint-every", long = "checkpoint-every", value_name = "N"))]
     #[cfg_attr(feature = "clap", arg(default_value_t = Self::default().every))]
     pub every: usize,

@@ -1,13 +1,14 @@
 use nelu3d::progress::Progress;
-use nelu3d::reconstruct::neural::on_gpu::{DeviceScene, TrainedParts};
+use nelu3d::reconstruct::neural::on_gpu::{DeviceScene, Follower, TrainedParts};
 use nelu3d::reconstruct::neural::start::Start;
 use nelu3d::reconstruct::neural::{Ambient, AmbientField, config};
-use nelu3d::reconstruct::{Context, Observer, Stage};
+use nelu3d::reconstruct::{Context, Failure, Observer, Stage};
 use nelu3d_field::device::Choice;
 use nelu3d_field::encoding::hash_grid::HashGridConfig;
 use nelu3d_field::gpu::{AmbientUse, Gpu, RayScene, ScenePixel, TrainingReport};
 use nelu3d_field::lattice::{Lattice, ProjectiveFrame};
 use nelu3d_field::occupancy::{OccupancyConfig, OccupancyGrid};
+use std::sync::Arc;
 
 /// The last iteration that was observed.
 struct LastIteration(usize);
@@ -15,6 +16,32 @@ struct LastIteration(usize);
 impl Observer for LastIteration {
     fn surface(&mut self, _: Stage, iteration: usize, _: &[f32]) {
         self.0 = iteration;
+    }
+}
+
+/// Pulls the plug at the second report.
+struct Plug {
+    gpu: Arc<Gpu>,
+    reports: Vec<usize>,
+    fetched: Vec<(usize, usize, bool)>,
+}
+
+impl Follower for Plug {
+    fn report(&mut self, report: &TrainingReport, done: usize) -> bool {
+        self.reports.push(done);
+        if done > 1 {
+            self.gpu.destroy();
+        }
+        report.losses.total.is_finite()
+    }
+
+    fn fetched(&mut self, _: &TrainedParts<'_>, done: usize, n_rays: usize, stopping: bool) -> Result<(), Failure> {
+        self.fetched.push((done, n_rays, stopping));
+        Ok(())
+    }
+
+    fn render_depth(&self, _: &TrainedParts<'_>) -> Vec<f32> {
+        Vec::new()
     }
 }
 
@@ -59,21 +86,14 @@ fn a_lost_gpu_hands_over_to_the_cpu() {
         seed: 1,
     };
     let mut parts = TrainedParts { surface: &mut surface, ambient: &mut ambient, occupancy: &mut occupancy };
-    let plug = gpu.clone();
-    let mut reports = Vec::new();
-    let mut on_report = |report: &TrainingReport, done: usize| {
-        reports.push(done);
-        if done > 1 {
-            plug.destroy();
-        }
-        report.losses.total.is_finite()
-    };
+    let mut plug = Plug { gpu: gpu.clone(), reports: Vec::new(), fetched: Vec::new() };
     let (progress, mut observer) = (Progress::none(), LastIteration(0));
     let mut cx = Context::new(&progress, Choice::Cpu).unwrap().with_observer(Some(&mut observer));
-    let (done, n_rays) = scene.train(&gpu, &mut parts, 300, &mut cx, &mut on_report, &|_| Vec::new()).unwrap();
+    let (done, n_rays) = scene.train(&gpu, &mut parts, (0, 16), 300, &mut cx, &mut plug).unwrap();
     drop(cx);
     // Observed after 100 iterations, lost after 101.
-    assert_eq!((reports.as_slice(), observer.0, done), ([1, 101].as_slice(), 100, 100));
+    assert_eq!((plug.reports.as_slice(), observer.0, done), ([1, 101].as_slice(), 100, 100));
+    assert_eq!(plug.fetched.last(), Some(&(100, n_rays, false)));
     assert!(n_rays >= 16);
     assert_eq!(surface.field().n_steps(), 100);
     assert!(surface.field().params() != before && surface.field().params().iter().all(|p| p.is_finite()));
