@@ -118,9 +118,15 @@ def main():
             if paper:
                 out = folder / "paper"
                 arguments = ["--recipe", "paper", "--steps", iterations, "--samples", samples, "--device", device, "-o", out]
+                truth = rig / "scenes" / scene / "truth"
+                arguments += ["--truth", truth] if truth.is_dir() else []
                 run(program, "reconstruct", rig, scene, "--field", field, *arguments)
                 training = stage(out, "volume rendering") * scale
                 text = f"{training:.1f} s of training" + (f" (scaled up from {iterations} iterations)" if scale > 1 else "")
+                if truth.is_dir():
+                    metrics = json.loads((out / "result.json").read_text())["metrics"]
+                    mae, body = metrics["whole"]["depth_mm"]["mae"], metrics["body"]["depth_mm"]["median"]
+                    text += f", MAE {mae:.3f} mm, body's median {body:.3f}"
                 row(f"{label} {scene}: paper, {ITERATIONS} iterations", text, device)
                 if torch:
                     row(f"the same in PyTorch, {ITERATIONS} steps", f"{torch * ITERATIONS:.0f} s", options.torch_device)
