@@ -18,6 +18,7 @@ mod defects;
 mod drift;
 mod errors;
 mod experiment;
+mod flash;
 #[cfg(feature = "capture")]
 mod follow;
 mod import;

@@ -99,6 +99,10 @@ pub struct FastDiagnostics {
     pub losses: Vec<f32>,
     /// Albedo per color channel, as far as interreflection determines it; 0 without gathered light.
     pub albedo: Vec<f32>,
+    /// Where the flash was found to be from the patterns' light, across the light's direction, mm in the camera's frame;
+    /// 0 where it is not told apart from it, `None` where that cannot be told (the light is not known, one or two
+    /// patterns).
+    pub flash_offset_mm: Option<[f64; 3]>,
     /// Median over the valid pixels of the median absolute residual, normalized intensity.
     pub median_residual: f32,
 }

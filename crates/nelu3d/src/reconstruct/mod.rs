@@ -202,6 +202,7 @@ fn diagnose(initial: &Initial, refined: &Refined, depth: &[f32], fast: FastSetti
         crosstalk: initial.crosstalk,
         losses: refined.losses.clone(),
         albedo: refined.albedo.clone(),
+        flash_offset_mm: refined.flash_offset_mm,
         median_residual: median(&mut residuals).expect("a surface has valid pixels"),
     }
 }

@@ -17,6 +17,7 @@ pub mod blocks;
 #[doc(hidden)]
 pub mod coarse;
 mod demand;
+mod flash_offset;
 #[doc(hidden)]
 pub mod interreflection;
 #[doc(hidden)]
@@ -126,7 +127,7 @@ impl Steps<'_, '_> {
                 progress.measure("gathering", || ((), r.gather_interreflection(&slopes)));
             }
             progress.measure("bands", || ((), r.render(&slopes, settings.width_mm(step))));
-            progress.measure("light fractions", || (r.update_fractions(), demand.fractions()));
+            progress.measure("light fractions", || (r.update_fractions(&slopes, step), demand.fractions()));
             self.losses.push(progress.measure("data term", || (r.linearize(), demand.data_term())));
             progress.measure("prior", || (r.reweight(step), demand.prior()));
             let change = progress.measure("solver", || {

@@ -20,6 +20,8 @@ pub struct Refined {
     pub(crate) losses: Vec<f32>,
     /// Albedo per color channel, as far as interreflection determines it; 0 without gathered light.
     pub(crate) albedo: Vec<f32>,
+    /// Where the flash is from the patterns' light, mm in the camera's frame; `None` where it was not asked for.
+    pub(crate) flash_offset_mm: Option<[f64; 3]>,
 }
 
 impl Refined {
@@ -36,6 +38,7 @@ impl Refined {
             abs_residual: nan(),
             losses,
             albedo,
+            flash_offset_mm: None,
         }
     }
 }

@@ -8,6 +8,7 @@ use nelu3d_scan::statistics::median;
 use rayon::prelude::*;
 
 use super::bands::Bands;
+use super::flash_offset::FlashOffset;
 use super::interreflection::{GatherSurface, gather};
 use super::light_fractions::LightFractions;
 use super::refined::Refined;
@@ -16,6 +17,7 @@ use super::slopes::{cosine, slopes};
 use super::thin_plate::ThinPlatePrior;
 use super::uncertainty::{self, Information, Nuisances, Posterior, systematic};
 use super::window::Window;
+use crate::color_field::frame::Center;
 use crate::color_field::{ColorField, SplineEvaluator};
 use crate::reconstruct::initialize::InitialDepth;
 use crate::reconstruct::light_fractions::LightFractionPrior;
@@ -60,6 +62,8 @@ pub(super) struct Refinement<'a> {
     prior: ThinPlatePrior,
     /// Light fractions of the pixels.
     fractions: LightFractions<'a>,
+    /// Where the flash is from the patterns' light, if it is known where that is.
+    flash: Option<FlashOffset<'a>>,
     data: DataTerm,
     /// What a pixel's information about depth is worth beside what its noise says: see [`trust`].
     trust: f32,
@@ -104,6 +108,7 @@ impl<'a> Refinement<'a> {
         };
         let bands = Bands::new(window.w, k, active, &x, line);
         let radius = (m.image[0] / settings.ambient_radius_divisor).max(2);
+        let light = scene.rays.frame.center().filter(|_| scene.field.metadata.center == Center::Light && k > 2);
         Self {
             scene,
             spline: scene.spline(),
@@ -117,6 +122,7 @@ impl<'a> Refinement<'a> {
             x,
             prior: ThinPlatePrior::new(window.w, window.h, active.to_vec()),
             fractions: LightFractions::new(m, window, active, channels, fractions, radius),
+            flash: light.map(|light| FlashOffset::new(&scene.rays, window, active, light, f64::from(mid))),
             data: DataTerm { h: vec![0.0; n], g: vec![0.0; n], chi2: vec![0.0; n] },
             trust: trust(scene.field),
             rendered: vec![0.0; n * 2 * k],
@@ -161,9 +167,16 @@ impl<'a> Refinement<'a> {
         demand
     }
 
-    /// Estimates the light fractions anew.
-    pub(super) fn update_fractions(&mut self) {
+    /// Estimates the light fractions anew, and the flash's offset once the surface has lost the decoder's noise.
+    pub(super) fn update_fractions(&mut self, slopes: &[[f32; 2]], step: usize) {
         self.fractions.update(&self.rendered);
+        if step >= self.settings.first_gather
+            && let Some(flash) = &mut self.flash
+        {
+            let (x, mid, unit) = (&self.x, self.mid, self.unit);
+            let (inv_z, slope) = (|i: usize| mid + unit * x[i], |i: usize| slopes[i].map(|s| s * unit));
+            flash.update(&self.rendered, &self.scene.measurements, &self.fractions, inv_z, slope);
+        }
     }
 
     /// Renders the narrow band of every pixel: c and its slope per unit of the unknown. `width` is 1/inv_s, mm.
@@ -176,7 +189,12 @@ impl<'a> Refinement<'a> {
             let stretch = width / cosine(slopes[i], unit, inv_z, rays.focal_px);
             stretch * inv_z * inv_z * rays.dir_z(window.at(i)) / unit
         };
-        self.bands.render(&self.spline, self.active, x, spread, &mut self.rendered)
+        let demand = self.bands.render(&self.spline, self.active, x, spread, &mut self.rendered);
+        if let Some(flash) = &self.flash {
+            let k = self.scene.measurements.k;
+            flash.apply(&mut self.rendered, k, |i| mid + unit * x[i], |i| slopes[i].map(|s| s * unit));
+        }
+        demand
     }
 
     /// Returns the unweighted residual (model − measured) of channel `j` at pixel `i` of the window, pixel `px` of the
@@ -300,6 +318,7 @@ impl<'a> Refinement<'a> {
         let (m, k, channels) = (&self.scene.measurements, self.scene.measurements.k, self.channels);
         let sigma = self.sigma();
         let mut out = Refined::empty(m.n(), losses, self.fractions.albedo.clone());
+        out.flash_offset_mm = self.flash.as_ref().map(|flash| flash.mm().into());
         let mut residuals = Vec::with_capacity(k);
         for i in (0..self.x.len()).filter(|i| self.active[*i]) {
             let px = self.window.at(i);
