@@ -18,7 +18,6 @@ mod defects;
 mod drift;
 mod errors;
 mod experiment;
-mod flash;
 #[cfg(feature = "capture")]
 mod follow;
 mod import;
@@ -28,5 +27,6 @@ mod patterns;
 #[cfg(feature = "capture")]
 mod response;
 mod resume;
+mod scene_light;
 mod sequence;
 mod table;

@@ -99,6 +99,8 @@ pub struct FastDiagnostics {
     pub losses: Vec<f32>,
     /// Albedo per color channel, as far as interreflection determines it; 0 without gathered light.
     pub albedo: Vec<f32>,
+    /// Crosstalk that was left beside that one and told by all pixels together; `None` where it was not asked for.
+    pub mixing_left: Option<CrosstalkMatrix>,
     /// Where the flash was found to be from the patterns' light, across the light's direction, mm in the camera's frame;
     /// 0 where it is not told apart from it, `None` where that cannot be told (the light is not known, one or two
     /// patterns).

@@ -167,7 +167,8 @@ fn fast(
     if initial.decoded.is_some() {
         settings = settings.after_previous_frame(opts);
     }
-    let refined = refine(&scene, &initial.depth, &settings.refine, &settings.light_fractions, cx)?;
+    let board = initial.crosstalk.and_then(|_| scene.board_white());
+    let refined = refine(&scene, &initial.depth, &settings.refine, (&settings.light_fractions, board), cx)?;
     let (progress, n, k) = (cx.progress, scene.measurements.n(), scene.measurements.k);
     let (step, prior) = (initial.depth.step, settings.light_fractions);
     let depth = progress.measure("filter", || {
@@ -202,6 +203,7 @@ fn diagnose(initial: &Initial, refined: &Refined, depth: &[f32], fast: FastSetti
         crosstalk: initial.crosstalk,
         losses: refined.losses.clone(),
         albedo: refined.albedo.clone(),
+        mixing_left: refined.crosstalk,
         flash_offset_mm: refined.flash_offset_mm,
         median_residual: median(&mut residuals).expect("a surface has valid pixels"),
     }

@@ -121,28 +121,8 @@ impl<'a> LightFractions<'a> {
         }
     }
 
-    /// Returns what tells the factor of direct light at pixel `i` of the window, pixel `px` of the image: information on
-    /// it, and the residual along it, of what no change of depth explains.
-    pub(super) fn change_by_factor(&self, i: usize, px: usize, rendered: &[f32]) -> [f32; 2] {
-        let (m, k, channels) = (self.m, self.m.k, self.channels);
-        // Overlaps of slope d, direct light b and residual r: dd, db, dr, bb, br.
-        let (mut q, mut chi2) = ([0.0f32; 5], 0.0);
-        for j in 0..k {
-            let direct = 1.0 - self.of_pixels[i * channels + j % channels].sum();
-            let (c, d) = (rendered[i * 2 * k + j], direct * rendered[i * 2 * k + k + j]);
-            let (b, iv) = (direct * c, m.inv_var[px * k + j]);
-            let r = m.p[px * k + j] - self.explain(i, px, j, c);
-            for (q, v) in q.iter_mut().zip([d * d, d * b, d * r, b * b, b * r]) {
-                *q += iv * v;
-            }
-            chi2 += iv * r * r;
-        }
-        let (weight, depth) = (self.weight(chi2), 1.0 / (q[0] + 1e-9));
-        [weight * (q[3] - q[1] * q[1] * depth), weight * (q[4] - q[1] * q[2] * depth)]
-    }
-
     /// Returns the weight of a pixel in estimates: a codeword that nothing explains counts little.
-    fn weight(&self, chi2: f32) -> f32 {
+    pub(super) fn weight(&self, chi2: f32) -> f32 {
         let robust = 1.0 / (1.0 + chi2 / (30.0 * self.m.independent));
         robust * robust
     }

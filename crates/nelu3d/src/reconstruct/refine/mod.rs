@@ -17,13 +17,13 @@ pub mod blocks;
 #[doc(hidden)]
 pub mod coarse;
 mod demand;
-mod flash_offset;
 #[doc(hidden)]
 pub mod interreflection;
 #[doc(hidden)]
 pub mod light_fractions;
 mod refined;
 mod refinement;
+mod scene_light;
 mod settings;
 mod slopes;
 #[doc(hidden)]
@@ -46,16 +46,17 @@ use refinement::Refinement;
 pub use settings::RefineSettings;
 use window::Window;
 
-/// Refines the initial surface of a scene: in a reduced image first, if it has a million pixels.
+/// Refines the initial surface of a scene: in a reduced image first, if it has a million pixels. `fractions` is the prior
+/// of light fractions, `board` the board's white − black per channel, where crosstalk may be looked for.
 pub(crate) fn refine(
     scene: &Scene<'_>,
     initial: &InitialDepth,
     settings: &RefineSettings,
-    fractions: &LightFractionPrior,
+    (fractions, board): (&LightFractionPrior, Option<[f32; 3]>),
     cx: &mut Context<'_>,
 ) -> Result<Refined, Failure> {
     cx.clock.begin("refine the surface");
-    let mut steps = Steps { losses: Vec::new(), all: settings.steps, prior: fractions, cx };
+    let mut steps = Steps { losses: Vec::new(), all: settings.steps, prior: fractions, board, cx };
     let Some(factor) = coarse::factor(initial, settings) else {
         let refined = steps.take(scene, initial, settings, |depth| depth, |r, losses| r.finish(losses));
         cx.stop_if_cancelled()?;
@@ -95,6 +96,7 @@ struct Steps<'a, 'b> {
     /// Number of steps that there may be.
     all: usize,
     prior: &'a LightFractionPrior,
+    board: Option<[f32; 3]>,
     cx: &'a mut Context<'b>,
 }
 
@@ -113,7 +115,7 @@ impl Steps<'_, '_> {
         let window = Window::around(&initial.inv_z, scene.camera.width).expect("the initial surface has a pixel");
         let active: Vec<bool> =
             (0..window.n()).map(|i| !window.in_ring(i) && initial.inv_z[window.at(i)].is_finite()).collect();
-        let mut r = Refinement::new(scene, initial, settings, self.prior, &window, &active);
+        let mut r = Refinement::new(scene, initial, settings, (self.prior, self.board), &window, &active);
         let m = &scene.measurements;
         let demand = WindowDemand { n: window.n(), k: m.k, channels: scene.white.channels };
         for step in 0..settings.steps {

@@ -1,5 +1,7 @@
 //! The result of the refinement.
 
+use crate::sensor::CrosstalkMatrix;
+
 /// A refined surface. All maps have the whole image's size, row by row.
 pub struct Refined {
     /// Inverse depth 1/z, 1/mm; NaN where there is none.
@@ -22,6 +24,8 @@ pub struct Refined {
     pub(crate) albedo: Vec<f32>,
     /// Where the flash is from the patterns' light, mm in the camera's frame; `None` where it was not asked for.
     pub(crate) flash_offset_mm: Option<[f64; 3]>,
+    /// Crosstalk that the measurements were not cleared of; `None` where it was not asked for.
+    pub(crate) crosstalk: Option<CrosstalkMatrix>,
 }
 
 impl Refined {
@@ -39,6 +43,7 @@ impl Refined {
             losses,
             albedo,
             flash_offset_mm: None,
+            crosstalk: None,
         }
     }
 }

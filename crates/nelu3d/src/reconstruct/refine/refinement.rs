@@ -8,10 +8,10 @@ use nelu3d_scan::statistics::median;
 use rayon::prelude::*;
 
 use super::bands::Bands;
-use super::flash_offset::FlashOffset;
 use super::interreflection::{GatherSurface, gather};
 use super::light_fractions::LightFractions;
 use super::refined::Refined;
+use super::scene_light::SceneLight;
 use super::settings::RefineSettings;
 use super::slopes::{cosine, slopes};
 use super::thin_plate::ThinPlatePrior;
@@ -62,8 +62,8 @@ pub(super) struct Refinement<'a> {
     prior: ThinPlatePrior,
     /// Light fractions of the pixels.
     fractions: LightFractions<'a>,
-    /// Where the flash is from the patterns' light, if it is known where that is.
-    flash: Option<FlashOffset<'a>>,
+    /// What changes the codewords of the whole scene.
+    scene_light: SceneLight<'a>,
     data: DataTerm,
     /// What a pixel's information about depth is worth beside what its noise says: see [`trust`].
     trust: f32,
@@ -91,7 +91,7 @@ impl<'a> Refinement<'a> {
         scene: &'a Scene<'a>,
         initial: &InitialDepth,
         settings: &'a RefineSettings,
-        fractions: &LightFractionPrior,
+        (fractions, board): (&LightFractionPrior, Option<[f32; 3]>),
         window: &'a Window,
         active: &'a [bool],
     ) -> Self {
@@ -108,7 +108,7 @@ impl<'a> Refinement<'a> {
         };
         let bands = Bands::new(window.w, k, active, &x, line);
         let radius = (m.image[0] / settings.ambient_radius_divisor).max(2);
-        let light = scene.rays.frame.center().filter(|_| scene.field.metadata.center == Center::Light && k > 2);
+        let light = scene.rays.frame.center().filter(|_| scene.field.metadata.center == Center::Light);
         Self {
             scene,
             spline: scene.spline(),
@@ -122,7 +122,7 @@ impl<'a> Refinement<'a> {
             x,
             prior: ThinPlatePrior::new(window.w, window.h, active.to_vec()),
             fractions: LightFractions::new(m, window, active, channels, fractions, radius),
-            flash: light.map(|light| FlashOffset::new(&scene.rays, window, active, light, f64::from(mid))),
+            scene_light: SceneLight::new(m, &scene.rays, window, active, (light, mid), board),
             data: DataTerm { h: vec![0.0; n], g: vec![0.0; n], chi2: vec![0.0; n] },
             trust: trust(scene.field),
             rendered: vec![0.0; n * 2 * k],
@@ -167,15 +167,14 @@ impl<'a> Refinement<'a> {
         demand
     }
 
-    /// Estimates the light fractions anew, and the flash's offset once the surface has lost the decoder's noise.
+    /// Estimates the light fractions anew, and what changes the whole scene's light once the surface has lost the
+    /// decoder's noise.
     pub(super) fn update_fractions(&mut self, slopes: &[[f32; 2]], step: usize) {
         self.fractions.update(&self.rendered);
-        if step >= self.settings.first_gather
-            && let Some(flash) = &mut self.flash
-        {
+        if step >= self.settings.first_gather {
             let (x, mid, unit) = (&self.x, self.mid, self.unit);
-            let (inv_z, slope) = (|i: usize| mid + unit * x[i], |i: usize| slopes[i].map(|s| s * unit));
-            flash.update(&self.rendered, &self.scene.measurements, &self.fractions, inv_z, slope);
+            let depths = |i: usize| (mid + unit * x[i], slopes[i].map(|s| s * unit));
+            self.scene_light.update(&self.rendered, &self.fractions, depths);
         }
     }
 
@@ -190,10 +189,7 @@ impl<'a> Refinement<'a> {
             stretch * inv_z * inv_z * rays.dir_z(window.at(i)) / unit
         };
         let demand = self.bands.render(&self.spline, self.active, x, spread, &mut self.rendered);
-        if let Some(flash) = &self.flash {
-            let k = self.scene.measurements.k;
-            flash.apply(&mut self.rendered, k, |i| mid + unit * x[i], |i| slopes[i].map(|s| s * unit));
-        }
+        self.scene_light.change(&mut self.rendered, |i| (mid + unit * x[i], slopes[i].map(|s| s * unit)));
         demand
     }
 
@@ -318,7 +314,7 @@ impl<'a> Refinement<'a> {
         let (m, k, channels) = (&self.scene.measurements, self.scene.measurements.k, self.channels);
         let sigma = self.sigma();
         let mut out = Refined::empty(m.n(), losses, self.fractions.albedo.clone());
-        out.flash_offset_mm = self.flash.as_ref().map(|flash| flash.mm().into());
+        (out.flash_offset_mm, out.crosstalk) = (self.scene_light.flash_offset_mm(), self.scene_light.crosstalk());
         let mut residuals = Vec::with_capacity(k);
         for i in (0..self.x.len()).filter(|i| self.active[*i]) {
             let px = self.window.at(i);
