@@ -19,8 +19,8 @@ fn spec(offset_mm: f64, mixing: [[f64; 3]; 3]) -> Spec {
     spec.camera.color_mixing = mixing;
     let LightSpec::Film(film) = &mut spec.light else { panic!("film") };
     film.flash_offset_mm = [offset_mm, 0.0, 0.0];
-    let ball = "name = \"ball\"\nblack = false\n[[objects]]\nposition_mm = [0.0, 0.0, 700.0]\nshape = { kind = \"sphere\", \
-                radius_mm = 52.0 }\nalbedo = { kind = \"waves\", from = [0.85, 0.6, 0.35], to = [0.4, 0.7, 0.8], period_mm = \
+    let ball = "name = \"ball\"\nblack = false\n[[objects]]\nposition_mm = [0.0, 0.0, 735.0]\nshape = { kind = \"sphere\", \
+                radius_mm = 72.0 }\nalbedo = { kind = \"waves\", from = [0.85, 0.6, 0.35], to = [0.4, 0.7, 0.8], period_mm = \
                 45.0 }\n";
     spec.scenes.push(toml::from_str(ball).expect("a scene"));
     spec
@@ -58,11 +58,10 @@ fn a_flash_beside_the_film_and_a_little_crosstalk_are_found_and_taken_out() {
     let toward: [f64; 3] = [170.0, -20.0, -640.0].map(|v| v / 662.5);
     let across: [f64; 3] = std::array::from_fn(|i| if i == 0 { 12.0 } else { 0.0 } - 12.0 * toward[0] * toward[i]);
     let off = (0..3).map(|i| (offset[i] - across[i]).powi(2)).sum::<f64>().sqrt();
-    assert!(off < 3.0, "{offset:?} instead of {across:?}");
-    for (i, row) in LITTLE.iter().enumerate() {
-        for (j, truth) in row.iter().enumerate() {
-            assert!((mixing[i][j] - truth).abs() < 0.06, "{i},{j}: {} of {truth}", mixing[i][j]);
-        }
+    assert!(off < 2.0, "{offset:?} instead of {across:?}");
+    for (i, j) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
+        let (found, truth) = (mixing[i][j], LITTLE[i][j]);
+        assert!((found - truth).abs() < 0.04, "{i},{j}: {found} of {truth}");
     }
-    assert!(error < 1.4 * least, "{error} where there is both, {least} without");
+    assert!(error < 1.25 * least, "{error} where there is both, {least} without");
 }

@@ -30,7 +30,7 @@ const MIN_PART: usize = 8;
 const MAX_PIXELS: usize = 60_000;
 /// Squared parameters over their variance, per parameter, up to which nothing is applied; all of it is from twice that
 /// on. Squares share errors, too.
-const BY_CHANCE: f64 = 8.0;
+const BY_CHANCE: f64 = 12.0;
 /// Prior standard deviations: of the flash's offset as a part of the distance to the light, of the constant factor, of
 /// an entry of the crosstalk matrix.
 const PRIOR: [f64; 3] = [0.05, 0.01, 0.1];
