@@ -27,7 +27,7 @@ const MIN_SQUARES: usize = 12;
 /// Least part of a square's pixels that have a surface.
 const MIN_PART: usize = 8;
 /// Most pixels that are looked at, about.
-const MAX_PIXELS: usize = 60_000;
+const MAX_PIXELS: usize = 20_000;
 /// Squared parameters over their variance, per parameter, up to which nothing is applied; all of it is from twice that
 /// on. Squares share errors, too.
 const BY_CHANCE: f64 = 12.0;
