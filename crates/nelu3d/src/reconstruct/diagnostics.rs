@@ -103,7 +103,7 @@ pub struct FastDiagnostics {
     pub mixing_left: Option<CrosstalkMatrix>,
     /// Where the flash was found to be from the patterns' light, across the light's direction, mm in the camera's frame;
     /// 0 where it is not told apart from it, `None` where that cannot be told (the light is not known, one or two
-    /// patterns).
+    /// patterns). Of a plane, it cannot be told from a factor of all light that changes across the picture.
     pub flash_offset_mm: Option<[f64; 3]>,
     /// Median over the valid pixels of the median absolute residual, normalized intensity.
     pub median_residual: f32,

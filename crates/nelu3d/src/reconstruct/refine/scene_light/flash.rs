@@ -83,6 +83,7 @@ impl<'a> Flash<'a> {
 
     /// Returns the offset, mm in the camera's frame.
     pub(super) fn mm(&self) -> Vector3<f64> {
-        self.across[0] * self.applied.x + self.across[1] * self.applied.y
+        // No negative zeros.
+        (self.across[0] * self.applied.x + self.across[1] * self.applied.y).add_scalar(0.0)
     }
 }
