@@ -6,8 +6,8 @@
 
 Runs the built program: ceilings and phases of a training step (`nelu3d bench`), calibration, recipe `fast`, recipe `paper`, a
 2-megapixel virtual scene, and a film sequence, each on the device and on the CPU in turns, next to the same training step in
-PyTorch (`benches/peer/surface_step.py`) on the same device. Rigs that are not there are left out, loudly; `--small` is for
-software drivers: few iterations, scaled up, and marked so.
+PyTorch (`benches/peer/surface_step.py`) on the same device. Where the rig `dlp` is not there it is left out, loudly; in the
+place of `film` there is a preset. `--small` is for software drivers: few iterations, scaled up, and marked so.
 """
 
 import argparse

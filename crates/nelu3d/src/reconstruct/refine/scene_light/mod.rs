@@ -24,12 +24,12 @@ use flash::Flash;
 const SQUARES: usize = 16;
 /// Fewest squares that tell anything.
 const MIN_SQUARES: usize = 12;
-/// Least part of a square's pixels that have a surface.
+/// One of so many pixels of a square that counts has a surface, at least.
 const MIN_PART: usize = 8;
 /// Most pixels that are looked at, about.
 const MAX_PIXELS: usize = 20_000;
-/// Squared parameters over their variance, per parameter, up to which nothing is applied; all of it is from twice that
-/// on. Squares share errors, too.
+/// Squared parameters over their variance, per parameter, up to which nothing is applied; from twice that on all is.
+/// By chance it is 1 where squares share no errors, but they do.
 const BY_CHANCE: f64 = 12.0;
 /// Prior standard deviations: of the flash's offset as a part of the distance to the light, of the constant factor, of
 /// an entry of the crosstalk matrix.
