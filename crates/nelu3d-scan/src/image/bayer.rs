@@ -6,6 +6,9 @@ use rayon::prelude::*;
 
 use super::Image;
 
+/// How far the filters reach, px.
+pub(crate) const REACH: usize = 2;
+
 /// A linear filter: (dx, dy, weight).
 type Taps<const N: usize> = [(isize, isize, f32); N];
 
@@ -78,40 +81,61 @@ pub fn demosaic(mosaic: &Image, cell: [u8; 4]) -> Image {
     if w == 0 || h == 0 {
         return out;
     }
-    out.data.par_chunks_mut(3 * w).enumerate().for_each(|(y, row)| {
-        // The color beside each green pixel of this row.
-        let in_row = [cell[2 * (y % 2)], cell[2 * (y % 2) + 1]];
-        for (x, rgb) in row.chunks_exact_mut(3).enumerate() {
-            let here = in_row[x % 2];
-            if here == 1 {
-                let beside = in_row[(x + 1) % 2];
-                rgb[1] = mosaic.data[y * w + x];
-                rgb[usize::from(beside)] = filter(mosaic, x, y, &ROW);
-                rgb[usize::from(2 - beside)] = filter(mosaic, x, y, &COLUMN);
-            } else {
-                rgb[usize::from(here)] = mosaic.data[y * w + x];
-                rgb[1] = filter(mosaic, x, y, &CROSS);
-                rgb[usize::from(2 - here)] = filter(mosaic, x, y, &DIAGONAL);
+    out.data.par_chunks_mut(3 * w).enumerate().for_each_init(
+        || [(); 4].map(|()| vec![0.0; w]),
+        |[row, column, cross, diagonal], (y, rgb)| {
+            // All filters at all pixels of a row: four times what is needed, in vectors.
+            filter(mosaic, y, &ROW, row);
+            filter(mosaic, y, &COLUMN, column);
+            filter(mosaic, y, &CROSS, cross);
+            filter(mosaic, y, &DIAGONAL, diagonal);
+            // The color beside each green pixel of this row.
+            let in_row = [cell[2 * (y % 2)], cell[2 * (y % 2) + 1]];
+            let measured = &mosaic.data[y * w..][..w];
+            for (x, rgb) in rgb.chunks_exact_mut(3).enumerate() {
+                let here = in_row[x % 2];
+                if here == 1 {
+                    let beside = in_row[(x + 1) % 2];
+                    rgb[1] = measured[x];
+                    rgb[usize::from(beside)] = row[x];
+                    rgb[usize::from(2 - beside)] = column[x];
+                } else {
+                    rgb[usize::from(here)] = measured[x];
+                    rgb[1] = cross[x];
+                    rgb[usize::from(2 - here)] = diagonal[x];
+                }
             }
-        }
-    });
+        },
+    );
     out
 }
 
-fn filter<const N: usize>(mosaic: &Image, x: usize, y: usize, taps: &Taps<N>) -> f32 {
+/// Writes a filter of every pixel of row `y` to `out`.
+fn filter<const N: usize>(mosaic: &Image, y: usize, taps: &Taps<N>, out: &mut [f32]) {
     let (w, h) = (mosaic.width, mosaic.height);
-    let interior = x >= 2 && y >= 2 && x + 2 < w && y + 2 < h;
-    let mut sum = 0.0;
-    let mut brightest = f32::NEG_INFINITY;
-    for &(dx, dy, weight) in taps {
-        let (xx, yy) = (x as isize + dx, y as isize + dy);
-        let (xx, yy) = if interior { (xx as usize, yy as usize) } else { (mirror(xx, w), mirror(yy, h)) };
-        let v = mosaic.data[yy * w + xx];
-        sum += weight * v;
-        brightest = brightest.max(v);
+    let rows: [&[f32]; N] = taps.map(|(_, dy, _)| &mosaic.data[mirror(y as isize + dy, h) * w..][..w]);
+    let filtered = |values: [f32; N]| {
+        let (mut sum, mut brightest) = (0.0, f32::NEG_INFINITY);
+        for n in 0..N {
+            sum += taps[n].2 * values[n];
+            brightest = brightest.max(values[n]);
+        }
+        // The filters overshoot at edges: that alone must not look like clipping, nor hide it.
+        if brightest >= 1.0 { sum.max(1.0) } else { sum.min(BELOW_CLIPPED) }
+    };
+    let mirrored = |x: usize| filtered(std::array::from_fn(|n| rows[n][mirror(x as isize + taps[n].0, w)]));
+    if w <= 2 * REACH {
+        out.iter_mut().enumerate().for_each(|(x, out)| *out = mirrored(x));
+        return;
     }
-    // The filters overshoot at edges: that alone must not look like clipping, nor hide it.
-    if brightest >= 1.0 { sum.max(1.0) } else { sum.min(BELOW_CLIPPED) }
+    let inner = w - 2 * REACH;
+    let shifted: [&[f32]; N] = std::array::from_fn(|n| &rows[n][REACH.wrapping_add_signed(taps[n].0)..][..inner]);
+    for (x, out) in out[REACH..][..inner].iter_mut().enumerate() {
+        *out = filtered(shifted.map(|row| row[x]));
+    }
+    for x in (0..REACH).chain(w - REACH..w) {
+        out[x] = mirrored(x);
+    }
 }
 
 /// Mirrors an index at the first and last pixel, which keeps the mosaic's parity.

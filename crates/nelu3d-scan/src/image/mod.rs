@@ -5,7 +5,7 @@
 //! way. [`Apng`] is for pictures that move.
 
 mod apng;
-mod bayer;
+pub(crate) mod bayer;
 mod bilinear;
 mod box_mean;
 mod decode;

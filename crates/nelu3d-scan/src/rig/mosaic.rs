@@ -4,13 +4,12 @@
 //! alike but not equally. The ratio of the two raw mosaics knows no surface, only light, which is smooth: demosaiced,
 //! it is right where the images are not.
 
+use crate::image::bayer::REACH;
 use crate::image::{Image, demosaic};
 
 /// Smallest flash of the pixels that a ratio is taken from, linear: below, it is noise, and the images are demosaiced
 /// as they are.
 const MIN_LIGHT: f32 = 0.02;
-/// How far demosaicing reaches, px.
-const REACH: usize = 2;
 
 /// Returns a pattern's image of three channels whose ratio to the flash is that of the mosaics. All images are linear
 /// mosaics of one channel with the cell `cell`; `white_rgb` and `black_rgb` are demosaiced. A value is ≥ 1 if and only
@@ -46,19 +45,17 @@ pub fn pattern_of_mosaic(
 
 /// Returns whether all pixels that demosaicing looks at have enough light.
 fn enough_around(light: &[f32], w: usize, h: usize) -> Vec<bool> {
-    // Down the rows, then along them: the number of pixels in reach since the last dim one.
-    let one = |lit: &dyn Fn(usize) -> bool, n: usize| -> Vec<bool> {
-        (0..n).map(|i| (i.saturating_sub(REACH)..(i + REACH + 1).min(n)).all(lit)).collect()
-    };
-    let mut rows = vec![false; w * h];
-    for y in 0..h {
-        let row = one(&|x| light[y * w + x] >= MIN_LIGHT, w);
-        rows[y * w..(y + 1) * w].copy_from_slice(&row);
+    let reach = |i: usize, n: usize| i.saturating_sub(REACH)..(i + REACH + 1).min(n);
+    let mut along = vec![true; w * h];
+    for (along, light) in along.chunks_exact_mut(w.max(1)).zip(light.chunks_exact(w.max(1))) {
+        for dim in (0..w).filter(|x| light[*x] < MIN_LIGHT) {
+            along[reach(dim, w)].fill(false);
+        }
     }
-    let mut out = vec![false; w * h];
-    for x in 0..w {
-        for (y, lit) in one(&|y| rows[y * w + x], h).into_iter().enumerate() {
-            out[y * w + x] = lit;
+    let mut out = vec![true; w * h];
+    for (y, out) in out.chunks_exact_mut(w.max(1)).enumerate() {
+        for row in reach(y, h) {
+            out.iter_mut().zip(&along[row * w..]).for_each(|(out, along)| *out &= along);
         }
     }
     out
