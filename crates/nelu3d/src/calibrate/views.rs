@@ -87,8 +87,11 @@ impl Level {
     fn halved(&self, k: usize) -> Self {
         let (width, height) = (self.width / 2, self.height / 2);
         let halve = |from: &Vec<f32>| {
-            let mut image = vec![0.0f32; width * height * (k + 1)];
-            for (i, to) in image.chunks_exact_mut(k + 1).enumerate() {
+            let mut image = Vec::with_capacity(width * height * (k + 1));
+            let mut mean = vec![0.0f32; k + 1];
+            for i in 0..width * height {
+                let to = &mut mean[..];
+                to.fill(0.0);
                 for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
                     let (x, y) = (2 * (i % width) + dx, 2 * (i / width) + dy);
                     let sample = &from[(y * self.width + x) * (k + 1)..][..k + 1];
@@ -103,6 +106,7 @@ impl Level {
                     to[..k].iter_mut().for_each(|t| *t *= norm);
                     to[k] *= 0.25;
                 }
+                image.extend_from_slice(to);
             }
             image
         };
@@ -217,35 +221,42 @@ pub fn smoothed(position: &Position, keep: impl Fn(usize) -> bool, block: usize)
     let lit = 0.5 * well_lit(contrast);
     let usable = |i: usize| contrast[i * channels..][..channels].iter().all(|c| *c > lit);
     const KERNEL: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
-    // Along a row and then down, as sums of shifted rows.
+    // Along a row and then down, as sums of shifted rows: of the first, only those that the second needs are kept.
     let line = w * (k + 1);
-    let (mut masked, mut rows) = (vec![0.0f32; line], vec![0.0f32; h * line]);
-    for (y, to) in rows.chunks_exact_mut(line.max(1)).enumerate().filter(|_| w > 4) {
-        // What is not usable counts nothing.
-        masked.fill(0.0);
-        for (x, masked) in masked.chunks_exact_mut(k + 1).enumerate().filter(|(x, _)| usable(y * w + x)) {
-            masked[..k].copy_from_slice(&position.values[(y * w + x) * k..][..k]);
-            masked[k] = 1.0;
+    let mut masked = vec![0.0f32; line];
+    let mut along: [Vec<f32>; KERNEL.len()] = std::array::from_fn(|_| vec![0.0; line]);
+    let mut out: Vec<f32> = Vec::with_capacity(h * line);
+    for y in 0..h {
+        if w >= KERNEL.len() {
+            // What is not usable counts nothing.
+            masked.fill(0.0);
+            for (x, masked) in masked.chunks_exact_mut(k + 1).enumerate().filter(|(x, _)| usable(y * w + x)) {
+                masked[..k].copy_from_slice(&position.values[(y * w + x) * k..][..k]);
+                masked[k] = 1.0;
+            }
+            let inner = line - 4 * (k + 1);
+            let to = &mut along[y % KERNEL.len()][2 * (k + 1)..][..inner];
+            weighed_sum(to, std::array::from_fn(|i| &masked[i * (k + 1)..][..inner]), &KERNEL);
         }
-        let inner = line - 4 * (k + 1);
-        let from: [&[f32]; 5] = std::array::from_fn(|i| &masked[i * (k + 1)..][..inner]);
-        add_weighed(&mut to[2 * (k + 1)..][..inner], from, &KERNEL);
-    }
-    let mut out = vec![0.0f32; h * line];
-    for y in 2..h.saturating_sub(2) {
-        let to = &mut out[y * line..][..line];
-        add_weighed(to, std::array::from_fn(|i| &rows[(y + i - 2) * line..][..line]), &KERNEL);
+        // The first rows and the last have no whole kernel.
+        if y < KERNEL.len() - 1 {
+            continue;
+        }
+        out.resize((y - 1) * line, 0.0);
+        let to = &mut out[(y - 2) * line..];
+        weighed_sum(to, std::array::from_fn(|i| &along[(y + 1 + i) % KERNEL.len()][..]), &KERNEL);
         for t in to.chunks_exact_mut(k + 1).filter(|t| t[k] > 0.5) {
             let norm = 1.0 / t[k];
             t[..k].iter_mut().for_each(|v| *v *= norm);
         }
     }
+    out.resize(h * line, 0.0);
     out
 }
 
-/// Adds the sum of five slices, weighed.
-fn add_weighed(to: &mut [f32], [a, b, c, d, e]: [&[f32]; 5], weights: &[f32; 5]) {
+/// Writes the sum of five slices, weighed.
+fn weighed_sum(to: &mut [f32], [a, b, c, d, e]: [&[f32]; 5], weights: &[f32; 5]) {
     for ((((to, a), b), c), (d, e)) in to.iter_mut().zip(a).zip(b).zip(c).zip(d.iter().zip(e)) {
-        *to += weights[0] * a + weights[1] * b + weights[2] * c + weights[3] * d + weights[4] * e;
+        *to = weights[0] * a + weights[1] * b + weights[2] * c + weights[3] * d + weights[4] * e;
     }
 }
