@@ -109,7 +109,8 @@ impl Candidate {
         let schedule = if in_turn { OF_FEW } else { OF_MANY };
         let first: Vec<usize> = (0..placed.n_positions()).filter(|p| in_turn || !folds[0].contains(p)).collect();
         let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
-        let mut aside = (opts.form == FormKind::Grid).then(|| Aside::new(&first, cells));
+        let by_depth: Vec<usize> = placed.in_depth_order().into_iter().filter(|p| first.contains(p)).collect();
+        let mut aside = (opts.form == FormKind::Grid).then(|| Aside::new(&by_depth, in_turn, cells, cells_per_pixel));
         let mut usable = pass.gather(&first, Some(&mut support), aside.as_mut())?;
         // With so few that the held-out ones decide whether there are enough, they are looked at first.
         if usable < MIN_SAMPLES && !in_turn {
@@ -125,7 +126,7 @@ impl Candidate {
         let smooth = aside.map_or_else(
             || smoothness(center, vec![[1.0; 3]; k]),
             |aside| {
-                aside.choose(&mut bins, cells, center, |bins, cells, smooth| {
+                aside.choose(&mut bins, cells[2], center, |bins, cells, smooth| {
                     fit_spline(bins, cells, smooth, schedule, progress)
                 })
             },
@@ -312,10 +313,7 @@ fn ends_hold(placed: &PlacedSweep<'_>, by_position: &[(String, f64)]) -> bool {
     if by_position.len() < n {
         return false;
     }
-    let middle = placed.mean_point().normalize();
-    let depth = |p: &usize| placed.boards[*p].offset / placed.boards[*p].normal.dot(&middle);
-    let mut order: Vec<usize> = (0..n).collect();
-    order.sort_by(|a, b| depth(a).total_cmp(&depth(b)));
+    let order = placed.in_depth_order();
     let db = |p: usize| by_position.iter().find(|q| q.0 == placed.sweep.shots[p].name).map_or(f64::NAN, |q| q.1);
     let between = order[1..n - 1].iter().map(|p| db(*p)).sum::<f64>() / (n - 2) as f64;
     [order[0], order[n - 1]].into_iter().all(|p| db(p) > between - MAX_SHORTFALL_DB)

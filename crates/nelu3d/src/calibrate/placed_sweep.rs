@@ -250,6 +250,15 @@ impl<'a> PlacedSweep<'a> {
         if n > 0.0 { sum / n } else { Vector3::new(0.0, 0.0, 1.0) }
     }
 
+    /// Returns the positions in the order of their boards' depth along the ray through [`Self::mean_point`].
+    pub(super) fn in_depth_order(&self) -> Vec<usize> {
+        let dir = self.mean_point().normalize();
+        let depth: Vec<f64> = self.boards.iter().map(|b| b.offset / b.normal.dot(&dir)).collect();
+        let mut order: Vec<usize> = (0..depth.len()).collect();
+        order.sort_by(|a, b| depth[*a].total_cmp(&depth[*b]));
+        order
+    }
+
     /// Calls `f` for points of all boards, one for every seventh pixel.
     pub fn for_each_point(&self, mut f: impl FnMut(&Point3<f64>)) {
         for board in &self.boards {

@@ -3,10 +3,14 @@
 //! The penalty on second differences that is right is the noise's variance over that of the code's second differences
 //! (a ridge regression's), and codes differ: the stripes of a Gray code bend within two pixels, a color film hardly in
 //! twenty. With too small a penalty the field follows the sweep's noise, which its values hardly show and its slopes do:
-//! depth is error over slope. So some positions are set aside, a strip of the field is fitted without them at several
-//! strengths, and every channel takes the one that predicts them best.
+//! depth is error over slope. So some positions are set aside, two strips of the field are fitted without them at
+//! several strengths, and every channel takes the one that predicts them best. The strips cross: an edge of a code, of
+//! which the coarsest bit of a Gray code has one, lies beside a strip that runs along it, and a channel that is flat in
+//! all that is looked at would be smoothed until its edges are blurred everywhere else.
 
 use std::ops::Range;
+
+use rayon::prelude::*;
 
 use crate::color_field::bins::{Bins, Gathered};
 use crate::color_field::fit::Smoothness;
@@ -25,10 +29,8 @@ const LINES: [[i32; 3]; 5] = [[1, 1, 1], [1, 1, 0], [0, 0, 1], [0, 1, 0], [1, 0,
 const WORTH: f64 = 1e-3;
 /// One of so many positions is set aside.
 const EVERY: usize = 4;
-/// Part of the field's rows that the strip has.
-const PART_OF_ROWS: usize = 8;
-/// Rows that it has at least, if there are as many.
-const MIN_ROWS: usize = 48;
+/// Pixels that a strip is wide.
+const WIDTH: usize = 32;
 
 /// The penalties of a frame at strength 1.
 pub(super) fn smoothness(center: Center, of_channels: Vec<[f32; 3]>) -> Smoothness {
@@ -40,51 +42,84 @@ pub(super) fn smoothness(center: Center, of_channels: Vec<[f32; 3]>) -> Smoothne
 
 /// What is set aside.
 pub struct Aside {
-    /// Positions of the sweep.
-    pub positions: Vec<usize>,
-    /// The strip's rows.
-    pub rows: Range<usize>,
-    /// Their samples in the strip and about it.
-    pub samples: Vec<Gathered>,
+    /// Positions of the sweep that are set aside together, one set of them after the other.
+    pub folds: Vec<Vec<usize>>,
+    /// Cells of the field along a and b.
+    cells: [usize; 2],
+    /// The strips: cells along a and b.
+    pub strips: Vec<[Range<usize>; 2]>,
+    /// Positions that are set aside, and their samples in the strips.
+    pub samples: Vec<(usize, Gathered)>,
 }
 
 impl Aside {
-    /// Sets some of the positions `used` aside, and a strip in the middle of a field of `cells`.
-    pub fn new(used: &[usize], cells: [usize; 3]) -> Self {
-        let n = (cells[1] / PART_OF_ROWS).max(MIN_ROWS).min(cells[1]);
-        let first = (cells[1] - n) / 2;
-        let positions = used.iter().skip(1).step_by(EVERY).copied().collect();
-        Self { positions, rows: first..first + n, samples: Vec::new() }
+    /// Sets positions aside, and two strips in the middle of a field of `cells`, so many per pixel: one along a and one
+    /// along b.
+    ///
+    /// `used` are the positions in the order of their depth. Of many, every fourth is set aside, all at once; of a few
+    /// that are held out `in_turn`, the nearest, the middle, and the farthest, one after the other: how far a field may
+    /// change along the light's rays is told by those that it has to reach for.
+    pub fn new(used: &[usize], in_turn: bool, cells: [usize; 3], cells_per_pixel: usize) -> Self {
+        let folds = match used {
+            [first, .., last] if in_turn => vec![vec![*first], vec![used[used.len() / 2]], vec![*last]],
+            _ => vec![used.iter().skip(1).step_by(EVERY).copied().collect()],
+        };
+        let cells = [cells[0], cells[1]];
+        let [middle_a, middle_b] = cells.map(|n| {
+            let width = (WIDTH * cells_per_pixel).min(n);
+            let first = (n - width) / 2;
+            first..first + width
+        });
+        let strips = vec![[0..cells[0], middle_b], [middle_a, 0..cells[1]]];
+        Self { folds, cells, strips, samples: Vec::new() }
     }
 
     /// Keeps the samples of a position that is set aside.
     pub fn keep(&mut self, position: usize, samples: &Gathered) {
-        if self.positions.contains(&position) {
-            self.samples.push(samples.around(&self.rows));
+        if self.folds.iter().flatten().any(|p| *p == position) {
+            let is_kept = |q: [f32; 3]| self.strips.iter().any(|strip| self.place_in(strip, q).is_some());
+            self.samples.push((position, samples.kept(is_kept)));
         }
     }
 
+    /// Returns where a point of the field is in a strip, in the strip's unit coordinates.
+    fn place_in(&self, strip: &[Range<usize>; 2], q: [f32; 3]) -> Option<[f32; 3]> {
+        let [a, b] = [0, 1].map(|i| (q[i] * self.cells[i] as f32 - strip[i].start as f32) / strip[i].len() as f32);
+        [a, b, q[2]].iter().all(|q| (0.0..1.0).contains(q)).then_some([a, b, q[2]])
+    }
+
     /// Chooses the smoothness of a field that is fitted to `bins`, which have the samples that were set aside, too. `fit`
-    /// fits a spline to the bins of the strip, which has so many cells.
+    /// fits a spline to the bins of a strip, which has so many cells.
     pub fn choose(
         &self,
         bins: &mut Bins,
-        cells: [usize; 3],
+        along: usize,
         center: Center,
-        fit: impl Fn(&Bins, [usize; 3], &Smoothness) -> Grid,
+        fit: impl Fn(&Bins, [usize; 3], &Smoothness) -> Grid + Sync,
     ) -> Smoothness {
-        bins.remove_all(&self.samples);
-        let strip = bins.window(&self.rows);
-        bins.add_all(&self.samples);
-        let cells = [cells[0], self.rows.len(), cells[2]];
+        let mut parts = Vec::new();
+        for fold in &self.folds {
+            let of_fold = self.samples.iter().filter(|(position, _)| fold.contains(position));
+            let samples: Vec<Gathered> = of_fold.map(|(_, samples)| samples.clone()).collect();
+            bins.remove_all(&samples);
+            for strip in &self.strips {
+                let bins = bins.window(strip);
+                let known = columns_with_samples(&bins);
+                parts.push(Part { strip, bins, known, fold });
+            }
+            bins.add_all(&samples);
+        }
         let k = bins.k();
-        let known = columns_with_samples(&strip);
         let mut searches = vec![Search::default(); k];
         while searches.iter().any(|s| !s.is_done()) {
-            let factors = searches.iter().map(Search::next).collect();
-            let grid = fit(&strip, cells, &smoothness(center, factors));
-            let errors = self.squared_errors(&grid, bins.n_rows(), &known);
-            tracing::debug!(factors = ?searches.iter().map(Search::next).collect::<Vec<_>>(), ?errors, "smoothness");
+            let smooth = smoothness(center, searches.iter().map(Search::next).collect());
+            let of_part = |part: &Part<'_>| {
+                let grid = fit(&part.bins, [part.strip[0].len(), part.strip[1].len(), along], &smooth);
+                self.squared_errors(part, &grid)
+            };
+            let of_parts: Vec<Vec<f64>> = parts.par_iter().map(of_part).collect();
+            let errors: Vec<f64> = (0..k).map(|j| of_parts.iter().map(|errors| errors[j]).sum()).collect();
+            tracing::debug!(factors = ?smooth.of_channels, ?errors, "smoothness");
             searches.iter_mut().zip(errors).for_each(|(search, error)| search.take(error));
         }
         let of_channels: Vec<[f32; 3]> = searches.iter().map(Search::best).collect();
@@ -92,28 +127,36 @@ impl Aside {
         smoothness(center, of_channels)
     }
 
-    /// Weighted squared errors of a spline of the strip, of a field of `n_rows`, at the samples that were set aside,
-    /// channel by channel: where others are known.
-    fn squared_errors(&self, grid: &Grid, n_rows: usize, known: &[bool]) -> Vec<f64> {
+    /// Weighted squared errors of a spline of a strip at the samples that were set aside, channel by channel: in the
+    /// columns of cells where others are known.
+    fn squared_errors(&self, part: &Part<'_>, grid: &Grid) -> Vec<f64> {
         let [na, nb, _] = grid.cells;
-        let (mut sums, mut c) = (vec![0.0; grid.k], vec![0.0; grid.k]);
-        for samples in &self.samples {
+        let of_position = |samples: &Gathered| {
+            let (mut sums, mut c) = (vec![0.0; grid.k], vec![0.0; grid.k]);
             samples.for_each(|q, values, omegas| {
-                let b = (q[1] * n_rows as f32 - self.rows.start as f32) / nb as f32;
-                let q = [q[0], b, q[2]];
-                if q.iter().any(|q| !(0.0..1.0).contains(q)) {
-                    return;
-                }
-                if known[(b * nb as f32) as usize * na + (q[0] * na as f32) as usize] {
+                let Some(q) = self.place_in(part.strip, q) else { return };
+                if part.known[(q[1] * nb as f32) as usize * na + (q[0] * na as f32) as usize] {
                     grid.eval(q, &mut c);
                     for (j, sum) in sums.iter_mut().enumerate() {
                         *sum += f64::from(omegas[j] * (c[j] - values[j]).powi(2));
                     }
                 }
             });
-        }
-        sums
+            sums
+        };
+        let aside = self.samples.par_iter().filter(|(position, _)| part.fold.contains(position));
+        let of_positions: Vec<Vec<f64>> = aside.map(|(_, samples)| of_position(samples)).collect();
+        (0..grid.k).map(|j| of_positions.iter().map(|sums| sums[j]).sum()).collect()
     }
+}
+
+/// A strip without the positions of a fold.
+struct Part<'a> {
+    strip: &'a [Range<usize>; 2],
+    bins: Bins,
+    /// Whether each column of bins has a sample.
+    known: Vec<bool>,
+    fold: &'a [usize],
 }
 
 /// The search for a channel's strengths: along each of `LINES` for as long as the error falls.

@@ -61,11 +61,14 @@ impl Gathered {
         stripe.extend_from_slice(omegas);
     }
 
-    /// Returns the samples of the stripes that have some of the rows `rows` alone.
-    pub(crate) fn around(&self, rows: &Range<usize>) -> Self {
-        let has_some = |stripe: usize| stripe * STRIPE < rows.end && rows.start < (stripe + 1) * STRIPE;
-        let kept = |(i, stripe): (usize, &Vec<f32>)| if has_some(i) { stripe.clone() } else { Vec::new() };
-        Self { stripes: self.stripes.iter().enumerate().map(kept).collect(), ..*self }
+    /// Returns the samples at unit coordinates for which `is_kept` holds.
+    pub(crate) fn kept(&self, is_kept: impl Fn([f32; 3]) -> bool) -> Self {
+        let size = 3 + 2 * self.k;
+        let of_stripe = |stripe: &Vec<f32>| {
+            let records = stripe.chunks_exact(size).filter(|record| is_kept([record[0], record[1], record[2]]));
+            records.flatten().copied().collect()
+        };
+        Self { stripes: self.stripes.iter().map(of_stripe).collect(), ..*self }
     }
 
     /// Calls `f(q, values, weights)` for every sample.
@@ -195,11 +198,12 @@ impl Bins {
         }
     }
 
-    /// Returns some rows of bins alone, whose unit cube is as high as they are.
-    pub(crate) fn window(&self, rows: &Range<usize>) -> Self {
-        let [na, _, nw] = self.counts;
-        let sums = self.sums[rows.start * self.per_row()..rows.end * self.per_row()].to_vec();
-        Self { counts: [na, rows.len(), nw], k: self.k, sums }
+    /// Returns the bins of some columns and rows alone, whose unit cube is as large as they are.
+    pub(crate) fn window(&self, [along_a, along_b]: &[Range<usize>; 2]) -> Self {
+        let per_column = self.counts[2] * self.stride();
+        let of_row = |b: usize| &self.sums[b * self.per_row()..][along_a.start * per_column..along_a.end * per_column];
+        let sums = along_b.clone().flat_map(of_row).copied().collect();
+        Self { counts: [along_a.len(), along_b.len(), self.counts[2]], k: self.k, sums }
     }
 
     /// Returns the same samples in fewer, larger bins.

@@ -33,15 +33,15 @@ fn the_best_strength_lies_between_those_that_are_tried() {
     assert_eq!(found(&|_| 0.0), [1.0; 3]);
 }
 
-/// Smoothing strengths of a channel of slow waves and one of fast ones under the same noise: the slow one is smoothed
-/// more; samples that were set aside for the choice are in the bins again.
-#[test]
-fn a_slow_code_is_smoothed_more_than_a_fast_one() {
+/// A sweep of eight positions over 96 × 96 cells whose samples' two values are `code` at unit coordinates along a and b,
+/// under noise; returns the strengths that are chosen for the two channels.
+fn chosen(code: impl Fn([f32; 2]) -> [f32; 2]) -> Vec<[f32; 3]> {
     let cells = [96, 96, 1];
     let mut bins = Bins::new([96, 96, 4], 2);
     let positions: Vec<usize> = (0..8).collect();
-    let mut aside = Aside::new(&positions, cells);
-    assert_eq!((aside.positions.as_slice(), aside.rows.clone()), (&[1, 5][..], 24..72));
+    let mut aside = Aside::new(&positions, false, cells, 1);
+    assert_eq!(aside.folds, [[1, 5]]);
+    assert_eq!(aside.strips, [[0..96, 32..64], [32..64, 0..96]]);
     let mut state = 3u64;
     let mut unit = || {
         state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -51,15 +51,13 @@ fn a_slow_code_is_smoothed_more_than_a_fast_one() {
         let mut samples = bins.gathered();
         for i in 0..96 * 96 {
             let at = [(i % 96) as f32 + unit(), (i / 96) as f32 + unit()].map(|v| v / 96.0);
-            let wave = |periods: f32| 0.5 + 0.5 * (std::f32::consts::TAU * at[0] * periods).cos();
-            let mut noisy = |v: f32| v + 0.1 * (unit() + unit() + unit() - 1.5);
-            let values = [noisy(wave(1.0)), noisy(wave(20.0))];
+            let values = code(at).map(|v| v + 0.1 * (unit() + unit() + unit() - 1.5));
             samples.push([at[0], at[1], (p as f32 + 0.5) / 8.0], &values, &[100.0, 100.0]);
         }
         aside.keep(p, &samples);
         bins.add_all(&[samples]);
     }
-    assert_eq!(aside.samples.len(), 2);
+    assert_eq!(aside.samples.iter().map(|(p, _)| *p).collect::<Vec<_>>(), [1, 5]);
     let count = |bins: &Bins| {
         let mut sum = 0.0;
         bins.for_each_sample(|_, _, w| sum += f64::from(w[0]));
@@ -69,7 +67,36 @@ fn a_slow_code_is_smoothed_more_than_a_fast_one() {
     let fit = |bins: &Bins, cells: [usize; 3], smooth: &Smoothness| {
         fit_spline(bins, cells, smooth, OF_MANY, &Progress::none())
     };
-    let chosen = aside.choose(&mut bins, cells, Center::Light, fit).of_channels;
+    let chosen = aside.choose(&mut bins, 1, Center::Light, fit).of_channels;
+    assert!((count(&bins) / before - 1.0).abs() < 1e-6, "what was set aside is in the bins again");
+    chosen
+}
+
+/// Of a channel of slow waves and one of fast ones under the same noise, the slow one is smoothed more.
+#[test]
+fn a_slow_code_is_smoothed_more_than_a_fast_one() {
+    let wave = |at: f32, periods: f32| 0.5 + 0.5 * (std::f32::consts::TAU * at * periods).cos();
+    let chosen = chosen(|[a, _]| [wave(a, 1.0), wave(a, 20.0)]);
     assert!(chosen[0][0] >= 1e3 && chosen[1][0] <= 30.0, "{chosen:?}");
-    assert!((count(&bins) / before - 1.0).abs() < 1e-6);
+}
+
+/// The one edge of a coarse bit is seen where it is, whichever way it runs and beside the middle, too: a strip along it
+/// shows a channel that is flat, and smoothing that no flat channel minds blurs the edge.
+#[test]
+fn a_single_edge_beside_the_middle_is_not_blurred() {
+    let edge = |at: f32| f32::from(at > 0.8);
+    for axis in 0..2 {
+        let chosen = chosen(|at| [edge(at[axis]), 0.0]);
+        let [across, flat] = [chosen[0][axis], chosen[1][axis]];
+        assert!(across <= 900.0 && flat >= 1e5, "axis {axis}: {chosen:?}");
+    }
+}
+
+/// Of a few boards that are held out in turn, the nearest, the middle, and the farthest are set aside in turn; strips are
+/// as many pixels wide where cells are finer.
+#[test]
+fn few_boards_are_set_aside_in_turn() {
+    let aside = Aside::new(&[4, 0, 3, 1, 2], true, [500, 400, 1], 2);
+    assert_eq!(aside.folds, [[4], [3], [2]]);
+    assert_eq!(aside.strips, [[0..500, 168..232], [218..282, 0..400]]);
 }
