@@ -27,9 +27,8 @@ const SEEDS: usize = 1500;
 const SEARCHED_LEVELS: usize = 3;
 /// Centers that are refined at the level they were found at.
 const REFINED: usize = 64;
-/// Starts of a level that are followed down to the finest, and the seeds of a level on the way.
+/// Starts of a level that are followed down to the finest.
 const STARTS: usize = 6;
-const SEEDS_ON_THE_WAY: usize = 2000;
 
 /// A level, ready to be searched.
 pub(super) struct SearchLevel<'a> {
@@ -78,11 +77,9 @@ pub(super) fn starts(t: &Transport<'_>, levels: &[SearchLevel<'_>]) -> Vec<State
     found
         .into_par_iter()
         .map(|(first, s)| {
-            (0..=first).rev().fold(s, |s, l| {
-                let level = &levels[l];
-                let seeds = &level.seeds[..level.seeds.len().min(SEEDS_ON_THE_WAY)];
-                refine(t, level.level, seeds, s, level.steps(t.views.k, arm)).state
-            })
+            (0..=first)
+                .rev()
+                .fold(s, |s, l| refine(t, levels[l].level, &levels[l].seeds, s, levels[l].steps(t.views.k, arm)).state)
         })
         .collect()
 }
