@@ -68,7 +68,7 @@ pub fn build(
     };
     let all: Vec<usize> = (0..placed.n_positions()).collect();
     placed.sweep.stream(&all, progress, NoiseEstimator::add, map, take)?;
-    let noise = noise.finish(quantization_step(rig.black_level, rig.saturation));
+    let noise = noise.finish(quantization_step(rig.black_level, rig.saturation), None);
     table.variance = lit.variance(&noise);
     let found = (0..shape.n_pixels()).into_par_iter().any(|i| table.channel(i, 0).iter().any(|v| !v.is_nan()));
     if !found {

@@ -12,7 +12,7 @@ use super::judge::Fingerprint;
 use super::placed_sweep::{BoardPlane, PlacedSweep};
 use super::sweep::Position;
 use crate::progress::Progress;
-use crate::sensor::{NoiseEstimator, NoiseModel, darkest_intensity, quantization_step};
+use crate::sensor::{NoiseEstimator, darkest_intensity, quantization_step};
 
 /// Most positions that the search looks at. They are spread over the whole sweep, so more would only add shorter steps
 /// to the lever arms.
@@ -197,7 +197,7 @@ pub(super) fn estimate_noise(
     kept.into_iter().for_each(|(p, drawn)| placed.keep_drawn(p, drawn));
     let step = quantization_step(rig.black_level, rig.saturation);
     let pixels = placed.sweep.binning.pow(2);
-    let of_pixels = NoiseModel { darkest: Some(darkest), ..noise.finish(step) };
+    let of_pixels = noise.finish(step, Some(darkest));
     (placed.noise, placed.noise_growth) = (of_pixels.of_mean(pixels), noise.growth(step));
     placed.sweep.noise = Some(placed.noise);
     let middle = placed.mean_point().normalize();

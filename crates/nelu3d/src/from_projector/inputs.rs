@@ -95,8 +95,8 @@ pub(super) fn read_captures(
         capture.patterns.iter().for_each(|p| sensor.add(p));
         captures.push(capture);
     }
-    let noise = sensor.finish(quantization_step(rig.black_level, rig.saturation));
-    Ok((captures, NoiseModel { darkest: Some(darkest), ..noise }))
+    let noise = sensor.finish(quantization_step(rig.black_level, rig.saturation), Some(darkest));
+    Ok((captures, noise))
 }
 
 /// Returns `[near, far]` depth, mm: as given, or around where the optical axes come closest.

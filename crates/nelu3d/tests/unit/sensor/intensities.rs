@@ -100,8 +100,26 @@ fn what_clipping_adds_is_taken_off() {
             (sum, weights) = (sum + density * (x + z).max(0.0), weights + density);
         }
         let clipped = -1e-3 + 2e-3 * (sum / weights) as f32;
-        let expected = (-1e-3 + 2e-3 * z as f32).max(0.0);
+        // Means scatter: below zero, but not far.
+        let expected = -1e-3 + 2e-3 * (z as f32).max(-0.3);
         assert!((noise.unclipped(clipped) - expected).abs() < 2e-6, "{z}: {}", noise.unclipped(clipped));
     }
     assert_eq!(NoiseModel { darkest: None, ..noise }.unclipped(-9e-4), -9e-4);
+}
+
+/// Means of eight pixels scatter; without light and near it, intensities are right in the mean nevertheless.
+#[test]
+fn the_dark_is_right_in_the_mean() {
+    let mut rng = StdRng::seed_from_u64(4);
+    let noise = NoiseModel { read: 1e-6, gain: 0.0, darkest: Some(0.0) };
+    for light in [0.0f32, 3e-4, 7e-4, 1.5e-3, 4e-3] {
+        let data = (0..SIDE * SIDE).map(|_| {
+            let n = (0..12).map(|_| rng.random::<f32>()).sum::<f32>() - 6.0;
+            (light + 1e-3 * n).max(0.0)
+        });
+        let image = Image { width: SIDE, height: SIDE, channels: 1, data: data.collect() };
+        let found = Intensities::new(&image, &noise);
+        let mean = found.own.iter().map(|v| f64::from(*v)).sum::<f64>() / (SIDE * SIDE) as f64;
+        assert!((mean - f64::from(light)).abs() < 5e-5, "{light}: {mean}");
+    }
 }

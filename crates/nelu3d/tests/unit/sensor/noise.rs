@@ -16,7 +16,7 @@ fn finds_declared_noise_under_edges_and_shading() {
     }
     let mut e = NoiseEstimator::default();
     e.add(&image);
-    let m = e.finish(1.0 / 4095.0);
+    let m = e.finish(1.0 / 4095.0, None);
     for i in [0.1, 0.4, 0.8] {
         let ratio = m.variance(i) / expected.variance(i);
         assert!((0.8..1.25).contains(&ratio), "at {i}: {ratio}");
@@ -31,6 +31,30 @@ fn finds_declared_noise_under_edges_and_shading() {
     let growth = e.growth(1.0 / 255.0).unwrap();
     assert!((0.2..0.7).contains(&growth), "{growth}");
     assert_eq!(NoiseEstimator::default().growth(1.0 / 255.0), None);
+}
+
+/// What is dark has a third of its noise's variance where the sensor cannot tell less than zero: the noise that is found
+/// is that of the sensor.
+#[test]
+fn noise_is_what_it_was_before_clipping() {
+    let mut rng = rand::rngs::StdRng::seed_from_u64(3);
+    let expected = NoiseModel { read: 1.8e-6, gain: 1.7e-4, darkest: Some(0.0) };
+    let mut e = NoiseEstimator::default();
+    for _ in 0..4 {
+        let mut image = Image::new(400, 300, 1);
+        for (i, v) in image.data.iter_mut().enumerate() {
+            let clean = 0.2 * ((i % 400) as f32 / 400.0 - 0.4).max(0.0);
+            let n: f32 = (0..12).map(|_| rng.random::<f32>()).sum::<f32>() - 6.0;
+            let code = 1023.0 * (clean + n * expected.variance(clean).sqrt());
+            *v = code.round().max(0.0) / 1023.0;
+        }
+        e.add(&image);
+    }
+    let [clipped, found] = [None, Some(0.0)].map(|darkest| e.finish(1.0 / 1023.0, darkest));
+    assert_eq!(found.darkest, Some(0.0));
+    assert!((0.8..1.25).contains(&(found.read / expected.read)), "{found:?}");
+    assert!((0.8..1.25).contains(&(found.gain / expected.gain)), "{found:?}");
+    assert!(clipped.read < 0.6 * expected.read, "{clipped:?}");
 }
 
 /// Between black and white, a Gray code has nothing but the edges of stripes.
