@@ -163,8 +163,7 @@ fn four_boards(hands: Option<HandsSpec>, write_poses: bool) -> Spec {
 #[test]
 fn four_boards_held_by_hand_are_as_accurate_as_they_were() {
     let hands = Some(HandsSpec { number: 1, size_mm: 40.0, albedo: [0.5, 0.35, 0.3] });
-    let bounds =
-        Bounds { body_median_mm: 0.12, whole_mae_mm: 0.285, coverage: 0.962, outliers: 0.015, outside: 0.001 };
+    let bounds = Bounds { body_median_mm: 0.12, whole_mae_mm: 0.285, coverage: 0.962, outliers: 0.015, outside: 0.001 };
     scan("by hand", &four_boards(hands, false), &bounds);
 }
 
