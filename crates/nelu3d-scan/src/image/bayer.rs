@@ -84,7 +84,7 @@ pub fn demosaic(mosaic: &Image, cell: [u8; 4]) -> Image {
     out.data.par_chunks_mut(3 * w).enumerate().for_each_init(
         || [(); 4].map(|()| vec![0.0; w]),
         |[row, column, cross, diagonal], (y, rgb)| {
-            // All filters at all pixels of a row: four times what is needed, in vectors.
+            // All filters at all pixels of a row: twice what is needed, in vectors.
             filter(mosaic, y, &ROW, row);
             filter(mosaic, y, &COLUMN, column);
             filter(mosaic, y, &CROSS, cross);

@@ -109,8 +109,11 @@ impl Candidate {
         let schedule = if in_turn { OF_FEW } else { OF_MANY };
         let first: Vec<usize> = (0..placed.n_positions()).filter(|p| in_turn || !folds[0].contains(p)).collect();
         let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
-        let by_depth: Vec<usize> = placed.in_depth_order().into_iter().filter(|p| first.contains(p)).collect();
-        let mut aside = (opts.form == FormKind::Grid).then(|| Aside::new(&by_depth, in_turn, cells, cells_per_pixel));
+        let mut aside = (opts.form == FormKind::Grid).then(|| {
+            let mut by_depth = placed.in_depth_order();
+            by_depth.retain(|p| first.contains(p));
+            Aside::new(&by_depth, in_turn, cells, cells_per_pixel)
+        });
         let mut usable = pass.gather(&first, Some(&mut support), aside.as_mut())?;
         // With so few that the held-out ones decide whether there are enough, they are looked at first.
         if usable < MIN_SAMPLES && !in_turn {

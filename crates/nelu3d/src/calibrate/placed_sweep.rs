@@ -250,12 +250,17 @@ impl<'a> PlacedSweep<'a> {
         if n > 0.0 { sum / n } else { Vector3::new(0.0, 0.0, 1.0) }
     }
 
-    /// Returns the positions in the order of their boards' depth along the ray through [`Self::mean_point`].
-    pub(super) fn in_depth_order(&self) -> Vec<usize> {
+    /// Returns the distances of the boards along the ray through [`Self::mean_point`], mm, position by position.
+    pub(super) fn depths(&self) -> Vec<f64> {
         let dir = self.mean_point().normalize();
-        let depth: Vec<f64> = self.boards.iter().map(|b| b.offset / b.normal.dot(&dir)).collect();
-        let mut order: Vec<usize> = (0..depth.len()).collect();
-        order.sort_by(|a, b| depth[*a].total_cmp(&depth[*b]));
+        self.boards.iter().map(|b| b.offset / b.normal.dot(&dir)).collect()
+    }
+
+    /// Returns the positions, by index, in the order of their [`Self::depths`].
+    pub(super) fn in_depth_order(&self) -> Vec<usize> {
+        let depths = self.depths();
+        let mut order: Vec<usize> = (0..depths.len()).collect();
+        order.sort_by(|a, b| depths[*a].total_cmp(&depths[*b]));
         order
     }
 
@@ -272,8 +277,7 @@ impl<'a> PlacedSweep<'a> {
 
     /// Returns the median distance between neighboring boards along the ray through [`Self::mean_point`], mm.
     pub fn typical_step_mm(&self) -> f64 {
-        let dir = self.mean_point().normalize();
-        let mut t: Vec<f64> = self.boards.iter().map(|b| b.offset / b.normal.dot(&dir)).collect();
+        let mut t = self.depths();
         t.sort_by(f64::total_cmp);
         let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
         steps.sort_by(f64::total_cmp);

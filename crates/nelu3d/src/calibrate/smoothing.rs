@@ -42,14 +42,20 @@ pub(super) fn smoothness(center: Center, of_channels: Vec<[f32; 3]>) -> Smoothne
 
 /// What is set aside.
 pub struct Aside {
-    /// Positions of the sweep that are set aside together, one set of them after the other.
-    pub folds: Vec<Vec<usize>>,
+    /// What is set aside together, one after the other.
+    pub folds: Vec<Fold>,
     /// Cells of the field along a and b.
     cells: [usize; 2],
     /// The strips: cells along a and b.
     pub strips: Vec<[Range<usize>; 2]>,
-    /// Positions that are set aside, and their samples in the strips.
-    pub samples: Vec<(usize, Gathered)>,
+}
+
+/// Positions that are set aside together.
+pub struct Fold {
+    /// Positions of the sweep, by index.
+    pub positions: Vec<usize>,
+    /// Their samples in the strips, position by position as they were kept.
+    pub samples: Vec<Gathered>,
 }
 
 impl Aside {
@@ -64,6 +70,7 @@ impl Aside {
             [first, .., last] if in_turn => vec![vec![*first], vec![used[used.len() / 2]], vec![*last]],
             _ => vec![used.iter().skip(1).step_by(EVERY).copied().collect()],
         };
+        let folds = folds.into_iter().map(|positions| Fold { positions, samples: Vec::new() }).collect();
         let cells = [cells[0], cells[1]];
         let [middle_a, middle_b] = cells.map(|n| {
             let width = (WIDTH * cells_per_pixel).min(n);
@@ -71,25 +78,20 @@ impl Aside {
             first..first + width
         });
         let strips = vec![[0..cells[0], middle_b], [middle_a, 0..cells[1]]];
-        Self { folds, cells, strips, samples: Vec::new() }
+        Self { folds, cells, strips }
     }
 
     /// Keeps the samples of a position that is set aside.
     pub fn keep(&mut self, position: usize, samples: &Gathered) {
-        if self.folds.iter().flatten().any(|p| *p == position) {
-            let is_kept = |q: [f32; 3]| self.strips.iter().any(|strip| self.place_in(strip, q).is_some());
-            self.samples.push((position, samples.kept(is_kept)));
+        let Self { folds, cells, strips } = self;
+        for fold in folds.iter_mut().filter(|fold| fold.positions.contains(&position)) {
+            let is_kept = |q: [f32; 3]| strips.iter().any(|strip| place_in(strip, *cells, q).is_some());
+            fold.samples.push(samples.kept(is_kept));
         }
     }
 
-    /// Returns where a point of the field is in a strip, in the strip's unit coordinates.
-    fn place_in(&self, strip: &[Range<usize>; 2], q: [f32; 3]) -> Option<[f32; 3]> {
-        let [a, b] = [0, 1].map(|i| (q[i] * self.cells[i] as f32 - strip[i].start as f32) / strip[i].len() as f32);
-        [a, b, q[2]].iter().all(|q| (0.0..1.0).contains(q)).then_some([a, b, q[2]])
-    }
-
     /// Chooses the smoothness of a field that is fitted to `bins`, which have the samples that were set aside, too. `fit`
-    /// fits a spline to the bins of a strip, which has so many cells.
+    /// fits a spline to the bins of a strip, which has so many cells; `along` of them along w.
     pub fn choose(
         &self,
         bins: &mut Bins,
@@ -99,15 +101,13 @@ impl Aside {
     ) -> Smoothness {
         let mut parts = Vec::new();
         for fold in &self.folds {
-            let of_fold = self.samples.iter().filter(|(position, _)| fold.contains(position));
-            let samples: Vec<Gathered> = of_fold.map(|(_, samples)| samples.clone()).collect();
-            bins.remove_all(&samples);
+            bins.remove_all(&fold.samples);
             for strip in &self.strips {
                 let bins = bins.window(strip);
                 let known = columns_with_samples(&bins);
-                parts.push(Part { strip, bins, known, fold });
+                parts.push(Part { strip, bins, known, aside: &fold.samples });
             }
-            bins.add_all(&samples);
+            bins.add_all(&fold.samples);
         }
         let k = bins.k();
         let mut searches = vec![Search::default(); k];
@@ -134,7 +134,7 @@ impl Aside {
         let of_position = |samples: &Gathered| {
             let (mut sums, mut c) = (vec![0.0; grid.k], vec![0.0; grid.k]);
             samples.for_each(|q, values, omegas| {
-                let Some(q) = self.place_in(part.strip, q) else { return };
+                let Some(q) = place_in(part.strip, self.cells, q) else { return };
                 if part.known[(q[1] * nb as f32) as usize * na + (q[0] * na as f32) as usize] {
                     grid.eval(q, &mut c);
                     for (j, sum) in sums.iter_mut().enumerate() {
@@ -144,8 +144,7 @@ impl Aside {
             });
             sums
         };
-        let aside = self.samples.par_iter().filter(|(position, _)| part.fold.contains(position));
-        let of_positions: Vec<Vec<f64>> = aside.map(|(_, samples)| of_position(samples)).collect();
+        let of_positions: Vec<Vec<f64>> = part.aside.par_iter().map(of_position).collect();
         (0..grid.k).map(|j| of_positions.iter().map(|sums| sums[j]).sum()).collect()
     }
 }
@@ -156,7 +155,14 @@ struct Part<'a> {
     bins: Bins,
     /// Whether each column of bins has a sample.
     known: Vec<bool>,
-    fold: &'a [usize],
+    /// The samples of the fold's positions.
+    aside: &'a [Gathered],
+}
+
+/// Returns where a point of a field of `cells` along a and b is in a strip, in the strip's unit coordinates.
+fn place_in(strip: &[Range<usize>; 2], cells: [usize; 2], q: [f32; 3]) -> Option<[f32; 3]> {
+    let [a, b] = [0, 1].map(|i| (q[i] * cells[i] as f32 - strip[i].start as f32) / strip[i].len() as f32);
+    [a, b, q[2]].iter().all(|q| (0.0..1.0).contains(q)).then_some([a, b, q[2]])
 }
 
 /// The search for a channel's strengths: along each of `LINES` for as long as the error falls.

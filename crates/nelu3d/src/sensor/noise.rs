@@ -42,9 +42,8 @@ impl Unclipped {
             let m = i as f64 / f64::from(Self::PER_UNIT);
             let mut z = m;
             for _ in 0..8 {
-                let part = 0.5 * (1.0 + within_sigmas(z.abs()).copysign(z));
-                let found = z * part + (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
-                z -= (found - m) / part.max(0.1);
+                let [part, density] = gaussian(z);
+                z -= (z * part + density - m) / part.max(0.1);
             }
             (z as f32).max(Self::LEAST)
         }))
@@ -58,6 +57,11 @@ impl Unclipped {
     }
 }
 
+/// Returns Φ(z), the part of a standard Gaussian below z, and φ(z), its density there.
+fn gaussian(z: f64) -> [f64; 2] {
+    [0.5 * (1.0 + within_sigmas(z.abs()).copysign(z)), (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt()]
+}
+
 impl NoiseModel {
     /// Returns the noise of the mean of `n` pixels.
     pub fn of_mean(self, n: usize) -> Self {
@@ -66,9 +70,9 @@ impl NoiseModel {
         Self { read: self.read / n as f32, gain: self.gain / n as f32, darkest }
     }
 
-    /// Returns the intensity whose measurements have this mean when noise that falls below the darkest
-    /// intensity is clipped. The mean of max(d, N(μ, σ²)) is d + (μ − d) Φ(z) + σ φ(z) with z = (μ − d)/σ: without light
-    /// and with a black level of zero, 0.4 σ.
+    /// Returns the intensity whose measurements have this mean when noise that falls below the darkest intensity is
+    /// clipped; at least the darkest less 0.3 σ, which may be below zero, since means scatter. The mean of max(d,
+    /// N(μ, σ²)) is d + (μ − d) Φ(z) + σ φ(z) with z = (μ − d)/σ: without light and with a black level of zero, 0.4 σ.
     pub fn unclipped(&self, mean: f32) -> f32 {
         let sigma = self.read.sqrt();
         let Some(darkest) = self.darkest.filter(|d| mean < d + CLEAR_OF_CLIPPING * sigma) else { return mean };
@@ -289,8 +293,7 @@ impl NoiseEstimator {
 /// and their ratio grows with z.
 fn before_clipping([mean, variance]: [f64; 2]) -> [f64; 2] {
     let clipped = |z: f64| {
-        let part = 0.5 * (1.0 + within_sigmas(z));
-        let density = (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
+        let [part, density] = gaussian(z);
         let mean = z * part + density;
         [mean, (z * z + 1.0) * part + z * density - mean * mean]
     };

@@ -47,9 +47,8 @@ impl DepthSpan {
         let along = match spans.len() * 5 >= seen {
             true => median(&mut spans).unwrap_or(0.0),
             false => {
-                let middle = placed.mean_point().normalize();
-                let t = placed.boards.iter().map(|b| b.offset / b.normal.dot(&middle));
-                let (lo, hi) = t.fold((f64::INFINITY, 0.0f64), |(lo, hi), t| (lo.min(t), hi.max(t)));
+                let depths = placed.depths().into_iter();
+                let (lo, hi) = depths.fold((f64::INFINITY, 0.0f64), |(lo, hi), t| (lo.min(t), hi.max(t)));
                 hi - lo
             }
         };
