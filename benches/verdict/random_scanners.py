@@ -6,12 +6,14 @@
 For every seed a scanner is drawn and simulated into FOLDER/SEED/rig: 150 mm to 3 m away, field of view 14° to 55°,
 mono, RGB, or mosaic of 8 to 12 bits, light from any side (a projector, gamma 1 to 2.2, or film), three kinds of
 boards, 4 to 16 positions by hand or 6 to 25 on a stage, and two of ten sets of patterns. Each set is calibrated, and
-two scenes are scanned with it: `seen`, an object where the boards were, and `outside`, a wall well behind them. A row
-per scan: coverage, errors against the truth and claimed 1σ, mm, errors within 1σ, and the verdict.
+three scenes are scanned with it: `seen`, an object where the boards were; `outside`, a wall well behind them; and
+`before`, the object before that wall. A row per scan: coverage, errors against the truth and claimed 1σ, mm, errors
+within 1σ, and the verdict.
 
-A row is SILENT where the median error of the body exceeds three times the claimed 1σ, or more than 2 % of a wall
-outside has a depth of which less than half lie within 1σ, and the verdict is good. Started again, rigs are kept and
-everything else is done anew. Exit code 1 where a row is silent.
+A row is SILENT where the verdict is good, and the median error of the body exceeds three times the claimed 1σ
+(`seen`), or more than 2 % of the wall has a depth of which less than half lie within 1σ (`outside`), or more than 2 %
+of object and wall are gross errors (`before`). Started again, rigs are kept and everything else is done anew. Exit code
+1 where a row is silent.
 """
 
 import argparse
@@ -204,8 +206,9 @@ def scanner(seed):
     black = r.random() < 0.6
     wall = dict(position_mm=[0.0, 0.0, distance + depth * r.uniform(1.2, 2.0)], rotation=[0.05, -0.1, 0.0],
                 shape=dict(kind="plane", width_mm=view[0] * 1.2, height_mm=view[1] * 1.1))
-    spec["scenes"] = [dict(name="seen", black=black, objects=thing(r, distance, size * 0.8, depth)),
-                      dict(name="outside", black=black, objects=[wall])]
+    objects = thing(r, distance, size * 0.8, depth)
+    spec["scenes"] = [dict(name=name, black=black, objects=what)
+                      for name, what in (("seen", objects), ("outside", [wall]), ("before", objects + [wall]))]
     return spec
 
 
@@ -235,7 +238,8 @@ def row(scene, answer):
         return ["–"] * 6 + [said], False
     whole, body = metrics["whole"], metrics["body"]
     error, sigma, within = body["depth_mm"]["median"], body["sigma"]["median_mm"], body["sigma"]["within_1"]
-    wrong = error > 3 * sigma if scene == "seen" else whole["coverage"] > 0.02 and within < 0.5
+    wrong = {"seen": error > 3 * sigma, "outside": whole["coverage"] > 0.02 and within < 0.5,
+             "before": whole["sigma"]["gross"] > 0.02}[scene]
     silent = wrong and answer["verdict"] == "good"
     cells = [f"{100 * whole['coverage']:.1f}", f"{whole['depth_mm']['mae']:.3g}", f"{error:.3g}", f"{sigma:.3g}",
              f"{100 * within:.0f}", f"{100 * whole['sigma']['gross']:.2f}"]
@@ -269,7 +273,7 @@ def main():
             answer = run(args.program, args.threads, "calibrate", rig, *which, "-o", field, "--accept")
             said = answer["verdict"] + "".join(f" `{w['code']}`" for w in answer["warnings"]) + answer.get("why", "")
             print(f"| {name} | {chosen or 'film'} | (sweep) | – | – | – | – | – | – | {said} |", flush=True)
-            for scene in ("seen", "outside") if field.exists() else ():
+            for scene in ("seen", "outside", "before") if field.exists() else ():
                 truth = rig / "scenes" / scene / "truth"
                 answer = run(args.program, args.threads, "reconstruct", rig, scene, *which, "--field", field,
                              "-o", folder / f"{chosen}-{scene}", "--truth", truth, "--accept")

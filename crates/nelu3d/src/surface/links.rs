@@ -4,6 +4,7 @@ use nelu3d_scan::Camera;
 
 /// Links between neighboring pixels that belong to one surface: per pixel, bit 0 to the right neighbor, bit 1 to the
 /// one below.
+#[derive(Clone)]
 pub struct Links(Vec<u8>);
 
 impl Links {
@@ -42,6 +43,29 @@ impl Links {
             }
         }
         Self(links)
+    }
+
+    /// Cuts the links between neighbors that are apart.
+    pub fn cut(&mut self, width: usize, are_apart: impl Fn(usize, usize) -> bool) {
+        for (i, links) in self.0.iter_mut().enumerate() {
+            for (bit, beside) in [(1, i + 1), (2, i + width)] {
+                if *links & bit != 0 && are_apart(i, beside) {
+                    *links &= !bit;
+                }
+            }
+        }
+    }
+
+    /// Calls `f` with the two pixels of every link.
+    pub fn for_each(&self, width: usize, mut f: impl FnMut(usize, usize)) {
+        for i in 0..self.0.len() {
+            if self.right(i) {
+                f(i, i + 1);
+            }
+            if self.down(i) {
+                f(i, i + width);
+            }
+        }
     }
 
     /// Returns whether pixel `i` is linked to its right neighbor.

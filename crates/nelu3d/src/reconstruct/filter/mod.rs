@@ -10,6 +10,8 @@ pub mod continuation;
 pub mod facing_away;
 #[doc(hidden)]
 pub mod partly_covered;
+#[doc(hidden)]
+pub mod pieces;
 mod settings;
 
 use crate::reconstruct::context::Context;
@@ -87,7 +89,16 @@ pub(crate) fn filter(
         Alternatives { by_chance, foreign_chi2, beyond }
     };
     let camera = scene.camera;
-    reject_unexplained_components(&mut depth, &mut status, camera, refined, settings, noise_is_known, alternatives);
+    let light = &scene.measurements.contrast;
+    reject_unexplained_components(
+        &mut depth,
+        &mut status,
+        camera,
+        (refined, light),
+        settings,
+        noise_is_known,
+        alternatives,
+    );
     reject_continuations(&mut depth, &mut status, scene, refined, prior, step, settings.min_component);
     scene.measurements.status = status;
     let Scene { camera, rays, field, measurements: m, .. } = scene;

@@ -48,6 +48,14 @@ pub struct FilterSettings {
     pub explained: f32,
     /// Part of the limits that is left where next to nothing is explained.
     pub max_score_alone: f32,
+    /// Times that chance explains as many pixels as a component has, of all that are explained nowhere, from which the
+    /// component has to fit better than `clear_chi2` and `clear_unseen` ask for, and from which as well as the next
+    /// says.
+    pub tries: [f32; 2],
+    /// Part of `clear_chi2` and `clear_unseen`, together, that a component may have which chance explains that often.
+    pub clear_by_chance: f32,
+    /// Fraction of the decoded pixels that is explained nowhere from which components are judged in pieces.
+    pub in_pieces: f32,
     /// Smallest connected component that is valid, px.
     pub min_component: usize,
 }
@@ -70,6 +78,9 @@ impl Default for FilterSettings {
             max_beyond: 0.25,
             explained: 0.25,
             max_score_alone: 0.5,
+            tries: [0.15, 1.0],
+            clear_by_chance: 0.65,
+            in_pieces: 0.1,
             min_component: 40,
         }
     }

@@ -46,7 +46,8 @@ fn statuses(
             beyond: beyond[piece],
         }
     };
-    reject_unexplained_components(&mut depth, &mut status, &camera, &refined, &settings, noise_is_known, alternatives);
+    let explained = (&refined, &vec![0.5; n][..]);
+    reject_unexplained_components(&mut depth, &mut status, &camera, explained, &settings, noise_is_known, alternatives);
     for i in 0..n {
         assert_eq!(depth[i].is_finite(), piece(i).is_some() && status[i] == PixelStatus::Valid);
     }
@@ -116,4 +117,15 @@ fn what_a_point_outside_the_volume_explains_better_lies_there() {
     let beyond = |beyond| statuses(false, 20, [3.5, 1.5], [0.09, 0.0], Some(0.07), beyond);
     assert_eq!(beyond([0.52, 0.0]), [OutsideVolume, Valid]);
     assert_eq!(beyond([0.2, 0.0]), [Valid, Valid]);
+}
+
+#[test]
+fn what_chance_explains_that_often_has_to_fit_as_noise_does() {
+    // Chance explains a fifth of codewords, and of a piece twice as large nothing is explained: two thirds of a piece.
+    let beside_unexplained = |chi2: f32, unseen: f32| kept_where(true, 28, [15.0, chi2], [0.4, unseen], Some(0.2))[1];
+    assert!(beside_unexplained(0.9, 0.005));
+    assert!(!beside_unexplained(1.0, 0.03));
+    assert!(!beside_unexplained(1.7, 0.0));
+    // Where nothing else is unexplained it may.
+    assert_eq!(kept_where(true, 28, [0.5, 1.7], [0.0, 0.0], Some(0.2)), [true, true]);
 }

@@ -2,3 +2,4 @@ mod components;
 mod continuation;
 mod facing_away;
 mod partly_covered;
+mod pieces;
