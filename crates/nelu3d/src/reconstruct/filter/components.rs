@@ -51,8 +51,9 @@ struct Score {
 
 /// Rejects the connected components of a depth map (camera z, mm) that are not explained, as
 /// [`PixelStatus::Ambiguous`], and those that are explained outside the calibrated volume, as
-/// [`PixelStatus::OutsideVolume`]. `noise_is_known` says whether χ² is one of noise, and not of a field that is further
-/// off than its noise.
+/// [`PixelStatus::OutsideVolume`]. `refined` comes with the white − black of every pixel; `noise_is_known` says whether
+/// χ² is one of noise, and not of a field that is further off than its noise. `alternatives` tells what other
+/// explanations the codewords of some pixels have.
 pub fn reject_unexplained_components(
     depth: &mut [f32],
     status: &mut [PixelStatus],
