@@ -9,6 +9,8 @@ pub mod continuation;
 #[doc(hidden)]
 pub mod facing_away;
 #[doc(hidden)]
+pub mod judgement;
+#[doc(hidden)]
 pub mod partly_covered;
 #[doc(hidden)]
 pub mod pieces;
@@ -24,9 +26,10 @@ use crate::sensor::{CodewordStatistics, judge_codewords};
 use crate::surface::{Links, MAX_SLOPE, PixelStatus, reject_small_components};
 use beyond::explained_beyond;
 use chance::ForeignCodewords;
-use components::{Alternatives, reject_unexplained_components};
+use components::reject_unexplained_components;
 use continuation::reject_continuations;
 use facing_away::reject_facing_away;
+use judgement::Alternatives;
 use partly_covered::reject_partly_covered;
 pub use settings::FilterSettings;
 

@@ -60,6 +60,14 @@ pub struct FilterSettings {
     pub min_component: usize,
 }
 
+impl FilterSettings {
+    /// Returns χ² per measurement and a fraction of light of unseen origin as parts of what noise alone lets fit; 1 is the
+    /// limit.
+    pub(super) fn clear(&self, chi2: f32, unseen: f32) -> f32 {
+        chi2 / self.clear_chi2 + unseen / self.clear_unseen
+    }
+}
+
 impl Default for FilterSettings {
     fn default() -> Self {
         Self {

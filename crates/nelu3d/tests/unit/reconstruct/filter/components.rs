@@ -1,5 +1,6 @@
 use nelu3d::reconstruct::FilterSettings;
-use nelu3d::reconstruct::filter::components::{Alternatives, reject_unexplained_components};
+use nelu3d::reconstruct::filter::components::reject_unexplained_components;
+use nelu3d::reconstruct::filter::judgement::Alternatives;
 use nelu3d::reconstruct::refine::Refined;
 use nelu3d::surface::PixelStatus;
 use nelu3d_scan::Camera;
