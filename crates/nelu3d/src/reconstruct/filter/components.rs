@@ -44,9 +44,8 @@ pub fn reject_unexplained_components(
     let mut judgement = judge(links.components(depth, camera.width));
     let is_lost = |s: &&PixelStatus| [PixelStatus::Ambiguous, PixelStatus::OutsideVolume].contains(*s);
     let lost = status.iter().filter(is_lost).count();
-    if noise_is_known
-        && judgement.unexplained() + lost > (settings.in_pieces * (judgement.decoded + lost) as f32) as usize
-    {
+    let [nowhere, all] = [judgement.unexplained(), judgement.decoded].map(|n| (n + lost) as f32);
+    if noise_is_known && nowhere > settings.in_pieces * all {
         let of_pixel = |(chi2, unseen): (&f32, &f32)| settings.clear(*chi2, *unseen);
         let misfit: Vec<f32> = refined.chi2.iter().zip(&refined.unseen).map(of_pixel).collect();
         judgement = judge(pieces(links, depth, light, &misfit, camera));
