@@ -16,4 +16,6 @@ pub use dark_level::{DarkEstimator, DarkLevel};
 pub use intensities::Intensities;
 pub use measurements::Measurements;
 pub use noise::{NoiseEstimator, NoiseModel, darkest_intensity, estimate_scene_noise, quantization_step};
-pub use scene_faults::{CodewordStatistics, judge_capture, judge_clipping, judge_codewords, judge_explained};
+pub use scene_faults::{
+    CodewordStatistics, SurfaceEvidence, judge_capture, judge_clipping, judge_codewords, judge_explained,
+};

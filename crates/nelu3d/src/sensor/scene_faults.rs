@@ -83,38 +83,61 @@ pub fn judge_clipping(status: &[PixelStatus]) -> Option<Finding> {
     })
 }
 
-/// Judges how much of what is lit was explained. `cut_by_volume` is the fraction of the surface's pixels in pieces that
-/// end where the calibrated volume does, in the middle of what is lit; `None` where there is no such volume.
-pub fn judge_explained(status: &[PixelStatus], cut_by_volume: Option<f64>) -> Option<Finding> {
+/// What a surface tells beside how much it covers.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SurfaceEvidence {
+    /// Fraction of the surface's pixels in pieces that end where the calibrated volume does, in the middle of what is
+    /// lit.
+    pub cut_by_volume: f64,
+    /// Fraction of the surface's pixels that nothing but its own fit supports; `None` where that is not known.
+    pub unsupported: Option<f64>,
+}
+
+/// Judges how much of what is lit was explained, with what the surface tells; `None` where there is no color field.
+pub fn judge_explained(status: &[PixelStatus], surface: Option<SurfaceEvidence>) -> Option<Finding> {
     /// Fraction of the decoded pixels below which what is left may be chance.
     const MIN_EXPLAINED: f64 = 0.6;
     /// Fraction of the decoded pixels that have to be explained where most of the surface ends by itself: a room around
     /// an object may be out of reach.
     const MIN_OF_WHOLE: f64 = 0.5;
+    /// The same where outlines and chance support the surface: an object may be small before a room.
+    const MIN_OF_SUPPORTED: f64 = 0.05;
+    /// Fraction of the surface up to which the rest supports it.
+    const MAX_UNSUPPORTED: f64 = 0.25;
     /// Fraction of the decoded pixels that have to be explained where most of the surface is cut by the volume's ends:
     /// of a mirrored scene up to 72 % is.
     const MIN_OF_CUT: f64 = 0.8;
     let count = |s: PixelStatus| status.iter().filter(|v| **v == s).count();
     let (valid, ambiguous) = (count(PixelStatus::Valid), count(PixelStatus::Ambiguous));
     let share = valid as f64 / (valid + ambiguous).max(1) as f64;
-    tracing::debug!(share, valid, ambiguous, outside = count(PixelStatus::OutsideVolume), ?cut_by_volume, "explained");
-    let is_cut = cut_by_volume.is_some_and(|cut| cut > 0.5);
-    let least = match cut_by_volume {
-        None => MIN_EXPLAINED,
-        Some(_) if is_cut => MIN_OF_CUT,
-        Some(_) => MIN_OF_WHOLE,
-    };
-    (valid + ambiguous >= MIN_PIXELS && share < least).then(|| {
+    tracing::debug!(share, valid, ambiguous, outside = count(PixelStatus::OutsideVolume), ?surface, "explained");
+    let is_cut = surface.is_some_and(|s| s.cut_by_volume > 0.5);
+    let is_supported = surface.and_then(|s| s.unsupported).is_some_and(|part| part < MAX_UNSUPPORTED);
+    let is_doubtful = share
+        < match surface {
+            None => MIN_EXPLAINED,
+            Some(_) if is_cut => MIN_OF_CUT,
+            Some(_) if is_supported => MIN_OF_SUPPORTED,
+            Some(_) => MIN_OF_WHOLE,
+        };
+    let is_noted = surface.is_some() && share < MIN_OF_WHOLE;
+    (valid + ambiguous >= MIN_PIXELS && (is_doubtful || is_noted)).then(|| {
         let cut = if is_cut { ", and most of that ends where the volume does, not where an object does" } else { "" };
         let sentence = format!(
             "only {:.0} % of what is lit within the calibrated volume's rays has a depth that the field explains{cut}",
             100.0 * share
         );
-        let remedy = "place the object where the board was swept, and check that the images are this scene's, in the \
-                      set's order";
-        Finding::new(Code::LittleExplained, Verdict::Doubtful, sentence, remedy)
+        let (verdict, remedy) = if is_doubtful {
+            let remedy = "place the object where the board was swept, and check that the images are this scene's, in \
+                          the set's order";
+            (Verdict::Doubtful, remedy)
+        } else {
+            (Verdict::Good, "what has none should be a room behind the object: look at the picture")
+        };
+        Finding::new(Code::LittleExplained, verdict, sentence, remedy)
             .with("explained_share", share)
-            .with("cut_by_volume", cut_by_volume)
+            .with("cut_by_volume", surface.map(|s| s.cut_by_volume))
+            .with("unsupported", surface.and_then(|s| s.unsupported))
             .with("valid_px", valid)
             .with("ambiguous_px", ambiguous)
     })

@@ -131,7 +131,7 @@ pub(super) fn members(component: &[u32], sizes: &[u32]) -> Vec<Vec<usize>> {
 }
 
 /// Returns the median of values that each stand for a number of pixels.
-fn weighted_median(mut values: Vec<(f32, usize)>) -> Option<f32> {
+pub(super) fn weighted_median(mut values: Vec<(f32, usize)>) -> Option<f32> {
     values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let all: usize = values.iter().map(|(_, n)| n).sum();
     let mut below = 0;

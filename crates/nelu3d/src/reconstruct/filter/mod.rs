@@ -9,6 +9,8 @@ pub mod continuation;
 #[doc(hidden)]
 pub mod facing_away;
 #[doc(hidden)]
+pub mod fading;
+#[doc(hidden)]
 pub mod judgement;
 #[doc(hidden)]
 pub mod partly_covered;
@@ -29,6 +31,7 @@ use chance::ForeignCodewords;
 use components::reject_unexplained_components;
 use continuation::reject_continuations;
 use facing_away::reject_facing_away;
+use fading::reject_fading;
 use judgement::Alternatives;
 use partly_covered::reject_partly_covered;
 pub use settings::FilterSettings;
@@ -36,7 +39,9 @@ pub use settings::FilterSettings;
 /// Returns the depth of every valid pixel (camera z, mm; NaN elsewhere) and notes in the scene's measurements why the
 /// others are rejected: outside the calibrated volume, unexplained codeword, mixed pixel at a depth discontinuity or at
 /// an outline, turned away from the light, component too small or explained by chance. `prior` is that of light that
-/// did not come directly from the light source, `step` the spacing of the depth hypotheses in 1/z, 1/mm.
+/// did not come directly from the light source, `step` the spacing of the depth hypotheses in 1/z, 1/mm. With it comes
+/// the fraction of these pixels that nothing but its own fit supports, where much of the picture is explained nowhere;
+/// `None` where that cannot be told.
 pub(crate) fn filter(
     scene: &mut Scene<'_>,
     refined: &Refined,
@@ -44,7 +49,7 @@ pub(crate) fn filter(
     settings: &FilterSettings,
     prior: &LightFractionPrior,
     cx: &mut Context<'_>,
-) -> Result<Vec<f32>, Failure> {
+) -> Result<(Vec<f32>, Option<f64>), Failure> {
     cx.clock.begin("filter");
     let Scene { camera, rays, field, measurements: m, .. } = scene;
     let mut depth: Vec<f32> = refined.inv_z.iter().map(|v| 1.0 / v).collect();
@@ -100,8 +105,13 @@ pub(crate) fn filter(
         (refined, light),
         settings,
         noise_is_known,
-        alternatives,
+        &alternatives,
     );
+    let by_chance = |pixels: &[usize]| {
+        let explained = foreign.explained_as_well(pixels, scene, refined, prior, step);
+        explained.map(|[share, _]| share)
+    };
+    let unsupported = reject_fading(&mut depth, &mut status, scene, refined, prior, settings, by_chance);
     reject_continuations(&mut depth, &mut status, scene, refined, prior, step, settings.min_component);
     scene.measurements.status = status;
     let Scene { camera, rays, field, measurements: m, .. } = scene;
@@ -120,7 +130,7 @@ pub(crate) fn filter(
     if depth.iter().all(|z| z.is_nan()) {
         return Err(nothing_left(scene));
     }
-    Ok(depth)
+    Ok((depth, unsupported))
 }
 
 /// Returns the failure of a scene in which every pixel is rejected: what its captures tell, or else what most of the

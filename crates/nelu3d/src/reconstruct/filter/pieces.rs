@@ -86,7 +86,7 @@ impl Outline {
 
 /// Whether brightness has an edge between two linked pixels: what lies behind one is brighter than what lies behind the
 /// other, and nowhere near does it change more from one pixel to the next.
-fn is_edge(light: &[f32], depth: &[f32], [i, j]: [usize; 2], width: usize) -> bool {
+pub(super) fn is_edge(light: &[f32], depth: &[f32], [i, j]: [usize; 2], width: usize) -> bool {
     let step = j - i;
     let in_line = |n: isize| {
         let k = i.checked_add_signed(n * step as isize).filter(|k| *k < depth.len() && depth[*k].is_finite())?;

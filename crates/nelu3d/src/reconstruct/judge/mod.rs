@@ -8,7 +8,7 @@ use nelu3d_scan::statistics::median;
 
 use super::scene::Scene;
 use crate::color_field::LightMotion;
-use crate::sensor::{CodewordStatistics, judge_clipping, judge_codewords, judge_explained};
+use crate::sensor::{CodewordStatistics, SurfaceEvidence, judge_clipping, judge_codewords, judge_explained};
 use crate::verdict::{Code, Finding, Judgment, Verdict};
 
 /// Most pixels that are compared with the field.
@@ -17,8 +17,9 @@ const MAX_PIXELS: usize = 6000;
 const DEPTHS: usize = 12;
 
 /// Judges a surface of `scene`: its depth (camera z, mm; NaN where there is none), and χ² per measurement where the
-/// recipe knows it. The status of every pixel is that of the scene's measurements.
-pub(super) fn judge(scene: &Scene<'_>, depth: &[f32], chi2: Option<&[f32]>) -> Judgment {
+/// recipe knows it. `unsupported` is the fraction of the surface that nothing but its own fit supports, where that is
+/// known. The status of every pixel is that of the scene's measurements.
+pub(super) fn judge(scene: &Scene<'_>, depth: &[f32], chi2: Option<&[f32]>, unsupported: Option<f64>) -> Judgment {
     let (m, metadata) = (&scene.measurements, &scene.field.metadata);
     let mut judgment = Judgment::default();
     judgment.extend(judge_clipping(&m.status));
@@ -27,7 +28,8 @@ pub(super) fn judge(scene: &Scene<'_>, depth: &[f32], chi2: Option<&[f32]>) -> J
     judgment.extend(judge_codewords(&statistics, expected.as_ref(), &metadata.images));
     judgment.extend(response::judge(scene, depth));
     judgment.extend(chi2.and_then(|chi2| residual(depth, chi2)));
-    judgment.extend(judge_explained(&m.status, Some(ends::cut_by_volume(scene, depth))));
+    let surface = SurfaceEvidence { cut_by_volume: ends::cut_by_volume(scene, depth), unsupported };
+    judgment.extend(judge_explained(&m.status, Some(surface)));
     judgment.extend(of_field(&metadata.warnings));
     judgment.extend(of_corrected_field(&metadata.corrected));
     judgment

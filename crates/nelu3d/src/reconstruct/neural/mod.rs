@@ -116,7 +116,7 @@ pub(super) fn reconstruct(
     let (residual, mean_ambient) = residuals(&scene, &view, &learned.ambient);
 
     cx.clock.begin("build the surface");
-    let judgment = judge(&scene, &view.depth, None);
+    let judgment = judge(&scene, &view.depth, None, None);
     let status = scene.measurements.status;
     let maps = SurfaceMaps { depth: view.depth, sigma: view.spread, status, residual, ambient: mean_ambient };
     let mut surface = assemble(maps, camera, &scene.rays.plane, &capture.white);

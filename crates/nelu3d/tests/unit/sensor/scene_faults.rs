@@ -1,4 +1,6 @@
-use nelu3d::sensor::{CodewordStatistics, judge_capture, judge_clipping, judge_codewords, judge_explained};
+use nelu3d::sensor::{
+    CodewordStatistics, SurfaceEvidence, judge_capture, judge_clipping, judge_codewords, judge_explained,
+};
 use nelu3d::surface::PixelStatus;
 use nelu3d::verdict::{Code, Verdict};
 use nelu3d_scan::Image;
@@ -39,20 +41,37 @@ fn a_pattern_without_light_is_named() {
 
 #[test]
 fn little_that_is_explained_is_doubtful() {
+    let ends = |cut_by_volume| Some(SurfaceEvidence { cut_by_volume, unsupported: None });
     let mut status = vec![PixelStatus::Ambiguous; 1000];
     status[..100].fill(PixelStatus::Valid);
-    for cut in [None, Some(0.0), Some(1.0)] {
-        assert_eq!(judge_explained(&status, cut).unwrap().code, Code::LittleExplained);
+    for surface in [None, ends(0.0), ends(1.0)] {
+        let found = judge_explained(&status, surface).unwrap();
+        assert_eq!((found.code, found.verdict), (Code::LittleExplained, Verdict::Doubtful));
     }
     // A room around the object may be out of reach, but not where the object itself is cut.
     status[..550].fill(PixelStatus::Valid);
-    assert!(judge_explained(&status, None).is_some() && judge_explained(&status, Some(0.4)).is_none());
+    assert!(judge_explained(&status, None).is_some() && judge_explained(&status, ends(0.4)).is_none());
     status[..700].fill(PixelStatus::Valid);
-    let found = judge_explained(&status, Some(0.6)).unwrap();
+    let found = judge_explained(&status, ends(0.6)).unwrap();
     assert!(found.sentence.contains("where the volume does"), "{found}");
-    assert!(judge_explained(&status, None).is_none() && judge_explained(&status, Some(0.4)).is_none());
+    assert!(judge_explained(&status, None).is_none() && judge_explained(&status, ends(0.4)).is_none());
     status[..900].fill(PixelStatus::Valid);
-    assert!(judge_explained(&status, Some(0.9)).is_none());
+    assert!(judge_explained(&status, ends(0.9)).is_none());
+}
+
+#[test]
+fn little_that_is_explained_well_is_noted() {
+    let verdict = |explained: usize, cut_by_volume, unsupported| {
+        let mut status = vec![PixelStatus::Ambiguous; 1000];
+        status[..explained].fill(PixelStatus::Valid);
+        let surface = SurfaceEvidence { cut_by_volume, unsupported: Some(unsupported) };
+        judge_explained(&status, Some(surface)).map(|found| found.verdict)
+    };
+    assert_eq!(verdict(200, 0.0, 0.1), Some(Verdict::Good));
+    assert_eq!(verdict(200, 0.0, 0.4), Some(Verdict::Doubtful));
+    assert_eq!(verdict(200, 0.9, 0.1), Some(Verdict::Doubtful));
+    assert_eq!(verdict(40, 0.0, 0.1), Some(Verdict::Doubtful));
+    assert_eq!(verdict(600, 0.0, 0.4), None);
 }
 
 #[test]
