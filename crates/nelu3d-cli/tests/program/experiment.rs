@@ -34,14 +34,14 @@ preset = "demo"
 supersampling = 2
 scenes = [{ name = "ball", objects = [{ position_mm = [0.0, 0.0, 700.0], shape = { kind = "sphere", radius_mm = 50.0 } }] }]
 
-# A quarter of the preset's pixels.
+# Fewer pixels than the preset has.
 [rigs.small.set.camera]
-width = 160
-height = 120
-fx = 450.0
-fy = 449.5
-cx = 80.35
-cy = 59.2
+width = 240
+height = 180
+fx = 675.0
+fy = 674.3
+cx = 120.8
+cy = 89.1
 
 [rigs.small.set.sweep]
 positions = "{n}"
