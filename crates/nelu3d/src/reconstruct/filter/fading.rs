@@ -8,7 +8,7 @@
 //!
 //! Right surfaces have such outlines, too, where interreflection takes their rims, or where they leave the calibrated
 //! volume. So a region is only rejected for them if chance explains it as often, or if it fits much worse than what
-//! ends at edges; and the picture has to have such.
+//! ends at edges, which the picture has to have then.
 
 use nelu3d_scan::Camera;
 use nelu3d_scan::statistics::median;
@@ -36,9 +36,9 @@ const EDGE_CHI2: f32 = 6.5;
 /// Fraction of the foreign codewords that are explained worse, from which an outline fades, and from which a region may
 /// be rejected for it. At edges it is a half on average.
 const FADES: [f64; 2] = [0.8, 0.9];
-/// Times that chance explains as many pixels as a region has above which it is rejected, and above which it is not
-/// supported.
-const MAX_TRIES: [f32; 2] = [2.0, 3.0];
+/// Times that chance explains as many pixels as a region has above which it is rejected where other regions end at
+/// edges; above which it is not supported; and above which it is rejected whatever the others do.
+const MAX_TRIES: [f32; 3] = [2.0, 3.0, 15.0];
 /// χ² of a region as a multiple of what is typical of those that end at edges above which it is rejected.
 const MAX_OVER_TYPICAL: f32 = 2.0;
 /// Fraction of the pixels that has to end at edges for a region to be rejected.
@@ -117,7 +117,10 @@ pub(super) fn reject_fading(
     let at_edges = number(&|r| !fades(r)) / number(&|_| true).max(1.0);
     let ended = regions.iter().filter(|r| !fades(r)).map(|r| (r.chi2, r.pixels.len()));
     let max_chi2 = weighted_median(ended.collect()).map_or(f32::INFINITY, |typical| MAX_OVER_TYPICAL * typical);
-    let is_rejected = |r: &Region| at_edges > MIN_AT_EDGES && fades(r) && (r.tries > MAX_TRIES[0] || r.chi2 > max_chi2);
+    let is_rejected = |r: &Region| {
+        let is_odd = r.tries > MAX_TRIES[0] || r.chi2 > max_chi2;
+        fades(r) && ((at_edges > MIN_AT_EDGES && is_odd) || r.tries > MAX_TRIES[2])
+    };
     for r in &regions {
         let (pixels, rejected) = (r.pixels.len(), is_rejected(r));
         tracing::debug!(pixels, fades = r.fades, chi2 = r.chi2, tries = r.tries, rejected, "region");
