@@ -171,7 +171,7 @@ fn outlines(
             spline.eval(q, &mut c);
             let own = chi2_of_codeword(m, beyond, &c, prior);
             let outline = &mut outlines[region[i] as usize];
-            outline.chi2.push(own / m.independent as f32);
+            outline.chi2.push(own / m.independent);
             for _ in 0..FOREIGN {
                 tried += 1;
                 // All over the picture, in an order that no pattern has.

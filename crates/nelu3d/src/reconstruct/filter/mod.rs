@@ -105,7 +105,7 @@ pub(crate) fn filter(
         (refined, light),
         settings,
         noise_is_known,
-        &alternatives,
+        alternatives,
     );
     let by_chance = |pixels: &[usize]| {
         let explained = foreign.explained_as_well(pixels, scene, refined, prior, step);
