@@ -3,8 +3,8 @@
 //! A surface ends at an edge: what is seen beside it has a codeword of its own, which the surface, continued, does not
 //! explain at all. A piece of a wall behind the calibrated volume that is explained by chance ends in the middle of
 //! that wall: continued, it explains what is beside it nearly, and worse from pixel to pixel. How badly codewords of the
-//! same picture that do not belong there are explained is tried, as for whole components
-//! ([`ForeignCodewords`](super::chance::ForeignCodewords)): codes of few patterns explain much.
+//! same picture that do not belong there are explained is tried, as for whole components: codes of few patterns explain
+//! much.
 //!
 //! Right surfaces have such outlines, too, where interreflection takes their rims, or where they leave the calibrated
 //! volume. So a region is only rejected for them if chance explains it as often, or if it fits much worse than what
