@@ -10,6 +10,8 @@
 //! volume. So a region is only rejected for them if chance explains it as often, or if it fits much worse than what
 //! ends at edges, which the picture has to have then.
 
+use std::cmp::Reverse;
+
 use nelu3d_scan::Camera;
 use nelu3d_scan::statistics::median;
 
@@ -41,6 +43,8 @@ const FADES: [f64; 2] = [0.8, 0.9];
 const MAX_TRIES: [f32; 3] = [2.0, 3.0, 15.0];
 /// χ² of a region as a multiple of what is typical of those that end at edges above which it is rejected.
 const MAX_OVER_TYPICAL: f32 = 2.0;
+/// Most regions that are looked at, the largest: a texture has thousands, and chance takes milliseconds to try.
+const MAX_REGIONS: usize = 200;
 /// Fraction of the pixels that has to end at edges for a region to be rejected.
 const MIN_AT_EDGES: f64 = 0.25;
 
@@ -100,8 +104,12 @@ pub(super) fn reject_fading(
     links.cut(camera.width, |i, j| is_edge(light, depth, [i, j], camera.width));
     let (region, sizes) = links.components(depth, camera.width);
     let outlines = outlines(&region, sizes.len(), &lost, scene, refined, prior);
-    let regions = members(&region, &sizes).into_iter().zip(outlines).filter(|(p, _)| p.len() >= settings.min_component);
+    let mut regions: Vec<(Vec<usize>, Outline)> = members(&region, &sizes).into_iter().zip(outlines).collect();
+    regions.retain(|(pixels, _)| pixels.len() >= settings.min_component);
+    regions.sort_by_key(|(pixels, _)| Reverse(pixels.len()));
+    regions.truncate(MAX_REGIONS);
     let regions: Vec<Region> = regions
+        .into_iter()
         .map(|(pixels, outline)| {
             let chance = by_chance(&pixels).unwrap_or(settings.unknown_chance);
             let chi2 = median(&mut pixels.iter().map(|i| refined.chi2[*i]).collect::<Vec<f32>>());
