@@ -100,7 +100,8 @@ pub fn judge_explained(status: &[PixelStatus], surface: Option<SurfaceEvidence>)
     /// Fraction of the decoded pixels that have to be explained where most of the surface ends by itself: a room around
     /// an object may be out of reach.
     const MIN_OF_WHOLE: f64 = 0.5;
-    /// The same where outlines and chance support the surface: an object may be small before a room.
+    /// Fraction of the decoded pixels that have to be explained where outlines and chance support the surface: an object
+    /// may be small before a room.
     const MIN_OF_SUPPORTED: f64 = 0.05;
     /// Fraction of the surface up to which the rest supports it.
     const MAX_UNSUPPORTED: f64 = 0.25;

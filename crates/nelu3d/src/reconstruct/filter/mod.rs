@@ -89,8 +89,9 @@ pub(crate) fn filter(
     let mut status = std::mem::take(&mut scene.measurements.status);
     let foreign = ForeignCodewords::new(scene, &depth);
     let noise_is_known = scene.field.metadata.is_at_its_noise();
+    let explained_as_well = |pixels: &[usize]| foreign.explained_as_well(pixels, scene, refined, prior, step);
     let alternatives = |pixels: &[usize]| {
-        let explained = foreign.explained_as_well(pixels, scene, refined, prior, step);
+        let explained = explained_as_well(pixels);
         let (by_chance, foreign_chi2) = (explained.map(|[share, _]| share), explained.map_or(0.0, |[_, ratio]| ratio));
         let chance = by_chance.unwrap_or(settings.unknown_chance);
         let beyond = explained_beyond(pixels, scene, refined, prior, step, chance);
@@ -107,10 +108,7 @@ pub(crate) fn filter(
         noise_is_known,
         alternatives,
     );
-    let by_chance = |pixels: &[usize]| {
-        let explained = foreign.explained_as_well(pixels, scene, refined, prior, step);
-        explained.map(|[share, _]| share)
-    };
+    let by_chance = |pixels: &[usize]| explained_as_well(pixels).map(|[share, _]| share);
     let unsupported = reject_fading(&mut depth, &mut status, scene, refined, prior, settings, by_chance);
     reject_continuations(&mut depth, &mut status, scene, refined, prior, step, settings.min_component);
     scene.measurements.status = status;
