@@ -37,10 +37,27 @@ pub struct RenderedRays {
     pub opacity: Vec<f32>,
 }
 
-/// Renders distances (method.md §2) with samples at the middle of every step.
+/// Returns the mean place of an interval's weight, 0 (its near end) to 1, where the signed distance is linear in between:
+/// ∫ u dΦ(a + (b − a) u) / (Φ(b) − Φ(a)) with the logistic function Φ, `a` and `b` the signed distances at the two ends
+/// times the sharpness (`inv_s`). A sharp surface is where the distance is zero; a soft one fills the interval evenly.
+pub fn mean_place(a: f64, b: f64) -> f64 {
+    /// Weight below which the interval has none to speak of: its middle is as good.
+    const NONE: f64 = 1e-9;
+    let logistic = |x: f64| 1.0 / (1.0 + (-x).exp());
+    let softplus = |x: f64| x.max(0.0) + (-x.abs()).exp().ln_1p();
+    let weight = logistic(b) - logistic(a);
+    if weight.abs() < NONE || (b - a).abs() < 1e-4 {
+        return 0.5;
+    }
+    ((logistic(b) - (softplus(b) - softplus(a)) / (b - a)) / weight).clamp(0.0, 1.0)
+}
+
+/// Renders distances Σ w t / O, every interval's weight at its mean place ([`mean_place`]): a trained surface is sharper
+/// than the steps of the march, and the middles of steps would put it up to half a step off.
 pub fn render(surface: &NeuralSurface, bounds: &Bounds, grid: &OccupancyGrid, rays: &[March]) -> RenderedRays {
     const CHUNK: usize = 8192;
     let n = rays.len();
+    let longest = 1.5 * super::march::step_mm(bounds);
     let mut out =
         RenderedRays { t: Vec::with_capacity(n), spread: Vec::with_capacity(n), opacity: Vec::with_capacity(n) };
     for rays in rays.chunks(CHUNK) {
@@ -48,15 +65,22 @@ pub fn render(surface: &NeuralSurface, bounds: &Bounds, grid: &OccupancyGrid, ra
         let mut sdf = vec![0.0; samples.points.len()];
         surface.field().query(&samples.points, &mut sdf);
         let mut weights = vec![0.0; sdf.len()];
-        volrend::render_weights(&samples.offsets, &sdf, surface.inv_s() as f32, &mut weights);
+        let inv_s = surface.inv_s();
+        volrend::render_weights(&samples.offsets, &sdf, inv_s as f32, &mut weights);
         for ray in samples.offsets.windows(2) {
-            let (w, t) = (&weights[ray[0]..ray[1]], &samples.t[ray[0]..ray[1]]);
+            let (w, t, sdf) = (&weights[ray[0]..ray[1]], &samples.t[ray[0]..ray[1]], &sdf[ray[0]..ray[1]]);
             let (mut o, mut first, mut second) = (0.0f64, 0.0f64, 0.0f64);
-            for (j, &w) in w.iter().enumerate() {
+            for (j, &w) in w.iter().enumerate().filter(|(_, w)| **w > 0.0) {
                 // A weight belongs to the interval behind its sample. Across a gap in the occupied part the surface
                 // lies at its near end.
                 let gap = t.get(j + 1).map_or(0.0, |next| f64::from(next - t[j]));
-                let at = f64::from(t[j]) + 0.5 * gap.min(1.5 * super::march::step_mm(bounds));
+                let behind = match sdf.get(j + 1) {
+                    Some(next) if gap <= longest => {
+                        gap * mean_place(inv_s * f64::from(sdf[j]), inv_s * f64::from(*next))
+                    }
+                    _ => 0.5 * gap.min(longest),
+                };
+                let at = f64::from(t[j]) + behind;
                 let w = f64::from(w);
                 o += w;
                 first += w * at;

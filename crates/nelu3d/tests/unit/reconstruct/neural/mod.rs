@@ -5,3 +5,4 @@ mod lookup_start;
 #[cfg(feature = "gpu")]
 mod on_gpu;
 mod start;
+mod view;
