@@ -24,6 +24,8 @@ mod maps;
 pub mod neural;
 mod observer;
 mod options;
+#[doc(hidden)]
+pub mod outline;
 mod pixel_beside;
 mod previous;
 #[doc(hidden)]
@@ -40,7 +42,7 @@ use nelu3d_scan::{Camera, Rig};
 use crate::color_field::{ColorField, check_field, check_mono};
 use crate::drift::check_capture;
 use crate::progress::{Progress, StageTime};
-use crate::surface::{PixelStatus, Surface, SurfaceMaps, assemble};
+use crate::surface::{Links, MAX_SLOPE, PixelStatus, Surface, SurfaceMaps, assemble};
 use crate::verdict::Judgment;
 pub use codewords::Codeword;
 pub(crate) use codewords::decode_codewords;
@@ -60,6 +62,7 @@ pub use lit_part::LitPart;
 pub(crate) use maps::interpolate_within;
 pub use observer::{Observer, Stage};
 pub use options::{CrosstalkMode, Recipe, ReconstructionOptions};
+use outline::sigma_of_place;
 pub use previous::PreviousFrame;
 pub use refine::RefineSettings;
 use refine::{Refined, refine};
@@ -211,13 +214,16 @@ fn diagnose(initial: &Initial, refined: &Refined, depth: &[f32], fast: FastSetti
 
 /// Links, normals and mesh of the valid depths.
 fn build_surface(scene: Scene<'_>, refined: Refined, depth: Vec<f32>) -> Surface {
-    // From 1/z to z; and what neighbors share.
+    // From 1/z to z; what neighbors share; and where in its pixel a depth was measured.
     let pose = |i: usize, z: f32| {
         let q = scene.rays.in_frame(i).at(f64::from(z / scene.rays.dir_z(i))).q;
         scene.field.pose_sigma_mm(scene.rays.plane[i], q)
     };
-    let sigma =
-        |(i, (z, s)): (usize, (&f32, &f32))| if z.is_finite() { (s * z * z).hypot(pose(i, *z)) } else { f32::NAN };
+    let place = sigma_of_place(&depth, &Links::new(&depth, scene.camera, MAX_SLOPE), scene.camera.width);
+    let sigma = |(i, (z, s)): (usize, (&f32, &f32))| match z.is_finite() {
+        true => (s * z * z).hypot(pose(i, *z)).hypot(place[i]),
+        false => f32::NAN,
+    };
     let sigma = depth.iter().zip(&refined.sigma).enumerate().map(sigma).collect();
     let status = scene.measurements.status;
     let maps = SurfaceMaps { depth, sigma, status, residual: refined.residual, ambient: refined.ambient };

@@ -27,6 +27,8 @@ mod scene_light;
 mod settings;
 mod slopes;
 #[doc(hidden)]
+pub mod smoothed_away;
+#[doc(hidden)]
 pub mod thin_plate;
 #[doc(hidden)]
 pub mod uncertainty;

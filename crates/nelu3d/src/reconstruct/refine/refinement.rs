@@ -14,6 +14,7 @@ use super::refined::Refined;
 use super::scene_light::SceneLight;
 use super::settings::RefineSettings;
 use super::slopes::{cosine, slopes};
+use super::smoothed_away::smoothed_away;
 use super::thin_plate::ThinPlatePrior;
 use super::uncertainty::{self, Information, Nuisances, Posterior, systematic};
 use super::window::Window;
@@ -256,21 +257,28 @@ impl<'a> Refinement<'a> {
         sweep(&system, &mut self.x, step, MAX_CHANGE, until)
     }
 
-    /// Returns one standard deviation of the unknown per pixel of the window.
-    fn sigma(&self) -> Vec<f32> {
+    /// Gives back what the prior took from the surface, and returns one standard deviation of the unknown per pixel of
+    /// the window.
+    fn give_back(&mut self) -> Vec<f32> {
         let [w, height] = [self.window.w, self.window.h];
         let mut sigma = Vec::with_capacity(self.x.len());
+        let mut change = Vec::with_capacity(self.x.len());
         for first in (0..height).step_by(STRIP) {
             let end = (first + STRIP).min(height);
             let rows = first.saturating_sub(STRIP_MARGIN)..(end + STRIP_MARGIN).min(height);
             let skip = (first - rows.start) * w;
-            sigma.extend_from_slice(&self.sigma_of_rows(rows)[skip..skip + (end - first) * w]);
+            let of_rows = self.give_back_to_rows(rows);
+            for (all, some) in [&mut sigma, &mut change].into_iter().zip(of_rows) {
+                all.extend_from_slice(&some[skip..skip + (end - first) * w]);
+            }
         }
+        self.x.iter_mut().zip(change).for_each(|(x, change)| *x += change);
         sigma
     }
 
-    /// Returns one standard deviation of the unknown per pixel of some rows of the window, as if there were no others.
-    fn sigma_of_rows(&self, rows: Range<usize>) -> Vec<f32> {
+    /// Returns one standard deviation of the unknown per pixel of some rows of the window, as if there were no others, and
+    /// by how much it changes where what the prior took is given back.
+    fn give_back_to_rows(&self, rows: Range<usize>) -> [Vec<f32>; 2] {
         let (m, k, w) = (&self.scene.measurements, self.scene.measurements.k, self.window.w);
         let prior = self.prior.of_rows(rows.clone());
         let (start, n) = (rows.start * w, prior.active.len());
@@ -296,7 +304,16 @@ impl<'a> Refinement<'a> {
         let systematic =
             systematic(&whitened, &slopes, &nuisances, k, &prior.active, [w, rows.len()], &posterior.pixels);
         let factor = |at: usize, pixels: f32| self.depth_noise_factor(start + at, pixels);
-        uncertainty::sigma(&prior, &posterior, &self.x[start..start + n], &information, &systematic, factor)
+        let x = &self.x[start..start + n];
+        let mut sigma = uncertainty::sigma(&prior, &posterior, x, &information, &systematic, factor);
+        let h: Vec<f32> = information.iter().map(|i| i.h).collect();
+        let mut noise = uncertainty::noise_ratio(&prior, &information);
+        for i in (0..n).filter(|i| prior.active[*i]) {
+            noise[i] *= posterior.smoothed_away[i] * factor(i, posterior.pixels[i]);
+        }
+        let away = smoothed_away(&prior, &h, x, &noise);
+        sigma.iter_mut().zip(&away.variance).for_each(|(s, variance)| *s = (*s * *s + variance).sqrt());
+        [sigma, away.change]
     }
 
     /// Returns the factor of the noise's variance at a pixel of the window, for a depth that averages over so many.
@@ -312,7 +329,8 @@ impl<'a> Refinement<'a> {
         // The largest part of the state, and needed no more.
         self.bands.clear();
         let (m, k, channels) = (&self.scene.measurements, self.scene.measurements.k, self.channels);
-        let sigma = self.sigma();
+        // What pixels are rejected by, χ² and light fractions, is that of the surface before.
+        let sigma = self.give_back();
         let mut out = Refined::empty(m.n(), losses, self.fractions.albedo.clone());
         (out.flash_offset_mm, out.crosstalk) = (self.scene_light.flash_offset_mm(), self.scene_light.crosstalk());
         let mut residuals = Vec::with_capacity(k);

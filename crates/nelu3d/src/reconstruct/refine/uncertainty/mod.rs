@@ -24,6 +24,7 @@ mod uniform_plate;
 mod zones;
 
 pub use information::Information;
+pub(super) use masked_mean::masked_mean;
 pub use posterior::Posterior;
-pub use sigma::sigma;
+pub use sigma::{noise_ratio, sigma};
 pub use systematic::{Nuisances, Systematic, systematic};

@@ -32,6 +32,8 @@ pub struct Posterior {
     pub prior: Vec<f32>,
     /// Number of pixels that the solution averages over.
     pub pixels: Vec<f32>,
+    /// Variance from noise of what is found to be smoothed away.
+    pub smoothed_away: Vec<f32>,
     /// Energies in the solution, of noise and of a surface that is as rough as the prior allows.
     whole: Energies,
     /// Energies in the solution of second differences less their mean over [`square()`], of noise and of such a surface.
@@ -62,7 +64,14 @@ impl Posterior {
         box_mean(&mut has_weight, w, h, LOCAL_RADIUS);
         let zero = || vec![0.0f32; n];
         let energies = || Energies { noise: zero(), surface: zero() };
-        let mut out = Self { noise: zero(), prior: zero(), pixels: zero(), whole: energies(), rest: energies() };
+        let mut out = Self {
+            noise: zero(),
+            prior: zero(),
+            pixels: zero(),
+            smoothed_away: zero(),
+            whole: energies(),
+            rest: energies(),
+        };
         for i in (0..n).filter(|i| prior.active[*i]) {
             let weight = if has_weight[i] > 1e-6 { weight[i].exp() } else { 0.0 };
             // A pixel that measures nothing has a hundredth of the information around it.
@@ -78,6 +87,7 @@ impl Posterior {
             out.noise[i] = edge * means.noise / h;
             out.prior[i] = edge * means.prior / h;
             out.pixels[i] = 1.0 / means.noise.max(1e-6);
+            out.smoothed_away[i] = edge * means.smoothed_away / h;
             (out.whole.noise[i], out.whole.surface[i]) = (means.prior, means.noise);
             (out.rest.noise[i], out.rest.surface[i]) = (means.noise_energy, means.surface_energy);
         }

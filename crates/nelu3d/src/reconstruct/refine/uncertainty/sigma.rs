@@ -13,6 +13,12 @@ const POOL_RADIUS: usize = 2;
 /// Radius over which residuals tell how large the noise really is, px.
 const NOISE_RADIUS: usize = 8;
 
+/// Returns by what the noise's variance exceeds that of its model around each pixel, as residuals show it.
+pub fn noise_ratio(prior: &ThinPlatePrior, information: &[Information]) -> Vec<f32> {
+    let chi2: Vec<f32> = information.iter().map(|i| i.chi2).collect();
+    masked_mean(&chi2, &prior.active, prior.width, prior.height, NOISE_RADIUS)
+}
+
 /// Returns one standard deviation of the unknown per pixel of the prior's window; NaN where there is no surface. `x` is
 /// the solution, `posterior` what noise and prior leave in it, `systematic` what neighbors share of the residuals,
 /// which is no noise; `factor` tells how much more depths scatter at a pixel that average over so many pixels than
@@ -29,8 +35,7 @@ pub fn sigma(
     let (w, h, n) = (prior.width, prior.height, information.len());
     let pooled = |v: &[f32]| masked_mean(v, &prior.active, w, h, POOL_RADIUS);
     let (noise, smoothing) = (pooled(&posterior.noise), pooled(&posterior.prior));
-    let chi2: Vec<f32> = information.iter().map(|i| i.chi2).collect();
-    let mut noise_ratio = masked_mean(&chi2, &prior.active, w, h, NOISE_RADIUS);
+    let mut noise_ratio = noise_ratio(prior, information);
     let mut factors = vec![1.0; n];
     for i in (0..n).filter(|i| prior.active[*i]) {
         factors[i] = factor(i, posterior.pixels[i]);

@@ -16,6 +16,9 @@ pub(super) struct FrequencyMeans {
     pub(super) surface_energy: f32,
     /// Energy of the noise, likewise.
     pub(super) noise_energy: f32,
+    /// Mean of (ρs)² (1 + 2ρs)²/(1 + ρs)⁶: the noise's variance times the information in what is found to be smoothed
+    /// away.
+    pub(super) smoothed_away: f32,
 }
 
 /// Sides of the smallest and the largest square over which second differences are averaged, px. In smaller ones noise
@@ -66,6 +69,7 @@ static MEANS: LazyLock<Vec<FrequencyMeans>> = LazyLock::new(|| {
                 prior: mean(&|q, _| q * (1.0 + q).powi(-2)),
                 surface_energy: mean(&|q, at| (1.0 + q).powi(-2) * rest(at)),
                 noise_energy: mean(&|q, at| q * (1.0 + q).powi(-2) * rest(at)),
+                smoothed_away: mean(&|q, _| (q * (1.0 + 2.0 * q)).powi(2) * (1.0 + q).powi(-6)),
             }
         })
         .collect()
@@ -83,6 +87,7 @@ impl FrequencyMeans {
             prior: between(a.prior, b.prior),
             surface_energy: between(a.surface_energy, b.surface_energy),
             noise_energy: between(a.noise_energy, b.noise_energy),
+            smoothed_away: between(a.smoothed_away, b.smoothed_away),
         }
     }
 }

@@ -1,0 +1,66 @@
+//! What the prior takes from a surface, given back where it shows.
+//!
+//! A thin plate has no second differences at its edges, and little of what changes within what it averages over. Where a
+//! body bends out of sight both are wrong, and the surface lies off by more than its noise. With S the smoother that
+//! makes the solution x of what was measured, x lacks (1 − S) of the true surface, of which x itself tells: smoothed
+//! again, it loses about as much again (Tukey, *Exploratory Data Analysis*, 1977: twicing). Here twice over, since what
+//! a second smoothing takes is smaller than what the first took:
+//!
+//! ```text
+//! y₁ = x + (x − S x),   y₂ = y₁ + (x − S y₁),   change = y₂ − x = (1 − S) (2 − S) x
+//! ```
+//!
+//! Noise has a part in it, and where there is nothing else it would only be added. So the change is made by the part of
+//! its mean square that noise does not explain.
+
+use nelu3d_field::plate::{PlateStop, sweep};
+
+use super::thin_plate::ThinPlatePrior;
+use super::uncertainty::masked_mean;
+
+/// Times that the surface is smoothed again.
+const ROUNDS: usize = 2;
+/// Sweeps over the tiles of a system: what a pixel changes by depends on a few pixels around it.
+const SWEEPS: usize = 2;
+/// Criterion of the solver in a tile.
+const STOP: PlateStop = PlateStop { reduction: 1e-2, settled: 0.0, iterations: 120 };
+/// Radius over which the change's mean square is compared with that of noise, px.
+const RADIUS: usize = 3;
+/// Mean square over that of noise below which there is nothing else. Neighbors are nearly the same, so that a mean over
+/// the square of [`RADIUS`] is one of few.
+const CHANCE: f32 = 3.0;
+
+/// What is given back of what the prior took, per pixel of a window.
+pub struct SmoothedAway {
+    /// Change of the unknown; 0 where there is no surface.
+    pub change: Vec<f32>,
+    /// Variance of the unknown that is left: a change is hardly known better than by its own size.
+    pub variance: Vec<f32>,
+}
+
+/// Returns what the prior takes from the solution `x` of data of information `h`, as far as it exceeds `noise`, the
+/// variance of the change from noise, per pixel.
+pub fn smoothed_away(prior: &ThinPlatePrior, h: &[f32], x: &[f32], noise: &[f32]) -> SmoothedAway {
+    let [n, width, height] = [x.len(), prior.width, prior.height];
+    let mut y = x.to_vec();
+    for _ in 0..ROUNDS {
+        // S y: what the data would be solved to if they were y.
+        let mut smooth = y.clone();
+        for turn in 0..SWEEPS {
+            let g: Vec<f32> = (0..n).map(|i| h[i] * (smooth[i] - y[i])).collect();
+            sweep(&prior.system(h, &g), &mut smooth, turn, f32::INFINITY, STOP);
+        }
+        (0..n).for_each(|i| y[i] += x[i] - smooth[i]);
+    }
+    let mut change: Vec<f32> = y.iter().zip(x).map(|(y, x)| y - x).collect();
+    let mean = |map: &[f32]| masked_mean(map, &prior.active, width, height, RADIUS);
+    let mut variance = mean(&change.iter().map(|c| c * c).collect::<Vec<_>>());
+    let noise = mean(noise);
+    for i in 0..n {
+        let part =
+            if prior.active[i] { (1.0 - CHANCE * noise[i] / variance[i].max(f32::MIN_POSITIVE)).max(0.0) } else { 0.0 };
+        change[i] *= part;
+        variance[i] *= part * part;
+    }
+    SmoothedAway { change, variance }
+}
