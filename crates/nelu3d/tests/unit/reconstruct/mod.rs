@@ -3,4 +3,5 @@ mod filter;
 mod judge;
 mod lit_part;
 mod neural;
+mod outline;
 mod refine;
