@@ -202,11 +202,16 @@ impl<'a> Refinement<'a> {
         self.fractions.explain(i, px, j, self.rendered[i * 2 * m.k + j]) - m.p[px * m.k + j]
     }
 
+    /// Returns c of the robust loss χ²/(1 + χ²/c) (Geman and McClure).
+    fn robust_cut(&self) -> f32 {
+        self.settings.robust_chi2 * self.scene.measurements.independent
+    }
+
     /// Sets up the normal equation of every pixel; returns the loss, mean robust χ² per measurement.
     pub(super) fn linearize(&mut self) -> f32 {
         let m = &self.scene.measurements;
         let (k, channels, w) = (m.k, self.channels, self.window.w);
-        let cut = self.settings.robust_chi2 * m.independent;
+        let cut = self.robust_cut();
         let DataTerm { mut h, mut g, mut chi2 } =
             std::mem::replace(&mut self.data, DataTerm { h: Vec::new(), g: Vec::new(), chi2: Vec::new() });
         let rows = h.par_chunks_mut(w).zip(g.par_chunks_mut(w)).zip(chi2.par_chunks_mut(w)).enumerate();
@@ -289,8 +294,8 @@ impl<'a> Refinement<'a> {
             let i = start + at;
             let px = self.window.at(i);
             // Both beside the noise model that the normal equations were set up with.
-            let chi2 = self.trust * self.data.chi2[i] / m.independent_at(px);
-            information[at] = Information { h: self.data.h[i], chi2 };
+            let (n, over_cut) = (m.independent_at(px), self.data.chi2[i] / self.robust_cut());
+            information[at] = Information::robust(self.data.h[i], self.trust * self.data.chi2[i] / n, over_cut, n);
             for j in 0..k {
                 let weight = m.inv_var[px * k + j].sqrt();
                 whitened[at * k + j] = weight * self.residual(i, px, j);
@@ -306,11 +311,12 @@ impl<'a> Refinement<'a> {
         let factor = |at: usize, pixels: f32| self.depth_noise_factor(start + at, pixels);
         let x = &self.x[start..start + n];
         let mut sigma = uncertainty::sigma(&prior, &posterior, x, &information, &systematic, factor);
-        let h: Vec<f32> = information.iter().map(|i| i.h).collect();
         let mut noise = uncertainty::noise_ratio(&prior, &information);
         for i in (0..n).filter(|i| prior.active[*i]) {
             noise[i] *= posterior.smoothed_away[i] * factor(i, posterior.pixels[i]);
         }
+        // By the information that the last step was solved with: that of the robust loss may be negative.
+        let h: Vec<f32> = (0..n).map(|at| if prior.active[at] { self.data.h[start + at] } else { 0.0 }).collect();
         let away = smoothed_away(&prior, &h, x, &noise);
         sigma.iter_mut().zip(&away.variance).for_each(|(s, variance)| *s = (*s * *s + variance).sqrt());
         [sigma, away.change]

@@ -28,7 +28,7 @@ const STOP: PlateStop = PlateStop { reduction: 1e-2, settled: 0.0, iterations: 1
 const RADIUS: usize = 3;
 /// Mean square over that of noise below which there is nothing else. Neighbors are nearly the same, so that a mean over
 /// the square of [`RADIUS`] is one of few.
-const CHANCE: f32 = 3.0;
+const CHANCE: f32 = 4.0;
 
 /// What is given back of what the prior took, per pixel of a window.
 pub struct SmoothedAway {

@@ -12,11 +12,17 @@ use crate::reconstruct::refine::thin_plate::ThinPlatePrior;
 const POOL_RADIUS: usize = 2;
 /// Radius over which residuals tell how large the noise really is, px.
 const NOISE_RADIUS: usize = 8;
+/// Least slope of the influence that is believed: where residuals are far beyond noise, nothing is.
+const MIN_SLOPE: f32 = 0.1;
 
-/// Returns by what the noise's variance exceeds that of its model around each pixel, as residuals show it.
+/// Returns the ratio of the noise's variance around each pixel to that of its model, as residuals show it.
 pub fn noise_ratio(prior: &ThinPlatePrior, information: &[Information]) -> Vec<f32> {
-    let chi2: Vec<f32> = information.iter().map(|i| i.chi2).collect();
-    masked_mean(&chi2, &prior.active, prior.width, prior.height, NOISE_RADIUS)
+    let mean = |of: fn(&Information) -> f32| {
+        let map: Vec<f32> = information.iter().map(of).collect();
+        masked_mean(&map, &prior.active, prior.width, prior.height, NOISE_RADIUS)
+    };
+    let (influence, slope) = (mean(|i| i.influence), mean(|i| i.slope));
+    influence.iter().zip(&slope).map(|(influence, slope)| influence / slope.max(MIN_SLOPE)).collect()
 }
 
 /// Returns one standard deviation of the unknown per pixel of the prior's window; NaN where there is no surface. `x` is

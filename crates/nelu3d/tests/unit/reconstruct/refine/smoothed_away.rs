@@ -46,7 +46,7 @@ impl Measured {
 
     /// Returns the variance from noise of what is found to be smoothed away.
     fn noise(&self, prior: &ThinPlatePrior) -> Vec<f32> {
-        let information: Vec<Information> = self.h.iter().map(|h| Information { h: *h, chi2: 1.0 }).collect();
+        let information: Vec<Information> = self.h.iter().map(|h| Information::plain(*h, 1.0)).collect();
         Posterior::new(prior, &information).smoothed_away
     }
 

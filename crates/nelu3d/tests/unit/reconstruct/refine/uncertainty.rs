@@ -130,8 +130,7 @@ fn errors_of_the_field_are_not_counted_twice() {
     let n = w * h;
     let mut prior = ThinPlatePrior::new(w, h, active.clone());
     prior.reweight(&vec![0.0; n], 0.1, 0.5, 3);
-    let info: Vec<Information> =
-        active.iter().map(|a| Information { h: if *a { 0.5 } else { 0.0 }, chi2: 1.0 }).collect();
+    let info: Vec<Information> = active.iter().map(|a| Information::plain(if *a { 0.5 } else { 0.0 }, 1.0)).collect();
     let (posterior, x) = (Posterior::new(&prior, &info), vec![0.0; n]);
     let variance = |factor: f32, shared: f32| {
         let systematic = Systematic { variance: vec![shared; n], unshared: vec![1.0; n] };
@@ -183,7 +182,7 @@ fn what_happens_at_edges_stays_there() {
     let random = normals(n * k, 9);
     let slopes: Vec<f32> = (0..n * k).map(|i| 2.0 * ((i / k) as f32 * 0.1 + (i % k) as f32 * 2.0).sin()).collect();
     let information: Vec<Information> =
-        active.iter().map(|a| Information { h: if *a { 0.5 } else { 0.0 }, chi2: 1.0 }).collect();
+        active.iter().map(|a| Information::plain(if *a { 0.5 } else { 0.0 }, 1.0)).collect();
     let none = Nuisances { offset: &[], gain: &[], patterns: 3 };
     let of = |rough: f32, shared: f32| {
         let at_edge = |i: usize| active[i] && edge(i) < 4;
@@ -211,10 +210,7 @@ fn strips_of_a_surface_have_its_uncertainties() {
     let random = normals(n * (2 * k + 2), 5);
     let x: Vec<f32> = (0..n).map(|i| ((i % w) as f32 * 0.1).sin() + 0.02 * random[i]).collect();
     let information: Vec<Information> = (0..n)
-        .map(|i| Information {
-            h: if active[i] { 0.5 + random[n + i].abs() } else { 0.0 },
-            chi2: 1.0 + 0.1 * random[i],
-        })
+        .map(|i| Information::plain(if active[i] { 0.5 + random[n + i].abs() } else { 0.0 }, 1.0 + 0.1 * random[i]))
         .collect();
     let (residuals, slopes) = random[2 * n..].split_at(n * k);
     let mut whole = ThinPlatePrior::new(w, h, active);
@@ -264,7 +260,7 @@ fn sigma_is_that_of_the_errors_whatever_the_roughness() {
         let expected = solution(&weak, &b);
         // Measured with noise of variance 1/h.
         let info: Vec<Information> =
-            active.iter().map(|a| Information { h: if *a { 0.5 } else { 0.0 }, chi2: 1.0 }).collect();
+            active.iter().map(|a| Information::plain(if *a { 0.5 } else { 0.0 }, 1.0)).collect();
         let data: Vec<f32> = info.iter().map(|i| i.h).collect();
         let noise = normals(n, 31 + case as u64);
         let b: Vec<f32> = (0..n).map(|i| data[i] * expected[i] + data[i].sqrt() * noise[i]).collect();
@@ -290,7 +286,7 @@ fn little_information_is_helped_by_what_is_beside_it() {
     prior.reweight(&vec![0.0; n], 0.1, 0.5, 3);
     let stripe = |i: usize| i % w / 4 % 2;
     let data: Vec<f32> = (0..n).map(|i| if active[i] { [4.0, 0.05][stripe(i)] } else { 0.0 }).collect();
-    let info: Vec<Information> = data.iter().map(|h| Information { h: *h, chi2: 1.0 }).collect();
+    let info: Vec<Information> = data.iter().map(|h| Information::plain(*h, 1.0)).collect();
     let claimed = Posterior::new(&prior, &info).noise;
     let until = PlateStop { reduction: 1e-5, settled: 0.0, iterations: 4000 };
     let inner: Vec<usize> = (0..n).filter(|i| (8..w - 8).contains(&(i % w)) && (8..h - 8).contains(&(i / w))).collect();
@@ -315,7 +311,7 @@ fn an_even_curvature_is_no_roughness() {
     let (w, h) = (80, 70);
     let (n, active) = (w * h, window(80, 70));
     let information: Vec<Information> =
-        active.iter().map(|a| Information { h: if *a { 0.5 } else { 0.0 }, chi2: 0.0 }).collect();
+        active.iter().map(|a| Information::plain(if *a { 0.5 } else { 0.0 }, 0.0)).collect();
     let none = Systematic { variance: vec![0.0; n], unshared: vec![1.0; n] };
     let mut prior = ThinPlatePrior::new(w, h, active);
     prior.reweight(&vec![0.0; n], 0.1, 10.0, 3);
