@@ -294,8 +294,8 @@ impl<'a> Refinement<'a> {
             let i = start + at;
             let px = self.window.at(i);
             // Both beside the noise model that the normal equations were set up with.
-            let (n, over_cut) = (m.independent_at(px), self.data.chi2[i] / self.robust_cut());
-            information[at] = Information::robust(self.data.h[i], self.trust * self.data.chi2[i] / n, over_cut, n);
+            let (of, over_cut) = (m.independent_at(px), self.data.chi2[i] / self.robust_cut());
+            information[at] = Information::robust(self.data.h[i], self.trust * self.data.chi2[i] / of, over_cut, of);
             for j in 0..k {
                 let weight = m.inv_var[px * k + j].sqrt();
                 whitened[at * k + j] = weight * self.residual(i, px, j);

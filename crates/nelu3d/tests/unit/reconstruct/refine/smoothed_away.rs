@@ -76,8 +76,9 @@ fn a_ball_gets_back_where_it_bends_out_of_sight() {
     let inside = |r: f32| r < 35.0;
     let (middle, still) = (measured.rms(before, inside), measured.rms(after, inside));
     assert!((still / middle - 1.0).abs() < 0.03, "{middle} {still}");
-    let claimed = measured.rms(|i| away.variance[i].sqrt(), edge);
-    assert!((0.3..1.5).contains(&(claimed / left)), "{claimed} of {left}");
+    let [claimed, beside] =
+        [measured.rms(|i| away.variance[i].sqrt(), edge), measured.rms(|i| away.variance[i].sqrt(), inside)];
+    assert!(claimed > 5.0 * beside, "{claimed} {beside}");
 }
 
 /// Of a plane under noise nothing is given back, since as much is what noise makes.

@@ -321,3 +321,40 @@ fn an_even_curvature_is_no_roughness() {
     let rough = of(normals(n, 3).into_iter().map(|v| 0.1 * v).collect());
     assert!(even < 0.01 * rough, "{even} {rough}");
 }
+
+/// An unknown that pixels of robust loss tell together varies as their influence and its slope say, whatever the noise
+/// beside its model; with the weighted information and χ² it would seem to vary by half as much again.
+#[test]
+fn robust_weights_take_noise_as_well_as_information() {
+    let (pixels, draws, slopes, cut) = (200, 800, [1.0f32, -0.6, 0.3], 18.0f32);
+    for level in [1.0f32, 1.4] {
+        let noise = normals(pixels * draws * 3, 21);
+        let (mut squares, mut claims, mut naive) = (0.0f64, 0.0f64, 0.0f64);
+        for draw in noise.chunks_exact(pixels * 3) {
+            let measure = |x: f32| {
+                draw.chunks_exact(3).map(move |e| {
+                    let r = [0, 1, 2].map(|j| slopes[j] * x - level.sqrt() * e[j]);
+                    let chi2: f32 = r.iter().map(|r| r * r).sum();
+                    let weight = (1.0 + chi2 / cut).powi(-2);
+                    let h = weight * slopes.iter().map(|g| g * g).sum::<f32>();
+                    (h, weight * (0..3).map(|j| slopes[j] * r[j]).sum::<f32>(), chi2)
+                })
+            };
+            let mut x = 0.0;
+            for _ in 0..20 {
+                let (h, g) = measure(x).fold((0.0, 0.0), |(h, g), pixel| (h + pixel.0, g + pixel.1));
+                x -= g / h;
+            }
+            squares += f64::from(x * x);
+            let all: Vec<Information> =
+                measure(x).map(|(h, _, chi2)| Information::robust(h, chi2 / 3.0, chi2 / cut, 3.0)).collect();
+            let sum = |of: fn(&Information) -> f32| all.iter().map(of).sum::<f32>();
+            claims += f64::from(sum(|i| i.influence) / sum(|i| i.slope) / sum(|i| i.h));
+            let (h, chi2) = measure(x).fold((0.0, 0.0), |(h, chi2), pixel| (h + pixel.0, chi2 + pixel.2));
+            naive += f64::from(chi2 / (3 * pixels) as f32 / h);
+        }
+        let (claimed, naive) = (claims / squares, naive / squares);
+        assert!((claimed - 1.0).abs() < 0.12, "{level}: {claimed}");
+        assert!(naive > 1.15 * claimed, "{level}: {naive} {claimed}");
+    }
+}
