@@ -311,10 +311,13 @@ impl<'a> Refinement<'a> {
         let factor = |at: usize, pixels: f32| self.depth_noise_factor(start + at, pixels);
         let x = &self.x[start..start + n];
         let mut sigma = uncertainty::sigma(&prior, &posterior, x, &information, &systematic, factor);
-        let mut noise = uncertainty::noise_ratio(&prior, &information);
-        for i in (0..n).filter(|i| prior.active[*i]) {
-            noise[i] *= posterior.smoothed_away[i] * factor(i, posterior.pixels[i]);
-        }
+        // What neighbors share of errors is no shape either, and as much of it is smoothed away as of noise.
+        let ratio = uncertainty::noise_ratio(&prior, &information);
+        let error = |i: usize| {
+            let noise = ratio[i] * factor(i, posterior.pixels[i]) * posterior.noise[i];
+            posterior.smoothed_away[i] * (noise + systematic.variance[i]) / posterior.noise[i]
+        };
+        let noise: Vec<f32> = (0..n).map(|i| if prior.active[i] { error(i) } else { 0.0 }).collect();
         // By the information that the last step was solved with: that of the robust loss may be negative.
         let h: Vec<f32> = (0..n).map(|at| if prior.active[at] { self.data.h[start + at] } else { 0.0 }).collect();
         let away = smoothed_away(&prior, &h, x, &noise);

@@ -10,8 +10,8 @@
 //! y₁ = x + (x − S x),   y₂ = y₁ + (x − S y₁),   change = y₂ − x = (1 − S) (2 − S) x
 //! ```
 //!
-//! Noise has a part in it, and where there is nothing else it would only be added. So the change is made by the part of
-//! its mean square that noise does not explain.
+//! Noise has a part in it, and other errors of what was measured; where there is nothing else they would only be added.
+//! So the change is made by the part of its mean square that they do not explain.
 
 use nelu3d_field::plate::{PlateStop, sweep};
 
@@ -24,9 +24,9 @@ const ROUNDS: usize = 2;
 const SWEEPS: usize = 2;
 /// Criterion of the solver in a tile.
 const STOP: PlateStop = PlateStop { reduction: 1e-2, settled: 0.0, iterations: 120 };
-/// Radius over which the change's mean square is compared with that of noise, px.
+/// Radius over which the change's mean square is compared with that of errors, px.
 const RADIUS: usize = 3;
-/// Mean square over that of noise below which there is nothing else. Neighbors are nearly the same, so that a mean over
+/// Mean square over that of errors below which there is nothing else. Neighbors are nearly the same, so that a mean over
 /// the square of [`RADIUS`] is one of few.
 const CHANCE: f32 = 4.0;
 
@@ -39,7 +39,7 @@ pub struct SmoothedAway {
 }
 
 /// Returns what the prior takes from the solution `x` of data of information `h`, as far as it exceeds `noise`, the
-/// variance of the change from noise, per pixel.
+/// variance of the change from noise and other errors of the data, per pixel.
 pub fn smoothed_away(prior: &ThinPlatePrior, h: &[f32], x: &[f32], noise: &[f32]) -> SmoothedAway {
     let [n, width, height] = [x.len(), prior.width, prior.height];
     let mut y = x.to_vec();
