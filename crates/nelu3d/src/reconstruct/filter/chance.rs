@@ -14,8 +14,11 @@ use crate::reconstruct::light_fractions::LightFractionPrior;
 use crate::reconstruct::refine::Refined;
 use crate::reconstruct::scene::Scene;
 
-/// Number of pixels of a component that are tested.
-const TESTED: usize = 32;
+/// Smallest and largest number of pixels of a component that are tested.
+const TESTED: [usize; 2] = [32, 128];
+/// One of so many pixels is tested, between these: of what is large, more hangs on the answer, and the median of few
+/// tests is off by a tenth.
+const TESTED_OF: usize = 100;
 /// Number of foreign codewords per tested pixel.
 const FOREIGN: usize = 32;
 /// Number of foreign codewords from which a pixel's test says anything.
@@ -56,7 +59,7 @@ impl ForeignCodewords {
         step: f32,
     ) -> Option<[f32; 2]> {
         let prior = prior.weights(&scene.measurements);
-        let tested: Vec<usize> = spread(pixels, TESTED).collect();
+        let tested: Vec<usize> = spread(pixels, (pixels.len() / TESTED_OF).clamp(TESTED[0], TESTED[1])).collect();
         let (mut shares, mut ratios): (Vec<f32>, Vec<f32>) =
             tested.par_iter().filter_map(|i| self.test(*i, scene, refined, prior, step)).unzip();
         if 2 * shares.len() < tested.len() {

@@ -81,7 +81,7 @@ fn a_ball_gets_back_where_it_bends_out_of_sight() {
     assert!(claimed > 5.0 * beside, "{claimed} {beside}");
 }
 
-/// Of a plane under noise nothing is given back, since as much is what noise makes.
+/// Where a plane is measured with noise, nothing is given back: noise alone makes as much of a second smoothing.
 #[test]
 fn noise_is_not_given_back() {
     let measured = Measured::new(120, |_| true, |r| 0.0 * r, 2.0);
