@@ -2,7 +2,7 @@
 
 /// The information of a pixel's measurements about the unknown in the last step, and what its residuals tell of their
 /// noise. A robust loss gives every residual r the influence ψ(r); the solution moves by as much as the sum of
-/// influences is, over its slope (Huber, *Robust Statistics*, 1981, section 6.3).
+/// influences is, over its slope (Huber, *Robust Statistics*, 1981).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Information {
     /// Information Σ ψ' J² about the unknown. It may be negative at an outlier, and is not on average.
