@@ -43,7 +43,7 @@ pub mod nearest;
 pub mod normal;
 pub mod occupancy;
 pub mod plate;
-mod prefetch;
+pub mod prefetch;
 mod real;
 mod reduce;
 pub mod state;

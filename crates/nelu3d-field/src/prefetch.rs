@@ -4,7 +4,7 @@
 /// Brings the cache line of `slice[index]` closer, on machines where the compiler offers that; never faults, whatever
 /// the index.
 #[inline(always)]
-pub(crate) fn prefetch<T>(slice: &[T], index: usize) {
+pub fn prefetch<T>(slice: &[T], index: usize) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};

@@ -82,7 +82,7 @@ fn code(value: f32, black_level: f64, saturation: f64) -> f64 {
 /// If `data` has another length, or the picture is larger than PNG allows (2³² px along a side).
 pub fn encode_rgb8(width: usize, height: usize, data: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::new();
-    encode(&mut bytes, Codes::U8(data), [width, height], 3, Compression::Balanced)
+    encode(&mut bytes, Codes::U8(data), [width, height], 3, Compression::Fast)
         .expect("a PNG in memory of matching size cannot fail");
     bytes
 }

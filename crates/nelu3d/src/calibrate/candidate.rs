@@ -10,7 +10,7 @@ use super::predictor::Predictor;
 use super::resolution::{is_limited, resolution, spline_cells};
 use super::shared_displacement::GrossSquares;
 use super::smoothing::{Aside, smoothness};
-use super::spline_fit::{OF_FEW, OF_MANY, Schedule, fit_spline};
+use super::spline_fit::{OF_FEW, OF_MANY, Schedule, SplineFit};
 use super::support::Support;
 use crate::color_field::bins::{Bins, Gathered};
 use crate::color_field::fit::{Smoothness, fit};
@@ -31,7 +31,7 @@ const CELLS_ALONG_VALIDITY: usize = 32;
 /// Shortfall of the held-out PSNR against what the noise allows, beyond which a field is not good, dB.
 pub(super) const MAX_SHORTFALL_DB: f64 = 3.0;
 /// Steps of the final fit from the one without the held-out positions.
-const FINAL_STEPS: usize = 8;
+const FINAL_STEPS: usize = 4;
 /// Steps of the final fit where much is new to it: the last position that was held out in turn, or samples that were
 /// carried along the stripes.
 const STEPS_ANEW: usize = 20;
@@ -129,9 +129,8 @@ impl Candidate {
         let smooth = aside.map_or_else(
             || smoothness(center, vec![[1.0; 3]; k]),
             |aside| {
-                aside.choose(&mut bins, cells[2], center, |bins, cells, smooth| {
-                    fit_spline(bins, cells, smooth, schedule, progress)
-                })
+                let prepare = |bins: &Bins, cells| SplineFit::new(bins, cells, schedule);
+                aside.choose(&mut bins, cells[2], center, prepare, progress)
             },
         );
         let (mut errors, mut by_position, mut form, mut pixels) = (HeldOutErrors::default(), Vec::new(), None, None);
@@ -350,7 +349,7 @@ fn fit_form(
     let FitContext { placed, opts, progress, .. } = *cx;
     let k = placed.sweep.k;
     let form = match opts.form {
-        FormKind::Grid => Form::Grid(fit_spline(bins, cells, smooth, schedule, progress)),
+        FormKind::Grid => Form::Grid(SplineFit::new(bins, cells, schedule).fit_once(smooth, progress)),
         FormKind::Hash => {
             let mut hash = HashForm::new(HashSettings::for_cells(cells), k, opts.seed);
             hash.train(bins, opts.seed, cx.device, progress);

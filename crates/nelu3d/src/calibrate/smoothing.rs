@@ -12,10 +12,12 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::spline_fit::SplineFit;
 use crate::color_field::bins::{Bins, Gathered};
 use crate::color_field::fit::Smoothness;
 use crate::color_field::frame::Center;
 use crate::color_field::grid::Grid;
+use crate::progress::Progress;
 
 /// Factor between strengths that are tried.
 pub const RATIO: f32 = 30.0;
@@ -90,22 +92,23 @@ impl Aside {
         }
     }
 
-    /// Chooses the smoothness of a field that is fitted to `bins`, which have the samples that were set aside, too. `fit`
-    /// fits a spline to the bins of a strip, which has so many cells; `along` of them along w.
+    /// Chooses the smoothness of a field that is fitted to `bins`, which have the samples that were set aside, too.
+    /// `prepare` prepares to fit a spline to the bins of a strip, which has so many cells; `along` of them along w.
     pub fn choose(
         &self,
         bins: &mut Bins,
         along: usize,
         center: Center,
-        fit: impl Fn(&Bins, [usize; 3], &Smoothness) -> Grid + Sync,
+        prepare: impl Fn(&Bins, [usize; 3]) -> SplineFit,
+        progress: &Progress,
     ) -> Smoothness {
         let mut parts = Vec::new();
         for fold in &self.folds {
             bins.remove_all(&fold.samples);
             for strip in &self.strips {
                 let bins = bins.window(strip);
-                let known = columns_with_samples(&bins);
-                parts.push(Part { strip, bins, known, aside: &fold.samples });
+                let fit = prepare(&bins, [strip[0].len(), strip[1].len(), along]);
+                parts.push(Part { strip, fit, known: columns_with_samples(&bins), aside: &fold.samples });
             }
             bins.add_all(&fold.samples);
         }
@@ -113,10 +116,7 @@ impl Aside {
         let mut searches = vec![Search::default(); k];
         while searches.iter().any(|s| !s.is_done()) {
             let smooth = smoothness(center, searches.iter().map(Search::next).collect());
-            let of_part = |part: &Part<'_>| {
-                let grid = fit(&part.bins, [part.strip[0].len(), part.strip[1].len(), along], &smooth);
-                self.squared_errors(part, &grid)
-            };
+            let of_part = |part: &Part<'_>| self.squared_errors(part, &part.fit.fit(&smooth, progress));
             let of_parts: Vec<Vec<f64>> = parts.par_iter().map(of_part).collect();
             let errors: Vec<f64> = (0..k).map(|j| of_parts.iter().map(|errors| errors[j]).sum()).collect();
             tracing::debug!(factors = ?smooth.of_channels, ?errors, "smoothness");
@@ -152,7 +152,7 @@ impl Aside {
 /// A strip without the positions of a fold.
 struct Part<'a> {
     strip: &'a [Range<usize>; 2],
-    bins: Bins,
+    fit: SplineFit,
     /// Whether each column of bins has a sample.
     known: Vec<bool>,
     /// The samples of the fold's positions.

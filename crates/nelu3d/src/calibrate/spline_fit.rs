@@ -1,7 +1,7 @@
 //! Fitting the spline from nothing, coarse to fine.
 
 use crate::color_field::bins::Bins;
-use crate::color_field::fit::{Smoothness, fit};
+use crate::color_field::fit::{LeastSquares, Smoothness};
 use crate::color_field::grid::Grid;
 use crate::progress::Progress;
 
@@ -25,29 +25,64 @@ pub const OF_MANY: Schedule = Schedule { coarse: &[(4, 10), (8, 20), (16, 60)], 
 /// boards and fine stripes, which coarse cells cannot hold, so many steps are worse by 1.5 dB.
 pub(super) const OF_FEW: Schedule = Schedule { coarse: &[(4, 30), (8, 100), (16, 300)], steps: 10 };
 
-/// Fits a spline of `cells` to `bins`, which have as many across.
-pub fn fit_spline(
-    bins: &Bins,
+/// A spline that is to be fitted to binned samples from nothing, ready for any smoothness.
+pub struct SplineFit {
+    /// The coarsest level first, the one of all cells last.
+    levels: Vec<Level>,
+}
+
+/// A level of a fit.
+struct Level {
+    /// By what the cells across are divided.
+    part: usize,
+    steps: usize,
     cells: [usize; 3],
-    smooth: &Smoothness,
-    schedule: Schedule,
-    progress: &Progress,
-) -> Grid {
-    // The coarse fits fill what the fine one cannot see, and need no more bins than they have cells for.
-    let mut levels: Vec<(Bins, usize, usize)> = Vec::with_capacity(schedule.coarse.len());
-    for (part, steps) in schedule.coarse {
-        let counts = [cells[0] / part + 1, cells[1] / part + 1, bins.counts()[2]];
-        let merged = levels.last().map_or(bins, |(finer, ..)| finer).merged(counts);
-        levels.push((merged, *part, *steps));
+    problem: LeastSquares,
+}
+
+impl SplineFit {
+    /// Prepares to fit a spline of `cells` to `bins`, which have as many across.
+    pub fn new(bins: &Bins, cells: [usize; 3], schedule: Schedule) -> Self {
+        // The coarse fits fill what the fine one cannot see, and need no more bins than they have cells for.
+        let mut levels = vec![Level { part: 1, steps: schedule.steps, cells, problem: LeastSquares::new(cells, bins) }];
+        let mut merged: Option<Bins> = None;
+        for (part, steps) in schedule.coarse.iter().copied() {
+            let across = [cells[0] / part + 1, cells[1] / part + 1];
+            let coarse = merged.as_ref().unwrap_or(bins).merged([across[0], across[1], bins.counts()[2]]);
+            let cells = [across[0], across[1], cells[2]];
+            levels.push(Level { part, steps, cells, problem: LeastSquares::new(cells, &coarse) });
+            merged = Some(coarse);
+        }
+        levels.reverse();
+        Self { levels }
     }
-    let mut grid: Option<Grid> = None;
-    while let Some((coarse, part, steps)) = levels.pop() {
-        let few = [coarse.counts()[0], coarse.counts()[1], cells[2]];
-        let mut next = grid.map_or_else(|| Grid::new(few, bins.k()), |grid| grid.resampled(few));
-        fit(&mut next, &coarse, &smooth.of_coarser(part), steps, progress);
-        grid = Some(next);
+
+    /// Fits the spline.
+    pub fn fit(&self, smooth: &Smoothness, progress: &Progress) -> Grid {
+        let mut grid = None;
+        for level in &self.levels {
+            let mut next = level.start(grid);
+            level.problem.solve(&mut next, &smooth.of_coarser(level.part), level.steps, progress);
+            grid = Some(next);
+        }
+        grid.expect("there is a level")
     }
-    let mut grid = grid.expect("there are coarse levels").resampled(cells);
-    fit(&mut grid, bins, smooth, schedule.steps, progress);
-    grid
+
+    /// Does what [`Self::fit`] does, in the memory that the problems take.
+    pub fn fit_once(self, smooth: &Smoothness, progress: &Progress) -> Grid {
+        let mut grid = None;
+        for level in self.levels {
+            let mut next = level.start(grid);
+            level.problem.solve_once(&mut next, &smooth.of_coarser(level.part), level.steps, progress);
+            grid = Some(next);
+        }
+        grid.expect("there is a level")
+    }
+}
+
+impl Level {
+    /// Returns the spline to begin with, from that of the coarser level.
+    fn start(&self, coarser: Option<Grid>) -> Grid {
+        coarser.map_or_else(|| Grid::new(self.cells, self.problem.k()), |grid| grid.resampled(self.cells))
+    }
 }

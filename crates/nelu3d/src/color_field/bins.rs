@@ -13,8 +13,8 @@ pub struct Bins {
     counts: [usize; 3],
     /// Pattern channels.
     k: usize,
-    /// Per bin `[b][a][w]`: Σω̄, Σω̄ q (3, relative to the bin's center, in bins), Σω̄ a² and Σω̄ b² (the same), Σω
-    /// (k), Σω L (k).
+    /// Per bin `[b][w][a]`, so that samples along a row of one board are side by side: Σω̄, Σω̄ q (3, relative to the
+    /// bin's center, in bins), Σω̄ a² and Σω̄ b² (the same), Σω (k), Σω L (k).
     pub sums: Vec<f32>,
 }
 
@@ -165,8 +165,10 @@ impl Bins {
     pub fn for_each_in_row(&self, b: usize, mut f: impl FnMut(Sample<'_>)) {
         let row = &self.sums[b * self.per_row()..(b + 1) * self.per_row()];
         let step = self.counts.map(|n| 1.0 / n as f32);
-        for (a, column) in row.chunks_exact(self.counts[2] * self.stride()).enumerate() {
-            for (w, bin) in column.chunks_exact(self.stride()).enumerate() {
+        let [na, _, nw] = self.counts;
+        for a in 0..na {
+            for w in 0..nw {
+                let bin = &row[(w * na + a) * self.stride()..][..self.stride()];
                 if bin[0] > 0.0 {
                     let cell = [a, b, w];
                     let norm = 1.0 / bin[0];
@@ -200,9 +202,10 @@ impl Bins {
 
     /// Returns the bins of some columns and rows alone, whose unit cube is as large as they are.
     pub(crate) fn window(&self, [along_a, along_b]: &[Range<usize>; 2]) -> Self {
-        let per_column = self.counts[2] * self.stride();
-        let of_row = |b: usize| &self.sums[b * self.per_row()..][along_a.start * per_column..along_a.end * per_column];
-        let sums = along_b.clone().flat_map(of_row).copied().collect();
+        let [na, _, nw] = self.counts;
+        let of_line = |line: usize| &self.sums[line * na * self.stride()..];
+        let of_window = |line| &of_line(line)[along_a.start * self.stride()..along_a.end * self.stride()];
+        let sums = (along_b.start * nw..along_b.end * nw).flat_map(of_window).copied().collect();
         Self { counts: [along_a.len(), along_b.len(), self.counts[2]], k: self.k, sums }
     }
 
@@ -218,7 +221,7 @@ impl Bins {
             let last = (((row + 1) as f64 * ratio) as usize + 2).min(self.counts[1]);
             let mut add = |s: Sample<'_>| {
                 let Some(cell) = cell_of(counts, s.q).filter(|c| c[1] == row) else { return };
-                let bin = &mut sums[(cell[0] * counts[2] + cell[2]) * stride..][..stride];
+                let bin = &mut sums[(cell[2] * counts[0] + cell[0]) * stride..][..stride];
                 add_weight(bin, counts, cell, s.q, s.mean);
                 for i in 0..2 {
                     bin[4 + i] += s.mean * s.spread[i] * (counts[i] as f32 / self.counts[i] as f32).powi(2);
@@ -275,7 +278,7 @@ fn bin_of<'a>(
     let k = omegas.len();
     let mean = omegas.iter().sum::<f32>() / k as f32;
     let stride = AHEAD + 2 * k;
-    let at = (((cell[1] - first) * counts[0] + cell[0]) * counts[2] + cell[2]) * stride;
+    let at = (((cell[1] - first) * counts[2] + cell[2]) * counts[0] + cell[0]) * stride;
     (mean > 0.0).then(|| (&mut sums[at..at + stride], cell, mean))
 }
 

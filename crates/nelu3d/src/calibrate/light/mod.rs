@@ -11,7 +11,8 @@ pub mod center;
 #[doc(hidden)]
 pub mod disagreement;
 mod refine;
-mod search;
+#[doc(hidden)]
+pub mod search;
 #[doc(hidden)]
 pub mod transport;
 
@@ -23,7 +24,7 @@ use super::excluded::ExcludedBlocks;
 use super::views::Views;
 use crate::progress::Progress;
 pub(super) use center::LightCenter;
-use center::{Chart, HOME, State};
+use center::{Chart, HOME};
 use disagreement::disagreeing_blocks;
 use refine::{Held, Refined, Steps, refine};
 use search::{search_levels, starts};
@@ -81,7 +82,7 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
     let finest = levels.first()?;
     let (n, k) = (t.views.count(), t.views.k);
     let last = (n / 3).max(3.min(n - 1));
-    let mut candidates = different(starts(t, &levels));
+    let mut candidates = starts(t, &levels);
     candidates.push(HOME);
     let scored = candidates.into_par_iter().map(|start| {
         let arms = [1, 2, 4].into_iter().filter(|arm| *arm <= last);
@@ -114,20 +115,6 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
         best = nearer;
     }
     best.scale.is_finite().then_some(best)
-}
-
-/// Returns those of some states that differ from all before them: most starts end in the same place.
-pub fn different(states: Vec<State>) -> Vec<State> {
-    /// Largest difference of what is the same.
-    const SAME: f64 = 1e-3;
-    let mut kept: Vec<State> = Vec::new();
-    for s in states {
-        if kept.iter().all(|k| (0..3).any(|i| (k[i] - s[i]).abs() > SAME)) {
-            kept.push(s);
-        }
-    }
-    tracing::debug!(states = ?kept, "starts of the light");
-    kept
 }
 
 /// Moves a center that codes along one axis leave open along its line, as near to the camera as the codewords do not

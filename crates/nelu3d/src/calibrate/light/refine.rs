@@ -59,16 +59,18 @@ pub(super) struct Held {
 /// Gauss-Newton with Cauchy weights on carried samples.
 pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, how: Steps) -> Refined {
     let mut out = Refined::at(s);
+    let mut rows: Vec<Vec<Row>> = vec![Vec::new(); seeds.len().div_ceil(AT_A_TIME)];
     for _ in 0..how.count {
-        let rows = linearize(t, level, seeds, out.state, how.arm);
-        if rows.len() < 100 {
+        linearize(t, level, seeds, out.state, how.arm, &mut rows);
+        let mut abs: Vec<f64> = rows.iter().flatten().map(|r| r.difference.abs()).collect();
+        let n = abs.len();
+        if n < 100 {
             return Refined { scale: f64::INFINITY, ..out };
         }
-        let mut abs: Vec<f64> = rows.iter().map(|r| r.difference.abs()).collect();
-        let mid = abs.len() / 2;
+        let mid = n / 2;
         out.scale = (abs.select_nth_unstable_by(mid, f64::total_cmp).1.max(1e-6)) * 1.4826;
         let (mut noisy, mut a, mut b, mut weights) = (Matrix3::zeros(), Matrix3::zeros(), Vector3::zeros(), 0.0);
-        for row in &rows {
+        for row in rows.iter().flatten() {
             let w = 1.0 / (1.0 + (row.difference / (2.0 * out.scale.max(how.min_scale))).powi(2));
             let j = row.here.map_or(row.there, |here| 0.5 * (row.there + here));
             noisy += j * j.transpose() * w;
@@ -81,7 +83,7 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
             weights += w;
         }
         out.information = a / weights;
-        a = if how.far { noisy } else { a + noisy * (TRUST / (rows.len() as f64).sqrt()) };
+        a = if how.far { noisy } else { a + noisy * (TRUST / (n as f64).sqrt()) };
         // Patterns that vary along one axis only leave the center free along the other: a faint pull to the camera
         // decides there, and is not felt elsewhere.
         let pull = a.diagonal().max() * how.pull;
@@ -107,24 +109,20 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
     out
 }
 
-/// Slopes by the state and difference of every measurement that lands.
+/// Samples that are carried together.
+const AT_A_TIME: usize = 512;
+
+/// Writes slopes by the state and difference of every measurement that lands to `rows`, [`AT_A_TIME`] samples to one.
 ///
 /// The slopes are those of the interpolated codewords where it lands, and central differences where it comes from.
 /// One-sided differences would share their noise with the residual they are multiplied with, and that product has a
 /// mean, which pushes the center away along everything that the patterns hardly tell; here its mean over all places
 /// between the samples is zero.
-fn linearize(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, arm: usize) -> Vec<Row> {
+fn linearize(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, arm: usize, rows: &mut [Vec<Row>]) {
     let (light, slopes) = (t.chart.center(s), t.chart.slopes(s));
-    seeds
-        .par_chunks(512)
-        .map(|chunk| {
-            let mut rows = Vec::with_capacity(chunk.len() * t.views.k);
-            for seed in chunk {
-                let to = partner(seed, arm, t.views.count());
-                t.carry_with_slopes(level, seed, (&light, &slopes), to, &mut rows);
-            }
-            rows
-        })
-        .collect::<Vec<_>>()
-        .concat()
+    seeds.par_chunks(AT_A_TIME).zip(rows).for_each(|(seeds, rows)| {
+        rows.clear();
+        let to = |seed: &Seed| partner(seed, arm, t.views.count());
+        t.carry_with_slopes(level, seeds, (&light, &slopes), to, rows);
+    });
 }

@@ -74,14 +74,27 @@ pub(super) fn starts(t: &Transport<'_>, levels: &[SearchLevel<'_>]) -> Vec<State
         tracing::debug!(level = l, signal = signal(l), basin, tried = n, best = best[0].0, "search for the light");
         found.extend(best.into_iter().map(|(_, s)| (l, s)));
     }
-    found
-        .into_par_iter()
-        .map(|(first, s)| {
-            (0..=first)
-                .rev()
-                .fold(s, |s, l| refine(t, levels[l].level, &levels[l].seeds, s, levels[l].steps(t.views.k, arm)).state)
-        })
-        .collect()
+    let mut states: Vec<State> = Vec::new();
+    for (l, level) in levels.iter().enumerate().rev() {
+        states.extend(found.iter().filter(|(first, _)| *first == l).map(|(_, s)| *s));
+        let refined = |s| refine(t, level.level, &level.seeds, s, level.steps(t.views.k, arm)).state;
+        states = different(states.into_par_iter().map(refined).collect());
+    }
+    states
+}
+
+/// Returns those of some states that differ from all before them: most starts end in the same place.
+pub fn different(states: Vec<State>) -> Vec<State> {
+    /// Largest difference of what is the same.
+    const SAME: f64 = 1e-3;
+    let mut kept: Vec<State> = Vec::new();
+    for s in states {
+        if kept.iter().all(|k| (0..3).any(|i| (k[i] - s[i]).abs() > SAME)) {
+            kept.push(s);
+        }
+    }
+    tracing::debug!(states = ?kept, "starts of the light");
+    kept
 }
 
 /// The best of many centers: all are scored with a few seeds, a promising part is refined at this level and scored

@@ -1,6 +1,7 @@
 //! Carrying codewords along rays of light from board to board.
 
 use nalgebra::{Matrix2x3, Point3, Vector3};
+use nelu3d_field::prefetch::prefetch;
 use nelu3d_scan::Camera;
 
 use super::super::views::{Level, Views};
@@ -31,6 +32,8 @@ pub struct Seed {
     pub index: usize,
     /// The point of the board that it shows, mm in the camera's frame.
     pub point: Point3<f64>,
+    /// Derivative of its pixel by that point, px/mm; `None` where the camera's model has none.
+    pub jacobian: Option<Matrix2x3<f64>>,
 }
 
 /// An even selection of about `n` samples of a level over all views, as far as they are usable. Where less than a
@@ -52,7 +55,9 @@ pub fn seeds(camera: &Camera, views: &Views, level: &Level, n: usize) -> Vec<See
                 let ray = camera.ray(level.px(x, y));
                 let t = offset / normal.dot(&ray.dir);
                 if t > 0.0 {
-                    out.push(Seed { view, index, point: ray.at(t) });
+                    let point = ray.at(t);
+                    let jacobian = camera.project_with_jacobian(&point).map(|(_, j)| j);
+                    out.push(Seed { view, index, point, jacobian });
                 }
             }
         }
@@ -101,6 +106,18 @@ fn differences<'a>(level: &'a Level, seed: &Seed, k: usize) -> Option<[[&'a [f32
     both.iter().flatten().all(|s| s[k] >= level.min_validity).then_some(both)
 }
 
+/// Returns where the first of the four samples of a level around a pixel of the camera begins in an image of `k`
+/// channels, and the place between the four along x and y, 0 to 1; `None` beside the image.
+fn first_corner(px: [f64; 2], level: &Level, k: usize) -> Option<(usize, [f64; 2])> {
+    let b = level.block as f64;
+    let (x, y) = ((px[0] - (b - 1.0) / 2.0) / b, (px[1] - (b - 1.0) / 2.0) / b);
+    if !(x >= 0.0 && y >= 0.0 && x < level.width as f64 - 1.0 && y < level.height as f64 - 1.0) {
+        return None;
+    }
+    let (x0, y0) = (x as usize, y as usize);
+    Some(((y0 * level.width + x0) * (k + 1), [x - x0 as f64, y - y0 as f64]))
+}
+
 /// Where a carried sample comes out in a view: four samples of a level, and their shares by distance and validity.
 struct Landing<'a> {
     /// The view's image: `[pixel][channel, …, validity]`.
@@ -109,8 +126,8 @@ struct Landing<'a> {
     corners: [usize; 4],
     /// Bilinear shares of the four samples times their validity.
     weights: [f64; 4],
-    /// Sum of the four weights.
-    sum: f64,
+    /// One over the sum of the four weights.
+    by_sum: f64,
     /// Place between the four samples along x and y, 0 to 1.
     place: [f64; 2],
 }
@@ -119,15 +136,8 @@ impl<'a> Landing<'a> {
     /// Finds the four samples of a level of a view with `k` channels around a pixel of the camera; `None` where it
     /// misses the image, or what is valid there.
     fn at(px: [f64; 2], level: &'a Level, view: usize, k: usize) -> Option<Self> {
-        let b = level.block as f64;
-        let (x, y) = ((px[0] - (b - 1.0) / 2.0) / b, (px[1] - (b - 1.0) / 2.0) / b);
-        if !(x >= 0.0 && y >= 0.0 && x < level.width as f64 - 1.0 && y < level.height as f64 - 1.0) {
-            return None;
-        }
-        let (x0, y0) = (x as usize, y as usize);
-        let (fx, fy) = (x - x0 as f64, y - y0 as f64);
+        let (base, [fx, fy]) = first_corner(px, level, k)?;
         let image = &level.images[view][..];
-        let base = (y0 * level.width + x0) * (k + 1);
         let down = base + level.width * (k + 1);
         let corners = [base, base + k + 1, down, down + k + 1];
         let places = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
@@ -136,12 +146,13 @@ impl<'a> Landing<'a> {
             weights[i] = places[i] * f64::from(image[corners[i] + k]);
         }
         let sum: f64 = weights.iter().sum();
-        (sum >= f64::from(level.min_validity)).then_some(Self { image, corners, weights, sum, place: [fx, fy] })
+        let is_valid = sum >= f64::from(level.min_validity);
+        is_valid.then(|| Self { image, corners, weights, by_sum: 1.0 / sum, place: [fx, fy] })
     }
 
     /// Returns the interpolated normalized intensity of a channel.
     fn value(&self, c: usize) -> f64 {
-        (0..4).map(|i| self.weights[i] * f64::from(self.image[self.corners[i] + c])).sum::<f64>() / self.sum
+        (0..4).map(|i| self.weights[i] * f64::from(self.image[self.corners[i] + c])).sum::<f64>() * self.by_sum
     }
 
     /// Returns the derivatives of the four weights by the place along x and along y, per pixel of the level.
@@ -150,6 +161,22 @@ impl<'a> Landing<'a> {
         let places = [[fy - 1.0, 1.0 - fy, -fy, fy], [fx - 1.0, -fx, 1.0 - fx, fx]];
         places.map(|p| std::array::from_fn(|i| p[i] * f64::from(self.image[self.corners[i] + k])))
     }
+}
+
+/// Where the ray of light of a sample meets another board.
+struct Met {
+    /// The view of that board.
+    view: usize,
+    /// Where, mm in the camera's frame.
+    point: Point3<f64>,
+    /// Direction of the light there, of any length.
+    v: Vector3<f64>,
+    /// How many of it lie between the sample and the board.
+    length: f64,
+    /// The pixel that sees it.
+    px: [f64; 2],
+    /// Derivative of the pixel by the point, px/mm.
+    jacobian: Matrix2x3<f64>,
 }
 
 impl Transport<'_> {
@@ -167,47 +194,80 @@ impl Transport<'_> {
         true
     }
 
-    /// Carries a sample like [`Self::carry`] and appends a row for each channel. The light's slopes by its state are
-    /// given.
+    /// Carries samples like [`Self::carry`], each to the view that `to` gives, and appends a row for each channel of
+    /// those that land. The light's slopes by its state are given.
     pub fn carry_with_slopes(
+        &self,
+        level: &Level,
+        seeds: &[Seed],
+        light: (&LightCenter, &[Slope; 3]),
+        to: impl Fn(&Seed) -> usize,
+        rows: &mut Vec<Row>,
+    ) {
+        /// Samples between the one that memory is asked for and the one that is worked on.
+        const AHEAD: usize = 8;
+        let k = self.views.k;
+        let met: Vec<Option<Met>> = seeds.iter().map(|seed| self.meet_with_slopes(seed, light.0, to(seed))).collect();
+        for (i, (seed, met_here)) in seeds.iter().zip(&met).enumerate() {
+            // Images of all views are far larger than the caches, and samples land anywhere in them.
+            if let Some(Some(next)) = met.get(i + AHEAD)
+                && let Some((corner, _)) = first_corner(next.px, level, k)
+            {
+                let image = &level.images[next.view];
+                prefetch(image, corner);
+                prefetch(image, corner + level.width * (k + 1));
+            }
+            if let Some(met) = met_here {
+                self.rows_of(level, seed, light, met, rows);
+            }
+        }
+    }
+
+    /// Returns where the ray of light of a sample meets the board of the view `to`, as the camera sees it.
+    fn meet_with_slopes(&self, seed: &Seed, light: &LightCenter, to: usize) -> Option<Met> {
+        let (point, v, length) = self.meet(seed, light, to)?;
+        let (px, jacobian) = self.camera.project_with_jacobian(&point)?;
+        Some(Met { view: to, point, v, length, px, jacobian })
+    }
+
+    /// Appends the rows of a sample that meets a board.
+    fn rows_of(
         &self,
         level: &Level,
         seed: &Seed,
         (light, slopes): (&LightCenter, &[Slope; 3]),
-        to: usize,
+        met: &Met,
         rows: &mut Vec<Row>,
     ) {
-        let k = self.views.k;
-        let Some((point, v, length)) = self.meet(seed, light, to) else { return };
-        let Some((px, j)) = self.camera.project_with_jacobian(&point) else { return };
-        let Some(landing) = Landing::at(px, level, to, k) else { return };
+        let (k, Met { view: to, point, v, length, px, jacobian }) = (self.views.k, met);
+        let Some(landing) = Landing::at(*px, level, *to, k) else { return };
         let by_block = 1.0 / level.block as f64;
         // A point moves with the direction in which it is seen, and along it as far as the board asks for.
         let moves = |normal: &Vector3<f64>, from: &Point3<f64>, v: &Vector3<f64>, length: f64, j: &Matrix2x3<f64>| {
+            let (from, by_slope) = (from - light.origin, 1.0 / normal.dot(v));
             slopes.map(|slope| {
-                let dv = (from - light.origin) * slope.kappa + slope.along;
-                j * ((dv - v * (normal.dot(&dv) / normal.dot(v))) * (length * by_block))
+                let dv = from * slope.kappa + slope.along;
+                j * ((dv - v * (normal.dot(&dv) * by_slope)) * (length * by_block))
             })
         };
-        let moved = moves(&self.views.planes[to].0, &seed.point, &v, length, &j);
+        let moved = moves(&self.views.planes[*to].0, &seed.point, v, *length, jacobian);
         // Where it landed seen as the sample, and the sample as where it lands: what moves one way there moves the
         // other way here.
         let back = (point - light.origin) * light.kappa + light.along;
         let size = (seed.point - point).dot(&back) / back.norm_squared();
-        let here = self.camera.project_with_jacobian(&seed.point);
-        let moved_here = here.map(|(_, j)| moves(&self.views.planes[seed.view].0, &point, &back, -size, &j));
+        let moved_here = seed.jacobian.map(|j| moves(&self.views.planes[seed.view].0, point, &back, -size, &j));
         // Not where the light grazes the board.
         let moved_here = moved_here.filter(|moved| moved.iter().all(|m| m.iter().all(|m| m.is_finite())));
         let differences = differences(level, seed, k).zip(moved_here);
         let by_place = landing.weight_slopes(k);
         let sums = by_place.map(|w| w.iter().sum::<f64>());
-        let own = &level.images[seed.view][seed.index * (k + 1)..];
+        let own = &level.images[seed.view][seed.index * (k + 1)..][..k];
         rows.extend((0..k).map(|c| {
             let corners = landing.corners.map(|i| f64::from(landing.image[i + c]));
             let value = landing.value(c);
             let [gx, gy] = [0, 1].map(|axis| {
                 let rise: f64 = (0..4).map(|i| by_place[axis][i] * corners[i]).sum();
-                (rise - value * sums[axis]) / landing.sum
+                (rise - value * sums[axis]) * landing.by_sum
             });
             let there = moved.map(|m| gx * m[0] + gy * m[1]).into();
             let here = differences.as_ref().map(|(d, moved)| {

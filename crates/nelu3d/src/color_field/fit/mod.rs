@@ -14,7 +14,7 @@ mod smoothness;
 
 use rayon::prelude::*;
 
-use super::bins::{Bins, written_zeros};
+use super::bins::Bins;
 use super::grid::Grid;
 use crate::progress::Progress;
 use normal::Normal;
@@ -24,23 +24,66 @@ pub use smoothness::Smoothness;
 /// Fits the spline to the binned samples, started from `grid`'s present coefficients. Deterministic for any number of
 /// threads.
 pub fn fit(grid: &mut Grid, bins: &Bins, smooth: &Smoothness, iterations: usize, progress: &Progress) {
+    LeastSquares::new(grid.cells, bins).solve_once(grid, smooth, iterations, progress);
+}
+
+/// The least-squares problem of a spline of given cells and binned samples, ready for any smoothness.
+pub struct LeastSquares {
+    normal: Normal,
+    /// The samples' part of the normal equations' diagonal.
+    diagonal: Vec<f32>,
+    right_side: Vec<f32>,
+    /// Mean weight of a node, channel by channel: the unit of the penalties.
+    lambda: Vec<f32>,
+}
+
+impl LeastSquares {
+    /// Prepares to fit a spline of `cells` to samples.
+    pub fn new(cells: [usize; 3], bins: &Bins) -> Self {
+        let normal = Normal::new(cells, bins);
+        let diagonal = normal.diagonal();
+        let lambda = mean_node_weight(&diagonal, bins.k());
+        let right_side = normal.right_side(bins);
+        Self { normal, diagonal, right_side, lambda }
+    }
+
+    /// Returns the number of channels.
+    pub fn k(&self) -> usize {
+        self.lambda.len()
+    }
+
+    /// Improves a spline by conjugate gradients.
+    pub fn solve(&self, grid: &mut Grid, smooth: &Smoothness, iterations: usize, progress: &Progress) {
+        let (diagonal, r) = (self.diagonal.clone(), self.right_side.clone());
+        descend(grid, (&self.normal, diagonal, r, &self.lambda), smooth, iterations, progress);
+    }
+
+    /// Does what [`Self::solve`] does, in the memory that the problem takes.
+    pub fn solve_once(self, grid: &mut Grid, smooth: &Smoothness, iterations: usize, progress: &Progress) {
+        let Self { normal, diagonal, right_side, lambda } = self;
+        descend(grid, (&normal, diagonal, right_side, &lambda), smooth, iterations, progress);
+    }
+}
+
+/// Conjugate gradients from `grid`'s coefficients. `r` is the right side, and becomes the residuals.
+fn descend(
+    grid: &mut Grid,
+    (normal, diagonal, mut r, lambda): (&Normal, Vec<f32>, Vec<f32>, &[f32]),
+    smooth: &Smoothness,
+    iterations: usize,
+    progress: &Progress,
+) {
     let k = grid.k;
-    assert_eq!(k, bins.k());
-    let normal = Normal::new(grid, bins);
-    let diag = normal.diagonal();
-    let lambda = mean_node_weight(&diag, k);
-    let penalty = Penalty::new(grid, smooth, &lambda);
-    let inverse = inverse_diagonal(diag, smooth, &lambda);
+    assert_eq!(k, lambda.len());
+    let penalty = Penalty::new(grid, smooth, lambda);
+    let inverse = inverse_diagonal(diagonal, smooth, lambda);
 
     // The penalty overwrites, the samples add.
     let apply = |x: &[f32], y: &mut [f32]| {
         penalty.apply(x, y);
         normal.apply(x, y);
     };
-    let n = grid.coeffs.len();
-    let mut r = written_zeros(n);
-    normal.add_rhs(&mut r);
-    let mut scratch = vec![0.0f32; n];
+    let mut scratch = vec![0.0f32; grid.coeffs.len()];
     apply(&grid.coeffs, &mut scratch);
     r.par_iter_mut().zip(&scratch).for_each(|(r, a)| *r -= a);
     let mut p: Vec<f32> = r.par_iter().zip(&inverse).map(|(r, i)| r * i).collect();
@@ -54,7 +97,7 @@ pub fn fit(grid: &mut Grid, bins: &Bins, smooth: &Smoothness, iterations: usize,
         apply(&p, &mut scratch);
         let curvature = dots(&p, &scratch, k);
         let steps: Vec<f32> = (0..k).map(|c| if is_solved(c) { 0.0 } else { (rz[c] / curvature[c]) as f32 }).collect();
-        let next = descend(&mut grid.coeffs, &mut r, &p, &scratch, &inverse, &steps);
+        let next = step(&mut grid.coeffs, &mut r, &p, &scratch, &inverse, &steps);
         let betas: Vec<f32> = (0..k).map(|c| if is_solved(c) { 0.0 } else { (next[c] / rz[c]) as f32 }).collect();
         let betas = of_some_nodes(&betas);
         p.par_chunks_mut(k * BLOCK).zip(r.par_chunks(k * BLOCK)).zip(inverse.par_chunks(k * BLOCK)).for_each(
@@ -135,7 +178,7 @@ pub fn dots(a: &[f32], b: &[f32], k: usize) -> Vec<f64> {
 
 /// Goes steps along `p` with residuals `r`, of which steps of 1 take `product` away, one step per channel; returns
 /// rᵀ D⁻¹ r channel by channel. One pass over memory, which is what bounds it.
-fn descend(x: &mut [f32], r: &mut [f32], p: &[f32], product: &[f32], inverse: &[f32], steps: &[f32]) -> Vec<f64> {
+fn step(x: &mut [f32], r: &mut [f32], p: &[f32], product: &[f32], inverse: &[f32], steps: &[f32]) -> Vec<f64> {
     let (k, steps) = (steps.len(), of_some_nodes(steps));
     let n = steps.len();
     let blocks = x.par_chunks_mut(k * BLOCK).zip(r.par_chunks_mut(k * BLOCK)).zip(p.par_chunks(k * BLOCK));

@@ -6,14 +6,12 @@ use nelu3d_field::normal::{NodeStrides, Place, Weights, add_product, add_spread}
 use rayon::prelude::*;
 
 use crate::color_field::bins::{Bins, Sample, written_zeros};
-use crate::color_field::grid::Grid;
 
 /// Number of rows of cells that one task owns; stripes of the same parity never touch the same nodes.
 const STRIPE: usize = 16;
 
 /// The samples' part of the normal equations of a grid.
-pub struct Normal<'a> {
-    bins: &'a Bins,
+pub struct Normal {
     cells: [usize; 3],
     k: usize,
     /// The samples by stripes of cells, located once for all products.
@@ -29,13 +27,18 @@ struct Located {
     omegas: Vec<f32>,
 }
 
-impl<'a> Normal<'a> {
-    /// Locates the samples in a grid.
-    pub fn new(grid: &Grid, bins: &'a Bins) -> Self {
-        let mut normal = Self { bins, cells: grid.cells, k: grid.k, located: Vec::new() };
-        let n_stripes = grid.cells[1].div_ceil(STRIPE);
-        normal.located = (0..n_stripes).into_par_iter().map(|stripe| normal.locate(stripe)).collect();
+impl Normal {
+    /// Locates the samples in a grid of `cells`.
+    pub fn new(cells: [usize; 3], bins: &Bins) -> Self {
+        let mut normal = Self { cells, k: bins.k(), located: Vec::new() };
+        let n_stripes = cells[1].div_ceil(STRIPE);
+        normal.located = (0..n_stripes).into_par_iter().map(|stripe| normal.locate(stripe, bins)).collect();
         normal
+    }
+
+    /// Returns the number of coefficients.
+    pub(super) fn n_coeffs(&self) -> usize {
+        (self.cells[1] + 3) * self.strides().row
     }
 
     /// Returns the distances between neighboring nodes.
@@ -45,9 +48,9 @@ impl<'a> Normal<'a> {
     }
 
     /// Locates the samples in the cells of a stripe, in the order of their bins.
-    fn locate(&self, stripe: usize) -> Located {
+    fn locate(&self, stripe: usize, bins: &Bins) -> Located {
         let mut located = Located::default();
-        self.for_each_in(stripe, |s, place| {
+        self.for_each_in(stripe, bins, |s, place| {
             located.places.push(place);
             located.omegas.extend_from_slice(s.omegas);
         });
@@ -55,14 +58,14 @@ impl<'a> Normal<'a> {
     }
 
     /// Calls `f(sample, where it is)` for every sample in the cells of a stripe.
-    fn for_each_in(&self, stripe: usize, mut f: impl FnMut(&Sample<'_>, Place)) {
-        let cells_per_bin = [0, 1].map(|i| self.cells[i] as f32 / self.bins.counts()[i] as f32);
+    fn for_each_in(&self, stripe: usize, bins: &Bins, mut f: impl FnMut(&Sample<'_>, Place)) {
+        let cells_per_bin = [0, 1].map(|i| self.cells[i] as f32 / bins.counts()[i] as f32);
         let NodeStrides { row, column, .. } = self.strides();
         let cells = stripe * STRIPE..((stripe + 1) * STRIPE).min(self.cells[1]);
         // The rows of bins that may lie in these cells: one more on either side than geometry says.
-        let ratio = self.bins.n_rows() as f64 / self.cells[1] as f64;
+        let ratio = bins.n_rows() as f64 / self.cells[1] as f64;
         let first = ((cells.start as f64 * ratio) as usize).saturating_sub(1);
-        let last = ((cells.end as f64 * ratio) as usize + 2).min(self.bins.n_rows());
+        let last = ((cells.end as f64 * ratio) as usize + 2).min(bins.n_rows());
         let mut visit = |s: Sample<'_>| {
             let (cell, position) = lattice::locate(self.cells, s.q);
             if cells.contains(&cell[1]) {
@@ -71,7 +74,7 @@ impl<'a> Normal<'a> {
                 f(&s, Place { base: base as u32, position, spread });
             }
         };
-        (first..last).for_each(|b| self.bins.for_each_in_row(b, &mut visit));
+        (first..last).for_each(|b| bins.for_each_in_row(b, &mut visit));
     }
 
     /// Calls `f(stripe, part of out, beginning of the part)` for every stripe. Stripes of the same parity touch
@@ -92,7 +95,7 @@ impl<'a> Normal<'a> {
     /// Returns Σ ω b² per coefficient. Precisions of channels differ as their intensities do, at the scale of the
     /// pattern.
     pub fn diagonal(&self) -> Vec<f32> {
-        let mut diag = written_zeros((self.cells[1] + 3) * self.strides().row);
+        let mut diag = written_zeros(self.n_coeffs());
         self.by_stripes(&mut diag, |stripe, chunk, _| {
             let Located { places, omegas } = &self.located[stripe];
             add_spread(self.strides(), places, omegas, Weights::Squared, chunk);
@@ -100,14 +103,16 @@ impl<'a> Normal<'a> {
         diag
     }
 
-    /// Adds Bᵀ Ω L.
-    pub fn add_rhs(&self, out: &mut [f32]) {
-        self.by_stripes(out, |stripe, chunk, _| {
+    /// Returns Bᵀ Ω L of the samples that were located.
+    pub fn right_side(&self, bins: &Bins) -> Vec<f32> {
+        let mut out = written_zeros(self.n_coeffs());
+        self.by_stripes(&mut out, |stripe, chunk, _| {
             let places = &self.located[stripe].places;
             let mut moments = Vec::with_capacity(places.len() * self.k);
-            self.for_each_in(stripe, |s, _| moments.extend_from_slice(s.moments));
+            self.for_each_in(stripe, bins, |s, _| moments.extend_from_slice(s.moments));
             add_spread(self.strides(), places, &moments, Weights::Plain, chunk);
         });
+        out
     }
 
     /// Adds Bᵀ Ω B x to y.

@@ -1,7 +1,6 @@
 use nelu3d::calibrate::smoothing::{Aside, MAX_POWER, RATIO, Search};
-use nelu3d::calibrate::spline_fit::{OF_MANY, fit_spline};
+use nelu3d::calibrate::spline_fit::{OF_MANY, SplineFit};
 use nelu3d::color_field::bins::Bins;
-use nelu3d::color_field::fit::Smoothness;
 use nelu3d::color_field::frame::Center;
 use nelu3d::progress::Progress;
 
@@ -69,10 +68,8 @@ fn chosen(code: impl Fn([f32; 2]) -> [f32; 2]) -> Vec<[f32; 3]> {
         sum
     };
     let before = count(&bins);
-    let fit = |bins: &Bins, cells: [usize; 3], smooth: &Smoothness| {
-        fit_spline(bins, cells, smooth, OF_MANY, &Progress::none())
-    };
-    let chosen = aside.choose(&mut bins, 1, Center::Light, fit).of_channels;
+    let prepare = |bins: &Bins, cells: [usize; 3]| SplineFit::new(bins, cells, OF_MANY);
+    let chosen = aside.choose(&mut bins, 1, Center::Light, prepare, &Progress::none()).of_channels;
     assert!((count(&bins) / before - 1.0).abs() < 1e-6, "what was set aside is in the bins again");
     chosen
 }

@@ -45,31 +45,38 @@ static MEANS: LazyLock<Vec<FrequencyMeans>> = LazyLock::new(|| {
         let u = (i as f64 + 0.5) / N as f64;
         (PI * u * u, 2.0 * u / N as f64)
     };
-    let mut symbols = Vec::with_capacity(N * N);
+    // The plate does not tell its two axes apart: one of each two frequencies that differ in their order is enough.
+    let mut symbols = Vec::with_capacity(N * (N + 1) / 2);
     for i in 0..N {
-        for j in 0..N {
+        for j in 0..=i {
             let ((fx, wx), (fy, wy)) = (node(i), node(j));
             let (x, y) = (2.0 - 2.0 * fx.cos(), 2.0 - 2.0 * fy.cos());
+            let times = if i == j { 1.0 } else { 2.0 };
             // (x + y)²: the squares of both straight differences, and twice that of the mixed one.
-            symbols.push(((x + y).powi(2), wx * wy, [fx, fy]));
+            symbols.push(((x + y).powi(2), times * wx * wy, [i, j]));
         }
     }
     let total: f64 = symbols.iter().map(|s| s.1).sum();
+    let sum =
+        |f: &dyn Fn(f64, [usize; 2]) -> f64| symbols.iter().map(|(s, weight, at)| weight * f(*s, *at)).sum::<f64>();
+    let mean = |f: &dyn Fn(f64, [usize; 2]) -> f64| (sum(f) / total) as f32;
     (RATIOS[0] * STEPS..=RATIOS[1] * STEPS)
         .map(|step| {
             let ratio = (f64::from(step) / f64::from(STEPS)).exp();
-            let mean = |f: &dyn Fn(f64, [f64; 2]) -> f64| {
-                (symbols.iter().map(|(s, weight, at)| weight * f(ratio * s, *at)).sum::<f64>() / total) as f32
-            };
-            let noise = mean(&|q, _| (1.0 + q).powi(-2));
+            let noise = mean(&|s, _| (1.0 + ratio * s).powi(-2));
             let side = f64::from(square(1.0 / noise));
-            let rest = |[fx, fy]: [f64; 2]| (1.0 - of_square(side, fx) * of_square(side, fy)).powi(2);
+            let left: Vec<f64> = (0..N).map(|i| of_square(side, node(i).0)).collect();
+            let rest = |[i, j]: [usize; 2]| (1.0 - left[i] * left[j]).powi(2);
+            let of = |q: f64| q * (1.0 + q).powi(-2);
             FrequencyMeans {
                 noise,
-                prior: mean(&|q, _| q * (1.0 + q).powi(-2)),
-                surface_energy: mean(&|q, at| (1.0 + q).powi(-2) * rest(at)),
-                noise_energy: mean(&|q, at| q * (1.0 + q).powi(-2) * rest(at)),
-                smoothed_away: mean(&|q, _| (q * (1.0 + 2.0 * q)).powi(2) * (1.0 + q).powi(-6)),
+                prior: mean(&|s, _| of(ratio * s)),
+                surface_energy: mean(&|s, at| (1.0 + ratio * s).powi(-2) * rest(at)),
+                noise_energy: mean(&|s, at| of(ratio * s) * rest(at)),
+                smoothed_away: mean(&|s, _| {
+                    let q = ratio * s;
+                    (q * (1.0 + 2.0 * q)).powi(2) * (1.0 + q).powi(-6)
+                }),
             }
         })
         .collect()

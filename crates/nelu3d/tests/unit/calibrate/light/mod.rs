@@ -5,8 +5,9 @@ mod transport;
 use nalgebra::{Isometry3, Point3, Vector3};
 use nelu3d::calibrate::BoardPlane;
 use nelu3d::calibrate::light::center::Chart;
-use nelu3d::calibrate::light::transport::{Transport, seeds};
-use nelu3d::calibrate::light::{different, find_center};
+use nelu3d::calibrate::light::find_center;
+use nelu3d::calibrate::light::search::different;
+use nelu3d::calibrate::light::transport::{Seed, Transport, seeds};
 use nelu3d::calibrate::views::{Level, Views};
 use nelu3d::progress::Progress;
 use nelu3d_scan::Camera;
@@ -73,7 +74,7 @@ fn carried_codewords_have_the_slopes_of_differences() {
         for seed in seeds(&camera, &views, level, 2000) {
             let to = (seed.view + 1) % views.count();
             let mut rows = Vec::new();
-            t.carry_with_slopes(level, &seed, (&chart.center(state), &chart.slopes(state)), to, &mut rows);
+            t.carry_with_slopes(level, &[seed], (&chart.center(state), &chart.slopes(state)), |_| to, &mut rows);
             let mut here = [0.0; 2];
             assert_eq!(t.carry(level, &seed, &chart.center(state), to, &mut here), !rows.is_empty());
             for i in 0..3 {
@@ -103,10 +104,9 @@ fn slopes_here_and_there_are_the_same_under_the_right_light() {
     let t = Transport { camera: &camera, views: &views, chart: &chart };
     let state = chart.state(&center).unwrap();
     let mut rows = Vec::new();
-    for seed in seeds(&camera, &views, &views.levels[0], 4000) {
-        let to = (seed.view + 1) % views.count();
-        t.carry_with_slopes(&views.levels[0], &seed, (&chart.center(state), &chart.slopes(state)), to, &mut rows);
-    }
+    let all = seeds(&camera, &views, &views.levels[0], 4000);
+    let to = |seed: &Seed| (seed.view + 1) % views.count();
+    t.carry_with_slopes(&views.levels[0], &all, (&chart.center(state), &chart.slopes(state)), to, &mut rows);
     let both: Vec<_> = rows.iter().filter_map(|r| Some((r.there, r.here?))).collect();
     assert!(both.len() > 2000, "{}", both.len());
     for i in 0..3 {

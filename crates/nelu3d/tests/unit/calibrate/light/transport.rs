@@ -7,7 +7,7 @@ fn partners_are_others_within_the_arm() {
         for arm in 1..n {
             for view in 0..n {
                 for index in 0..50 {
-                    let p = partner(&Seed { view, index, point: Point3::origin() }, arm, n);
+                    let p = partner(&Seed { view, index, point: Point3::origin(), jacobian: None }, arm, n);
                     assert!(p < n && p != view, "{n} {arm} {view}: {p}");
                 }
             }

@@ -134,15 +134,14 @@ fn the_operator_agrees_with_its_definition() {
             g
         };
         let (x, y) = (random(), random());
-        let normal = Normal::new(&x, &bins);
+        let normal = Normal::new(x.cells, &bins);
         let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels: vec![[1.0; 3]; k] };
         let lambda: Vec<f32> = (0..k).map(|c| 1.0 + c as f32).collect();
         let mut ax = vec![0.0; x.coeffs.len()];
         Penalty::new(&x, &smooth, &lambda).apply(&x.coeffs, &mut ax);
-        let (mut rhs, mut diag) = (vec![0.0; ax.len()], normal.diagonal());
+        let (rhs, mut diag) = (normal.right_side(&bins), normal.diagonal());
         let penalty = dot(&y.coeffs, &ax);
         normal.apply(&x.coeffs, &mut ax);
-        normal.add_rhs(&mut rhs);
         let samples = dot(&y.coeffs, &ax) - penalty;
 
         let (mut expected, mut expected_rhs, mut trace) = (0.0f64, 0.0f64, 0.0f64);
