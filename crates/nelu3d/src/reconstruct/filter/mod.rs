@@ -26,6 +26,7 @@ use crate::reconstruct::refine::Refined;
 use crate::reconstruct::scene::Scene;
 use crate::sensor::{CodewordStatistics, judge_codewords};
 use crate::surface::{Links, MAX_SLOPE, PixelStatus, reject_small_components};
+use crate::verdict::Verdict;
 use beyond::explained_beyond;
 use chance::ForeignCodewords;
 use components::reject_unexplained_components;
@@ -137,7 +138,9 @@ pub(crate) fn nothing_left(scene: &Scene<'_>) -> Failure {
     let m = &scene.measurements;
     let rejected = PixelStatus::describe_rejections(&m.status, "the calibrated volume");
     let (statistics, _) = CodewordStatistics::of_scene(m, &m.status);
-    if let Some(found) = judge_codewords(&statistics, None, &scene.field.metadata.images).first() {
+    // A note is no reason: of a coarse binary pattern, all of an object may have one stripe.
+    let findings = judge_codewords(&statistics, None, &scene.field.metadata.images);
+    if let Some(found) = findings.iter().find(|found| found.verdict != Verdict::Good) {
         return Failure::Nothing(format!("{rejected}; {}: {}", found.sentence, found.remedy));
     }
     let count = |s: PixelStatus| m.status.iter().filter(|v| **v == s).count();
