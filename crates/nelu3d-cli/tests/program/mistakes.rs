@@ -248,7 +248,8 @@ fn good_rigs_have_no_warnings() {
     }
 }
 
-/// Where an object lies within one stripe of a coarse code, that image shows it all lit or all dark, as it should.
+/// Where an object lies within one stripe of a coarse code, that image shows it all lit or all dark, as it should; and
+/// of its mirror image, which has no depth, that is not the only reason that is given.
 #[test]
 fn an_object_within_a_stripe_is_no_mistake() {
     let dir = tempfile::tempdir().unwrap();
@@ -267,6 +268,12 @@ albedo = { kind = "constant", rgb = [0.75, 0.75, 0.75] }"#;
     run(&["calibrate", path(&rig)], &[]).unwrap();
     let (answer, said) = run(&["reconstruct", path(&rig), "vase"], &[]).unwrap();
     assert_eq!(answer["verdict"], "good", "{said}");
+    for entry in std::fs::read_dir(scene(&rig)).unwrap().map(|e| e.unwrap().path()).filter(|p| p.is_file()) {
+        let name = entry.file_name().unwrap().to_str().unwrap();
+        image(&scene(&rig), name, |v| v.chunks_exact_mut(WIDTH).for_each(<[f32]>::reverse));
+    }
+    let refused = run(&["reconstruct", path(&rig), "vase"], &[]).unwrap_err();
+    assert!(refused.contains("no pixel can be reconstructed") && refused.contains("mirrored"), "{refused}");
 }
 
 /// What the numbers mean is printed.

@@ -138,11 +138,6 @@ pub(crate) fn nothing_left(scene: &Scene<'_>) -> Failure {
     let m = &scene.measurements;
     let rejected = PixelStatus::describe_rejections(&m.status, "the calibrated volume");
     let (statistics, _) = CodewordStatistics::of_scene(m, &m.status);
-    // A note is no reason: of a coarse binary pattern, all of an object may have one stripe.
-    let findings = judge_codewords(&statistics, None, &scene.field.metadata.images);
-    if let Some(found) = findings.iter().find(|found| found.verdict != Verdict::Good) {
-        return Failure::Nothing(format!("{rejected}; {}: {}", found.sentence, found.remedy));
-    }
     let count = |s: PixelStatus| m.status.iter().filter(|v| **v == s).count();
     let reasons = [
         (PixelStatus::Saturated, "expose for less"),
@@ -157,6 +152,16 @@ pub(crate) fn nothing_left(scene: &Scene<'_>) -> Failure {
         // A scene without light has nothing else to tell.
         20 * count(*status) > m.n()
     });
-    let remedy = most.map_or("expose for longer, and check that the light was on in white", |(_, remedy)| remedy);
-    Failure::Nothing(format!("{rejected}; {remedy}"))
+    let remedy = most.map(|(_, remedy)| remedy);
+    // A note is no reason, and codewords alone do not tell a pattern that was dark from an object that had one of its
+    // stripes, and lies elsewhere or is mirrored.
+    let findings = judge_codewords(&statistics, None, &scene.field.metadata.images);
+    let found = findings.iter().find(|found| found.verdict != Verdict::Good);
+    let found = found.map(|found| format!("{}: {}", found.sentence, found.remedy));
+    let told = match (found, remedy) {
+        (Some(found), Some(remedy)) => format!("{found}, or {remedy}"),
+        (Some(found), None) => found,
+        (None, remedy) => remedy.unwrap_or("expose for longer, and check that the light was on in white").to_owned(),
+    };
+    Failure::Nothing(format!("{rejected}; {told}"))
 }
