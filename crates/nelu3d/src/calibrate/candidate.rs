@@ -78,7 +78,7 @@ pub(super) struct Candidate {
     /// How it was fitted.
     schedule: Schedule,
     /// How smooth it is.
-    smooth: Smoothness,
+    pub(super) smooth: Smoothness,
     /// Steps that the final fit takes.
     final_steps: usize,
     /// The part along the light's rays that holds, in unit coordinates.
@@ -91,13 +91,14 @@ impl Candidate {
     /// Fits a field in `frame` (whose box is still empty) without the positions of each of `folds` in turn, and
     /// measures it at these. With one fold, every position is read once: first those that are fitted, then the held-out
     /// ones, which are compared with the field and join the others in the bins. With several, all are gathered first,
-    /// and every fold's are taken out while the others are fitted.
+    /// and every fold's are taken out while the others are fitted. How smooth it is, is found, unless it is known.
     pub(super) fn fit(
         cx: &FitContext<'_, '_>,
         mut frame: FieldFrame,
         center: Center,
         cells_per_pixel: usize,
         folds: &[Vec<usize>],
+        known: Option<&Smoothness>,
     ) -> Result<Self, CalibrationError> {
         let FitContext { placed, opts, progress, .. } = *cx;
         let swept = enclose(placed, &mut frame, center);
@@ -109,7 +110,7 @@ impl Candidate {
         let schedule = if in_turn { OF_FEW } else { OF_MANY };
         let first: Vec<usize> = (0..placed.n_positions()).filter(|p| in_turn || !folds[0].contains(p)).collect();
         let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
-        let mut aside = (opts.form == FormKind::Grid).then(|| {
+        let mut aside = (opts.form == FormKind::Grid && known.is_none()).then(|| {
             let mut by_depth = placed.in_depth_order();
             by_depth.retain(|p| first.contains(p));
             Aside::new(&by_depth, in_turn, cells, cells_per_pixel)
@@ -127,7 +128,7 @@ impl Candidate {
         }
         let k = placed.sweep.k;
         let smooth = aside.map_or_else(
-            || smoothness(center, vec![[1.0; 3]; k]),
+            || known.cloned().unwrap_or_else(|| smoothness(center, vec![[1.0; 3]; k])),
             |aside| {
                 let prepare = |bins: &Bins, cells| SplineFit::new(bins, cells, schedule);
                 aside.choose(&mut bins, cells[2], center, prepare, progress)

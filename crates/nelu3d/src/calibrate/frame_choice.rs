@@ -9,6 +9,7 @@ use super::light::LightCenter;
 use super::options::{CalibrationOptions, FormKind, FrameKind};
 use super::placed_sweep::PlacedSweep;
 use super::pose_refinement::{RefinedPoses, refine_poses};
+use crate::color_field::fit::Smoothness;
 use crate::color_field::frame::{Center, FieldFrame};
 use crate::progress::Progress;
 
@@ -43,19 +44,19 @@ pub(super) fn fit_best_frame(
     let is_good = |c: &Candidate| is_within(c, MAX_SHORTFALL_DB);
     let (mut tried, mut refined): (Vec<Candidate>, _) = (Vec::new(), None);
     if let Some(light) = light {
-        let fit = |placed: &PlacedSweep<'_>, cells_per_pixel: usize| {
+        let fit = |placed: &PlacedSweep<'_>, cells_per_pixel: usize, known: Option<&Smoothness>| {
             let frame = FieldFrame::new(light.origin, light.along, light.kappa, Vector3::x());
             let context = FitContext { placed, opts, device, progress };
-            Candidate::fit(&context, frame, Center::Light, cells_per_pixel, &folds)
+            Candidate::fit(&context, frame, Center::Light, cells_per_pixel, &folds, known)
         };
-        let mut first = fit(placed, 1)?;
+        let mut first = fit(placed, 1, None)?;
         tracing::debug!(psnr = first.quality.psnr_db, ceiling = first.quality.ceiling_db, "field in the light's frame");
-        refined = refine_poses(placed, &mut first, light.line.is_some(), |placed| fit(placed, 1))?;
+        refined = refine_poses(placed, &mut first, light.line.is_some(), |placed, known| fit(placed, 1, Some(known)))?;
         tried.push(first);
         // Finer is no finer where the number of coefficients is the limit.
         if !is_within(&tried[0], FINER_FROM_DB) && !tried[0].is_limited {
             tried.iter_mut().for_each(Candidate::drop_bins);
-            tried.push(fit(placed, FINE_CELLS_PER_PIXEL)?);
+            tried.push(fit(placed, FINE_CELLS_PER_PIXEL, None)?);
         }
     }
     let finer_is_better = tried.len() == 2 && tried[1].quality.psnr_db > tried[0].quality.psnr_db + MAX_SHORTFALL_DB;
@@ -67,7 +68,7 @@ pub(super) fn fit_best_frame(
         let middle = Point3::from(placed.mean_point());
         let frame = FieldFrame::around(Point3::origin(), middle, Vector3::x());
         let context = FitContext { placed, opts, device, progress };
-        tried.push(Candidate::fit(&context, frame, Center::Camera, 1, &folds)?);
+        tried.push(Candidate::fit(&context, frame, Center::Camera, 1, &folds, None)?);
     }
     if progress.cancelled() {
         return Err(CalibrationError::Cancelled);

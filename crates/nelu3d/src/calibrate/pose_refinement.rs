@@ -13,6 +13,7 @@ use serde::Serialize;
 use super::candidate::Candidate;
 use super::error::CalibrationError;
 use super::placed_sweep::{BoardPlane, PlacedSweep};
+use crate::color_field::fit::Smoothness;
 
 /// Part of the mean square of what held-out boards are off by that motions must amount to for them to be tried, and
 /// that they must take from it to be kept.
@@ -49,7 +50,8 @@ pub(super) struct RefinedPoses {
 
 /// Moves the boards of `placed` to where they predict each other best, as long as `best`, the field in the light's
 /// frame that was fitted to all but each of them, is replaced by a better one. `is_open` says whether the light's
-/// center is open along a line; `fit` fits the field to boards where they stand. `None` where nothing was taken.
+/// center is open along a line; `fit` fits a field that is as smooth as given to boards where they stand: motions of
+/// millimeters do not change what a code asks for. `None` where nothing was taken.
 ///
 /// # Errors
 ///
@@ -58,7 +60,7 @@ pub(super) fn refine_poses<'r>(
     placed: &mut PlacedSweep<'r>,
     best: &mut Candidate,
     is_open: bool,
-    fit: impl Fn(&PlacedSweep<'r>) -> Result<Candidate, CalibrationError>,
+    fit: impl Fn(&PlacedSweep<'r>, &Smoothness) -> Result<Candidate, CalibrationError>,
 ) -> Result<Option<RefinedPoses>, CalibrationError> {
     let n = placed.n_positions();
     let Some(off_before_mm2) = best.off_mm2.filter(|_| best.displacements.len() >= n) else { return Ok(None) };
@@ -75,7 +77,7 @@ pub(super) fn refine_poses<'r>(
         let stood = placed.boards.clone();
         placed.boards.iter_mut().zip(&motions).for_each(|(board, motion)| board.move_by(motion));
         best.drop_bins();
-        let candidate = fit(placed)?;
+        let candidate = fit(placed, &best.smooth)?;
         let gain_db = candidate.quality.psnr_db - best.quality.psnr_db;
         let now = candidate.off_mm2.unwrap_or(f64::INFINITY);
         tracing::debug!(off_mm = now.sqrt(), gain_db, "poses on codewords were tried");
