@@ -75,7 +75,7 @@ fn code(value: f32, black_level: f64, saturation: f64) -> f64 {
     (f64::from(value) * (saturation - black_level) + black_level).round()
 }
 
-/// Encodes an 8-bit color picture of `height × width × 3` bytes as PNG, small rather than fast.
+/// Encodes an 8-bit color picture of `height × width × 3` bytes as PNG.
 ///
 /// # Panics
 ///
