@@ -57,26 +57,22 @@ static MEANS: LazyLock<Vec<FrequencyMeans>> = LazyLock::new(|| {
         }
     }
     let total: f64 = symbols.iter().map(|s| s.1).sum();
-    let sum =
-        |f: &dyn Fn(f64, [usize; 2]) -> f64| symbols.iter().map(|(s, weight, at)| weight * f(*s, *at)).sum::<f64>();
-    let mean = |f: &dyn Fn(f64, [usize; 2]) -> f64| (sum(f) / total) as f32;
     (RATIOS[0] * STEPS..=RATIOS[1] * STEPS)
         .map(|step| {
             let ratio = (f64::from(step) / f64::from(STEPS)).exp();
-            let noise = mean(&|s, _| (1.0 + ratio * s).powi(-2));
+            let mean = |f: &dyn Fn(f64, [usize; 2]) -> f64| {
+                (symbols.iter().map(|(s, weight, at)| weight * f(ratio * s, *at)).sum::<f64>() / total) as f32
+            };
+            let noise = mean(&|q, _| (1.0 + q).powi(-2));
             let side = f64::from(square(1.0 / noise));
             let left: Vec<f64> = (0..N).map(|i| of_square(side, node(i).0)).collect();
             let rest = |[i, j]: [usize; 2]| (1.0 - left[i] * left[j]).powi(2);
-            let of = |q: f64| q * (1.0 + q).powi(-2);
             FrequencyMeans {
                 noise,
-                prior: mean(&|s, _| of(ratio * s)),
-                surface_energy: mean(&|s, at| (1.0 + ratio * s).powi(-2) * rest(at)),
-                noise_energy: mean(&|s, at| of(ratio * s) * rest(at)),
-                smoothed_away: mean(&|s, _| {
-                    let q = ratio * s;
-                    (q * (1.0 + 2.0 * q)).powi(2) * (1.0 + q).powi(-6)
-                }),
+                prior: mean(&|q, _| q * (1.0 + q).powi(-2)),
+                surface_energy: mean(&|q, at| (1.0 + q).powi(-2) * rest(at)),
+                noise_energy: mean(&|q, at| q * (1.0 + q).powi(-2) * rest(at)),
+                smoothed_away: mean(&|q, _| (q * (1.0 + 2.0 * q)).powi(2) * (1.0 + q).powi(-6)),
             }
         })
         .collect()
