@@ -102,7 +102,7 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
             return None;
         }
         // The longest arms decide; along what the patterns hardly tell, that takes more steps.
-        let (seeds, count) = if arm >= last { (&all, 20) } else { (&few, 6) };
+        let (seeds, count) = if arm >= last { (&all, 12) } else { (&few, 6) };
         best = refine(t, finest.level, seeds, best.state, Steps { arm: arm.min(last), count, ..how });
         if arm >= last {
             break;

@@ -46,6 +46,10 @@ pub(super) struct Steps {
 /// measurements: what products with noise may be off by.
 const TRUST: f64 = 3.0;
 
+/// Square of a step's length, in standard deviations that noise which is independent from pixel to pixel would leave, at
+/// which the center has settled: the noise of codewords is not independent, and leaves more.
+const SETTLED: f64 = 0.01;
+
 /// A state that is held along one direction.
 #[derive(Clone, Copy)]
 pub(super) struct Held {
@@ -56,10 +60,13 @@ pub(super) struct Held {
     pub(super) strength: f64,
 }
 
-/// Gauss-Newton with Cauchy weights on carried samples.
+/// Gauss-Newton with Cauchy weights on carried samples. A step is as much shorter as steps have turned back before: along
+/// a direction that is hardly told, equal codewords are found here and there between the samples' noise, and the length
+/// of a full step is noise as well (Kesten 1958, "Accelerated stochastic approximation", Ann. Math. Statist. 29:41).
 pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State, how: Steps) -> Refined {
     let mut out = Refined::at(s);
     let mut rows: Vec<Vec<Row>> = vec![Vec::new(); seeds.len().div_ceil(AT_A_TIME)];
+    let (mut last, mut reversals) = (Vector3::zeros(), 0);
     for _ in 0..how.count {
         linearize(t, level, seeds, out.state, how.arm, &mut rows);
         let mut abs: Vec<f64> = rows.iter().flatten().map(|r| r.difference.abs()).collect();
@@ -98,11 +105,14 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
             b += strength * held.along * held.along.dot(&off);
         }
         let Some(step) = a.try_inverse().map(|i| i * b) else { break };
-        let limit = (0.1 / step.amax().max(1e-12)).min(1.0);
+        // Along what the patterns hardly tell, slopes are mostly noise, and steps of full length jump to and fro.
+        reversals += u32::from(step.dot(&(a * last)) < 0.0);
+        last = step;
+        let limit = (0.1 / step.amax().max(1e-12)).min(1.0) / f64::from(1 + reversals);
         for i in 0..3 {
             out.state[i] -= step[i] * limit;
         }
-        if step.amax() < 1e-6 {
+        if b.dot(&step) < SETTLED * out.scale.powi(2) {
             break;
         }
     }
