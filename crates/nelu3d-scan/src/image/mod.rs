@@ -14,6 +14,8 @@ mod response;
 mod write;
 mod write_float;
 
+use std::borrow::Cow;
+
 pub use apng::Apng;
 pub use bayer::demosaic;
 pub use bilinear::bilinear;
@@ -107,31 +109,36 @@ impl Image {
     /// clipped (1 or more), the largest. What is left over at the right and the lower edge is dropped.
     pub fn binned(&self, block: usize) -> Self {
         let (width, height, n) = (self.width / block, self.height / block, self.channels);
-        let mut out = Self::new(width, height, n);
-        let norm = 1.0 / (block * block) as f32;
-        for y in 0..height {
-            let rows = &self.data[y * block * self.width * n..][..block * self.width * n];
-            let to = &mut out.data[y * width * n..][..width * n];
-            let mut largest = vec![0.0f32; width * n];
-            for row in rows.chunks_exact(self.width * n) {
-                for (x, pixels) in row.chunks_exact(block * n).enumerate() {
-                    for (i, v) in pixels.iter().enumerate() {
-                        to[x * n + i % n] += norm * v;
-                        largest[x * n + i % n] = largest[x * n + i % n].max(*v);
-                    }
+        let (stride, norm) = (self.width * n, 1.0 / (block * block) as f32);
+        let mut data = Vec::with_capacity(width * height * n);
+        // Down, and then along a row.
+        let (mut sums, mut largest) = (vec![0.0f32; stride], vec![0.0f32; stride]);
+        for rows in self.data.chunks_exact(block * stride).take(height) {
+            sums.copy_from_slice(&rows[..stride]);
+            largest.copy_from_slice(&rows[..stride]);
+            for row in rows.chunks_exact(stride).skip(1) {
+                for ((sum, largest), v) in sums.iter_mut().zip(&mut largest).zip(row) {
+                    *sum += v;
+                    *largest = largest.max(*v);
                 }
             }
-            to.iter_mut().zip(&largest).filter(|(_, largest)| **largest >= 1.0).for_each(|(to, v)| *to = *v);
+            for (sums, largest) in sums.chunks_exact(block * n).zip(largest.chunks_exact(block * n)) {
+                data.extend((0..n).map(|c| {
+                    let of_channel = (c..block * n).step_by(n);
+                    let largest = of_channel.clone().map(|i| largest[i]).fold(f32::NEG_INFINITY, f32::max);
+                    if largest >= 1.0 { largest } else { norm * of_channel.map(|i| sums[i]).sum::<f32>() }
+                }));
+            }
         }
-        out
+        Self { width, height, channels: n, data }
     }
 
     /// Returns the mean over channels of each pixel, `height × width`: what a detector looks at.
-    pub fn to_gray(&self) -> Vec<f32> {
+    pub fn to_gray(&self) -> Cow<'_, [f32]> {
         if self.channels == 1 {
-            return self.data.clone();
+            return Cow::Borrowed(&self.data);
         }
         let n = self.channels as f32;
-        self.data.chunks_exact(self.channels).map(|p| p.iter().sum::<f32>() / n).collect()
+        Cow::Owned(self.data.chunks_exact(self.channels).map(|p| p.iter().sum::<f32>() / n).collect())
     }
 }

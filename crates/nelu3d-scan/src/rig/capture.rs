@@ -1,6 +1,7 @@
 //! Reading the images of a shot.
 
 use std::io::Read;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::{PatternSet, Rig, RigError, Shot, mono, mosaic};
@@ -20,8 +21,8 @@ pub enum Need {
 }
 
 /// The role of an image in a shot.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum What {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum What {
     /// White or black: as the camera takes images.
     Flash,
     /// A pattern or its inverse, which may be a mono image of a color camera.
@@ -49,7 +50,39 @@ pub struct ShotReader<'a> {
     depth: Option<(Depth, PathBuf)>,
 }
 
-impl ShotReader<'_> {
+/// One image of a shot as it was stored, for callers that do not want all of a large one as light at once.
+pub struct ImageCodes<'a> {
+    rig: &'a Rig,
+    raw: Raw,
+}
+
+impl ImageCodes<'_> {
+    /// Returns whether it is a mono image of a color camera (see [`Capture::mono`]).
+    pub fn is_mono_among_colors(&self) -> bool {
+        self.raw.channels < self.rig.channels.count()
+    }
+
+    /// Returns the linear images of bands of `rows` rows, from the top; the last one may have fewer. Of a mosaic, mosaics.
+    pub fn bands(&self, rows: usize) -> impl Iterator<Item = Image> {
+        let height = self.raw.height;
+        let band = move |y: usize| self.rig.linear_rows(&self.raw, y..(y + rows).min(height));
+        (0..height).step_by(rows).map(band)
+    }
+}
+
+impl<'a> ShotReader<'a> {
+    /// Reads the image of this file name as it is stored.
+    ///
+    /// # Errors
+    ///
+    /// As [`ShotReader::read`].
+    pub fn read_codes(&mut self, name: &str, what: What) -> Result<ImageCodes<'a>, RigError> {
+        let path = self.shot.dir.join(name);
+        let (raw, _) = self.rig.decode_as(&path, what)?;
+        agree(&path, raw.depth(), &mut self.depth)?;
+        Ok(ImageCodes { rig: self.rig, raw })
+    }
+
     /// Reads the image of this file name.
     ///
     /// # Errors
@@ -98,19 +131,35 @@ impl Rig {
         if is_mono { Channels::Mono } else { self.channels }
     }
 
-    /// Reads an image; a mosaic stays one if `channels` says that there is one channel.
-    fn read_as(&self, path: &Path, channels: Channels, what: What) -> Result<(Image, Depth), RigError> {
+    /// Decodes an image, and returns the channels that its file has to have; complains if it does not fit the camera.
+    fn decode_as(&self, path: &Path, what: What) -> Result<(Raw, Channels), RigError> {
         let size = (self.camera.width, self.camera.height);
         let raw = match &self.memory {
             Some(memory) => memory.read(path, size)?,
             None => decode(path, Some(size))?,
         };
         let stored = self.stored_as(&raw, what);
-        let channels = if stored == self.channels { channels } else { stored };
         raw.check_kind(path, stored, self.saturation)?;
         self.check_response(path)?;
+        Ok((raw, stored))
+    }
+
+    /// Reads an image; a mosaic stays one if `channels` says that there is one channel.
+    fn read_as(&self, path: &Path, channels: Channels, what: What) -> Result<(Image, Depth), RigError> {
+        let (raw, stored) = self.decode_as(path, what)?;
+        let channels = if stored == self.channels { channels } else { stored };
         let image = self.linear(&raw, path, channels)?;
         Ok((image, raw.depth()))
+    }
+
+    /// Makes the linear image of some rows of codes of this rig's camera; a mosaic stays one.
+    fn linear_rows(&self, raw: &Raw, rows: Range<usize>) -> Image {
+        raw.linear_rows(rows, self.black_level, self.saturation, self.response())
+    }
+
+    /// Returns how this rig's codes follow light.
+    fn response(&self) -> &Response {
+        self.response.as_ref().unwrap_or(&Response::Linear)
     }
 
     /// Makes the linear image of codes of this rig's camera, of `channels`. `path` is only for messages.
@@ -119,8 +168,7 @@ impl Rig {
     ///
     /// As [`Raw::linearize`].
     pub fn linear(&self, raw: &Raw, path: &Path, channels: Channels) -> Result<Image, ImageFileError> {
-        let response = self.response.as_ref().unwrap_or(&Response::Linear);
-        raw.linearize_by(path, channels, self.black_level, self.saturation, response)
+        raw.linearize_by(path, channels, self.black_level, self.saturation, self.response())
     }
 
     /// Complains about a JPEG file unless rig.toml says how its codes follow light: they are hardly ever linear.
@@ -201,18 +249,18 @@ impl Rig {
         first: &mut Option<(Depth, PathBuf)>,
     ) -> Result<Image, RigError> {
         let (image, depth) = self.read_as(path, channels, what)?;
-        match first {
-            Some((other_depth, other)) if *other_depth != depth => {
-                let (other, other_depth) = (other.clone(), *other_depth);
-                Err(RigError::MixedDepth { path: path.to_path_buf(), depth, other, other_depth })
-            }
-            Some(_) => Ok(image),
-            None => {
-                *first = Some((depth, path.to_path_buf()));
-                Ok(image)
-            }
-        }
+        agree(path, depth, first)?;
+        Ok(image)
     }
+}
+
+/// Compares the depth of an image with that of the first one, and complains about another one.
+fn agree(path: &Path, depth: Depth, first: &mut Option<(Depth, PathBuf)>) -> Result<(), RigError> {
+    let (other_depth, other) = first.get_or_insert_with(|| (depth, path.to_path_buf()));
+    if *other_depth == depth {
+        return Ok(());
+    }
+    Err(RigError::MixedDepth { path: path.to_path_buf(), depth, other: other.clone(), other_depth: *other_depth })
 }
 
 /// Returns whether a file begins as JPEG files do.

@@ -12,7 +12,7 @@ mod shots;
 
 use std::path::{Path, PathBuf};
 
-pub use capture::{Capture, Need, ShotReader};
+pub use capture::{Capture, ImageCodes, Need, ShotReader, What};
 pub use check::{Finding, Severity, check};
 pub use error::RigError;
 pub use file::{board_lines, read_board, state_response};

@@ -225,7 +225,7 @@ fn real_boards_predict_the_one_that_was_left_out() {
         Ok::<_, nelu3d_scan::rig::RigError>(GrayImage {
             width: image.width,
             height: image.height,
-            data: image.to_gray(),
+            data: image.to_gray().into_owned(),
         })
     };
     let size = [rig.camera.width, rig.camera.height];

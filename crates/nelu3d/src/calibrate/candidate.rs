@@ -13,7 +13,7 @@ use super::smoothing::{Aside, smoothness};
 use super::spline_fit::{OF_FEW, OF_MANY, Schedule, SplineFit};
 use super::support::Support;
 use crate::color_field::bins::{Bins, Gathered};
-use crate::color_field::fit::{Smoothness, fit};
+use crate::color_field::fit::{LeastSquares, Smoothness};
 use crate::color_field::frame::{Center, FieldFrame};
 use crate::color_field::frequency::{FrequencyForm, FrequencySettings};
 use crate::color_field::grid::Grid;
@@ -242,7 +242,12 @@ impl Candidate {
             return Ok(fit_form(cx, &bins, &self.frame, self.cells, (&self.smooth, schedule)).0);
         }
         match &mut form {
-            Form::Grid(grid) => fit(grid, &bins, &self.smooth, self.final_steps, progress),
+            Form::Grid(grid) => {
+                let problem = LeastSquares::new(grid.cells, &bins);
+                // Of a large sensor they are a third of the memory.
+                drop(bins);
+                problem.solve_once(grid, &self.smooth, self.final_steps, progress);
+            }
             Form::Hash(hash) => {
                 hash.train(&bins, opts.seed.wrapping_add(1), cx.device, progress);
             }
@@ -400,10 +405,10 @@ fn empty_bins(placed: &PlacedSweep<'_>, cells: [usize; 3], center: Center, form:
     Bins::new([cells[0], cells[1], (cells[2] * per_cell).max(4)], placed.sweep.k)
 }
 
-/// Ranges along the rays of tiles of pixels, and lit cells of the frame: two field cells wide.
+/// Ranges along the rays of tiles of the pixels that are read, and lit cells of the frame: two field cells wide.
 fn empty_validity(placed: &PlacedSweep<'_>, cells: [usize; 3]) -> Validity {
     const TILE: usize = 8;
     let lit = [(cells[0] / 2).max(1), (cells[1] / 2).max(1), CELLS_ALONG_VALIDITY];
     let sensor = placed.sweep.sensor();
-    Validity::new(sensor.width, sensor.height, TILE, lit)
+    Validity::new(sensor.width, sensor.height, TILE * placed.sweep.binning, lit)
 }

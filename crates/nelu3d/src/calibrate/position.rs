@@ -208,8 +208,8 @@ impl PositionBuilder {
         let p = &mut self.position;
         let (c, k) = (p.channels, p.k);
         assert_eq!(pattern.data.len(), self.black.data.len());
-        let own = self.noise.map(|noise| Intensities::new(pattern, &noise).own);
-        let (own, black) = own.as_ref().map_or((&pattern.data, &self.black.data), |own| (own, &self.blacks.own));
+        let own = self.noise.map(|noise| Intensities::own_where(pattern, &noise, &p.contrast));
+        let (own, black) = own.as_ref().map_or((&pattern.data[..], &self.black.data), |own| (own, &self.blacks.own));
         for (at, contrast) in p.contrast.iter_mut().enumerate() {
             if pattern.data[at] >= 1.0 {
                 *contrast = 0.0;

@@ -7,7 +7,7 @@
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-use nelu3d_scan::rig::{Channels, Need, PatternSet, RigError, Shot};
+use nelu3d_scan::rig::{Channels, ImageCodes, Need, PatternSet, RigError, Shot, What};
 use nelu3d_scan::{Camera, Image, Rig};
 use rayon::prelude::*;
 
@@ -18,6 +18,8 @@ use super::position::PositionBuilder;
 use crate::progress::Progress;
 use crate::sensor::NoiseModel;
 
+/// Rows of a large sensor's image that are light at a time, about.
+const BAND: usize = 256;
 /// Largest number of bytes of images in memory while a sweep is read.
 const READ_BUDGET: usize = 1 << 30;
 
@@ -57,10 +59,12 @@ impl<'a> Sweep<'a> {
         Self { rig, set, shots, k, channels, binning, min_contrast, noise: None, pool, mono: OnceLock::new() }
     }
 
-    /// Returns the number of images of a position that pass `gather` in [`Self::stream`]: the patterns and the white
-    /// image.
+    /// Returns how many images of a position, or bands of them, pass `gather` in [`Self::stream`]: of the patterns and
+    /// the white image.
     pub(super) fn n_images(&self) -> usize {
-        self.set.images.len() + 1
+        let is_banded = self.binning > 1 && !matches!(self.rig.channels, Channels::Bayer(_));
+        let bands = if is_banded { self.rig.camera.height.div_ceil(BAND) } else { 1 };
+        (self.set.images.len() + 1) * bands
     }
 
     /// Returns the camera of the pixels that are read.
@@ -120,10 +124,22 @@ impl<'a> Sweep<'a> {
             progress.tick(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1, self.shots.len());
             Ok(answer)
         };
-        self.pool.install(|| self.shots.par_iter().map(one).collect())
+        self.in_parallel(&self.shots, one)
     }
 
-    /// Reads the positions `which`, a few at a time. Each position's images pass `gather` as they are read; then `map`
+    /// Calls `f` on positions, as many at a time as memory allows; where that is one, all threads work on it.
+    fn in_parallel<P: Sync, T: Send>(
+        &self,
+        positions: &[P],
+        f: impl Fn(&P) -> Result<T, CalibrationError> + Sync,
+    ) -> Result<Vec<T>, CalibrationError> {
+        if self.pool.current_num_threads() == 1 && rayon::current_num_threads() > 1 {
+            return positions.iter().map(f).collect();
+        }
+        self.pool.install(|| positions.par_iter().map(&f).collect())
+    }
+
+    /// Reads the positions `which`, a few at a time. Each position's images, or bands of them, pass `gather`; then `map`
     /// runs on the position, in parallel, with its index and what was gathered. `take` receives what `map` returned, in
     /// order, some positions at a time.
     ///
@@ -150,7 +166,7 @@ impl<'a> Sweep<'a> {
                 let position = self.read(*p, |image| gather(&mut gathered, image))?;
                 Ok(map(*p, gathered, &position))
             };
-            take(self.pool.install(|| wave.par_iter().map(one).collect::<Result<Vec<_>, CalibrationError>>())?);
+            take(self.in_parallel(wave, one)?);
             done += wave.len();
             progress.tick(done, which.len());
         }
@@ -158,30 +174,78 @@ impl<'a> Sweep<'a> {
     }
 
     /// Reads and normalizes a position; its images of the sensor pass `gather`.
-    fn read(&self, p: usize, mut gather: impl FnMut(&Image)) -> Result<Position, CalibrationError> {
+    fn read(&self, p: usize, mut gather: impl FnMut(&Image) + Send) -> Result<Position, CalibrationError> {
         if let Channels::Bayer(cell) = self.rig.channels {
             return self.read_mosaics(p, cell, gather);
+        }
+        if self.binning > 1 {
+            return self.read_blocks(p, gather);
         }
         let mut reader = self.rig.reader(&self.shots[p]);
         let (white, black) = (reader.read(&self.rig.white)?, reader.read(&self.rig.black)?);
         gather(&white);
-        // Patterns that are mono images among colored ones are colored by the flash, pixel by pixel.
-        let flash = (self.channels > 1 && self.binning > 1).then(|| (white.clone(), black.clone()));
-        let (white, black) = (self.binned(white), self.binned(black));
         let mut builder = PositionBuilder::new(&white, black, self.k, self.min_contrast, self.noise);
         let mut all = Vec::with_capacity(self.set.images.len());
         for name in &self.set.images {
-            let (white, black) = flash.as_ref().map_or((&white, builder.black()), |(white, black)| (white, black));
-            let (pattern, mono) = reader.read_pattern(name, white, Some(black))?;
+            let (pattern, mono) = reader.read_pattern(name, &white, Some(builder.black()))?;
             all.push(mono);
             // Channels that were made of a mono image do not have the sensor's noise.
             if !mono {
                 gather(&pattern);
             }
-            builder.add(&self.binned(pattern));
+            builder.add(&pattern);
         }
         self.agree_on_mono(all, &self.shots[p])?;
         Ok(builder.finish())
+    }
+
+    /// Reads and normalizes a position of a large sensor in blocks of pixels, band by band: at 31 megapixels, a third of
+    /// the time went into memory for whole images. Bands of the sensor's pixels pass `gather`.
+    fn read_blocks(&self, p: usize, mut gather: impl FnMut(&Image) + Send) -> Result<Position, CalibrationError> {
+        let (mut reader, patterns) = (self.rig.reader(&self.shots[p]), &self.set.images);
+        let white = reader.read_codes(&self.rig.white, What::Flash)?;
+        // The next image is decoded while one is used.
+        let (white, black) =
+            rayon::join(|| self.blocks(&white, &mut gather), || reader.read_codes(&self.rig.black, What::Flash));
+        let black = black?;
+        let (black, mut next) = rayon::join(
+            || self.blocks(&black, |_| {}),
+            || patterns.first().map(|name| reader.read_codes(name, What::Pattern)),
+        );
+        let mut builder = PositionBuilder::new(&white, black, self.k, self.min_contrast, self.noise);
+        let (mut all, mut flash) = (Vec::with_capacity(patterns.len()), None);
+        while let Some(codes) = next.take().transpose()? {
+            let (name, following) = (&patterns[all.len()], patterns.get(all.len() + 1));
+            all.push(codes.is_mono_among_colors());
+            if codes.is_mono_among_colors() {
+                // Colored by the flash, pixel by pixel.
+                if flash.is_none() {
+                    flash = Some((reader.read(&self.rig.white)?, reader.read(&self.rig.black)?));
+                }
+                let (white, black) = flash.as_ref().expect("it was read");
+                builder.add(&reader.read_pattern(name, white, Some(black))?.0.binned(self.binning));
+            }
+            let mut add = || {
+                if !codes.is_mono_among_colors() {
+                    builder.add(&self.blocks(&codes, &mut gather));
+                }
+            };
+            next = rayon::join(&mut add, || following.map(|name| reader.read_codes(name, What::Pattern))).1;
+        }
+        self.agree_on_mono(all, &self.shots[p])?;
+        Ok(builder.finish())
+    }
+
+    /// Returns an image of blocks of the sensor's pixels, whose bands pass `gather`.
+    fn blocks(&self, codes: &ImageCodes<'_>, mut gather: impl FnMut(&Image)) -> Image {
+        let camera = self.camera();
+        let mut out = Image { width: camera.width, height: camera.height, channels: self.channels, data: Vec::new() };
+        out.data.reserve_exact(camera.n_pixels() * self.channels);
+        for band in codes.bands(BAND / self.binning * self.binning) {
+            gather(&band);
+            out.data.extend_from_slice(&band.binned(self.binning).data);
+        }
+        out
     }
 
     /// Reads and normalizes a position of raw mosaics, as a scene is: before they are demosaiced, so that the edges of

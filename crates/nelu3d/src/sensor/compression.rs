@@ -2,6 +2,8 @@
 
 use nelu3d_scan::Image;
 
+use super::dark_level::row_step;
+
 /// Side of a block, px.
 const BLOCK: usize = 8;
 /// Differences above this are edges of the scene and count no more than this; linear intensity.
@@ -15,11 +17,11 @@ pub struct BlockDetector {
 }
 
 impl BlockDetector {
-    /// Adds an image, its first channel.
+    /// Adds an image, its first channel; of large ones, every so many-th row.
     pub fn add(&mut self, image: &Image) {
         let (w, h, c) = (image.width, image.height, image.channels);
         let at = |x: usize, y: usize| image.data[(y * w + x) * c];
-        for y in 1..h {
+        for y in (1..h).step_by(row_step(image)) {
             for x in 1..w {
                 let v = at(x, y);
                 if v >= 1.0 {

@@ -27,6 +27,15 @@ impl DarkLevel {
     }
 }
 
+/// Number of pixels of an image that are enough for means over it.
+const ENOUGH: usize = 2_000_000;
+
+/// Returns how far apart rows of an image may be for means over it: an odd number, so that a pattern of a power of two
+/// rows is seen whole.
+pub(super) fn row_step(image: &Image) -> usize {
+    (image.width * image.height / ENOUGH) | 1
+}
+
 /// Regression of black on white, per channel, over the lit pixels of a sweep. Paper and ink of the board separate
 /// offset from ambient fraction.
 #[derive(Clone, Default)]
@@ -38,23 +47,27 @@ pub struct DarkEstimator {
 }
 
 impl DarkEstimator {
-    /// Adds a position's white and black images. Clipped pixels and those with less contrast than `min_contrast` are
-    /// skipped.
+    /// Adds a position's white and black images, of large ones every so many-th row. Clipped pixels and those with less
+    /// contrast than `min_contrast` are skipped.
     pub fn add(&mut self, white: &Image, black: &Image, min_contrast: f32) {
         self.sums.resize(white.channels, [0.0; 5]);
         self.light.resize(white.channels, [0.0; 2]);
-        for (w, b) in white.data.chunks_exact(white.channels).zip(black.data.chunks_exact(white.channels)) {
-            if w.iter().zip(b).all(|(w, b)| w - b >= min_contrast && *w < 1.0) {
-                for (sum, (w, b)) in self.light.iter_mut().zip(w.iter().zip(b)) {
-                    *sum = [sum[0] + f64::from(w - b), sum[1] + 1.0];
+        let (n, stride) = (white.channels, (white.width * white.channels).max(1));
+        let rows = white.data.chunks_exact(stride).zip(black.data.chunks_exact(stride));
+        for (white, black) in rows.step_by(row_step(white)) {
+            for (w, b) in white.chunks_exact(n).zip(black.chunks_exact(n)) {
+                if w.iter().zip(b).all(|(w, b)| w - b >= min_contrast && *w < 1.0) {
+                    for (sum, (w, b)) in self.light.iter_mut().zip(w.iter().zip(b)) {
+                        *sum = [sum[0] + f64::from(w - b), sum[1] + 1.0];
+                    }
                 }
             }
-        }
-        for (i, (w, b)) in white.data.iter().zip(&black.data).enumerate() {
-            if w - b >= min_contrast && *w < 1.0 {
-                let (w, b) = (f64::from(*w), f64::from(*b));
-                for (s, v) in self.sums[i % white.channels].iter_mut().zip([1.0, w, b, w * w, w * b]) {
-                    *s += v;
+            for (i, (w, b)) in white.iter().zip(black).enumerate() {
+                if w - b >= min_contrast && *w < 1.0 {
+                    let (w, b) = (f64::from(*w), f64::from(*b));
+                    for (s, v) in self.sums[i % n].iter_mut().zip([1.0, w, b, w * w, w * b]) {
+                        *s += v;
+                    }
                 }
             }
         }

@@ -1,5 +1,7 @@
 //! Intensities of an image whose means are those of the light, and what their noise is judged by.
 
+use std::borrow::Cow;
+
 use nelu3d_scan::Image;
 use rayon::prelude::*;
 
@@ -31,10 +33,7 @@ impl Intensities {
         rows.for_each_init(
             || vec![0.0; row],
             |columns, (y, (own, mean))| {
-                sum_columns(image, y, columns);
-                let n_rows = 1 + usize::from(y > 0) + usize::from(y + 1 < image.height);
-                mean_of_others(columns, own, image.channels, n_rows, mean);
-                keep_edges(own, noise, mean);
+                means_of_row(image, y, noise, columns, mean);
                 if noise.darkest.is_some() {
                     for (own, mean) in own.iter_mut().zip(mean) {
                         let unclipped = noise.unclipped(*mean);
@@ -46,6 +45,36 @@ impl Intensities {
         );
         Self { own, mean }
     }
+
+    /// Returns [`Self::own`] alone, of the values for which `wanted` is above zero; of the others, what was measured.
+    pub fn own_where<'a>(image: &'a Image, noise: &NoiseModel, wanted: &[f32]) -> Cow<'a, [f32]> {
+        if noise.darkest.is_none() {
+            return Cow::Borrowed(&image.data);
+        }
+        let row = (image.width * image.channels).max(1);
+        let mut own = image.data.clone();
+        own.par_chunks_mut(row).zip(wanted.par_chunks(row)).enumerate().for_each_init(
+            || [vec![0.0; row], vec![0.0; row]],
+            |[columns, mean], (y, (own, wanted))| {
+                if wanted.iter().any(|w| *w > 0.0) {
+                    means_of_row(image, y, noise, columns, mean);
+                    for ((own, mean), _) in own.iter_mut().zip(mean).zip(wanted).filter(|(_, w)| **w > 0.0) {
+                        *own += noise.unclipped(*mean) - *mean;
+                    }
+                }
+            },
+        );
+        Cow::Owned(own)
+    }
+}
+
+/// Writes what [`Intensities::mean`] is, clipping apart, of a row of an image to `mean`; `columns` is as long.
+fn means_of_row(image: &Image, y: usize, noise: &NoiseModel, columns: &mut [f32], mean: &mut [f32]) {
+    sum_columns(image, y, columns);
+    let n_rows = 1 + usize::from(y > 0) + usize::from(y + 1 < image.height);
+    let own = &image.data[y * columns.len()..][..columns.len()];
+    mean_of_others(columns, own, image.channels, n_rows, mean);
+    keep_edges(own, noise, mean);
 }
 
 /// Writes the sums of a row of an image and of its neighbors to `sums`.

@@ -123,7 +123,7 @@ impl Source {
             Some(rig) => rig.read_image(path)?,
             None => read_any(path)?,
         };
-        Ok(GrayImage { width: image.width, height: image.height, data: image.to_gray() })
+        Ok(GrayImage { width: image.width, height: image.height, data: image.to_gray().into_owned() })
     }
 
     /// Finds the board in every image; all must have this size.

@@ -94,6 +94,40 @@ const SETTINGS: LmSettings = LmSettings {
 /// Offset and slope (per `reach`) in the middle, σ, dark level and its slope, bright level and its slope.
 type StepParameters = SVector<f64, 7>;
 
+/// Standard deviations of the blur beyond which a pixel is dark or bright, and tells nothing of the edge.
+const FAR: f64 = 6.0;
+
+/// Sums over pixels far from the edge, of which only the level and its slope along the edge tell.
+#[derive(Default)]
+struct Plain {
+    n: f64,
+    u: f64,
+    uu: f64,
+    r: f64,
+    ur: f64,
+}
+
+impl Plain {
+    /// Adds a pixel at `u` along the edge whose value differs by `r`.
+    fn add(&mut self, u: f64, r: f64) {
+        self.n += 1.0;
+        self.u += u;
+        self.uu += u * u;
+        self.r += r;
+        self.ur += u * r;
+    }
+
+    /// Adds the sums to the normal equations of the parameters `at` (level) and `at + 1` (slope).
+    fn write(&self, at: usize, a: &mut SMatrix<f64, 7, 7>, g: &mut StepParameters) {
+        a[(at, at)] += self.n;
+        a[(at, at + 1)] += self.u;
+        a[(at + 1, at)] += self.u;
+        a[(at + 1, at + 1)] += self.uu;
+        g[at] += self.r;
+        g[at + 1] += self.ur;
+    }
+}
+
 /// The least-squares problem of a blurred step.
 struct StepFit<'a> {
     samples: &'a [Sample],
@@ -153,9 +187,23 @@ impl<'a> StepFit<'a> {
     /// Returns normal equations, right-hand side and cost.
     fn evaluate(&self, p: &StepParameters) -> (SMatrix<f64, 7, 7>, StepParameters, f64) {
         let (mut a, mut g, mut cost) = (SMatrix::<f64, 7, 7>::zeros(), StepParameters::zeros(), 0.0);
+        let (mut dark, mut bright) = (Plain::default(), Plain::default());
+        let far = FAR * p[2] + 0.5 * self.box_width;
         for q in self.samples {
             let u = (q.s - self.middle) / self.reach;
             let d = q.d - p[0] - p[1] * u;
+            if d < -far {
+                let r = q.value - (p[3] + p[4] * u);
+                cost += r * r;
+                dark.add(u, r);
+                continue;
+            }
+            if d > far && self.next.is_none_or(|next| d < next - far) {
+                let r = q.value - (p[5] + p[6] * u);
+                cost += r * r;
+                bright.add(u, r);
+                continue;
+            }
             let (mut step, mut by_d, mut by_sigma) = blurred_step(d, self.box_width, p[2]);
             if let Some(next) = self.next {
                 let end = blurred_step(d - next, self.box_width, p[2]);
@@ -171,6 +219,8 @@ impl<'a> StepFit<'a> {
             a.ger(1.0, &j, &j, 1.0);
             g += r * j;
         }
+        dark.write(3, &mut a, &mut g);
+        bright.write(5, &mut a, &mut g);
         (a, g, cost)
     }
 

@@ -1,8 +1,8 @@
 //! PNG, through the `png` crate.
 
-use std::io::Cursor;
+use std::io::{BufRead, Cursor, Seek};
 
-use ::png::{BitDepth, ColorType, Decoder, Limits, Transformations};
+use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Reader, Transformations};
 
 use super::error::ImageFileError;
 use super::file::File;
@@ -33,11 +33,33 @@ pub(super) fn decode(file: &File<'_>) -> Result<Raw, ImageFileError> {
     };
     let size = reader.output_buffer_size().ok_or_else(|| file.damaged("it is too large for this machine"))?;
     file.check_decoded(size)?;
-    let mut bytes = vec![0; size];
-    reader.next_frame(&mut bytes).map_err(|e| file.damaged(e))?;
     let data = match depth {
-        BitDepth::Sixteen => RawData::U16(bytes.as_chunks().0.iter().map(|&c| u16::from_be_bytes(c)).collect()),
-        _ => RawData::U8(bytes),
+        BitDepth::Sixteen => RawData::U16(codes(&mut reader, size).map_err(|e| file.damaged(e))?),
+        _ => {
+            let mut bytes = vec![0; size];
+            reader.next_frame(&mut bytes).map_err(|e| file.damaged(e))?;
+            RawData::U8(bytes)
+        }
     };
     file.raw(width, height, channels, data)
+}
+
+/// Bytes from which an image is decoded row by row: so large a buffer for all of them is memory that takes longer to get
+/// than to fill.
+const LARGE: usize = 1 << 24;
+
+/// Returns the 16-bit codes of an image of `size` bytes.
+fn codes(reader: &mut Reader<impl BufRead + Seek>, size: usize) -> Result<Vec<u16>, DecodingError> {
+    let info = reader.info();
+    if info.interlaced || size < LARGE {
+        let mut bytes = vec![0; size];
+        reader.next_frame(&mut bytes)?;
+        return Ok(bytes.as_chunks().0.iter().map(|c| u16::from_be_bytes(*c)).collect());
+    }
+    let mut row = vec![0; size / info.height as usize];
+    let mut codes = Vec::with_capacity(size / 2);
+    while reader.read_row(&mut row)?.is_some() {
+        codes.extend(row.as_chunks().0.iter().map(|c| u16::from_be_bytes(*c)));
+    }
+    Ok(codes)
 }

@@ -1,5 +1,6 @@
 //! The sensor's codes, and how they become a linear image.
 
+use std::ops::Range;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -106,24 +107,37 @@ impl Raw {
         response: &Response,
     ) -> Result<Image, ImageFileError> {
         self.check_kind(path, channels, saturation)?;
+        let image = self.linear_rows(0..self.height, black_level, saturation, response);
+        Ok(match channels {
+            Channels::Bayer(cell) => demosaic(&image, cell),
+            Channels::Mono | Channels::Rgb => image,
+        })
+    }
+
+    /// Makes the linear image of some rows as [`Raw::linearize_by`] does, without its checks; a mosaic stays one.
+    pub(crate) fn linear_rows(
+        &self,
+        rows: Range<usize>,
+        black_level: f64,
+        saturation: f64,
+        response: &Response,
+    ) -> Image {
         let (b, s) = (black_level, 1.0 / (saturation - black_level));
         let linear = |code: f64| match response {
             Response::Linear => ((code - b) * s) as f32,
             curve => curve.light((code - b) * s) as f32,
         };
+        let (height, stride) = (rows.len(), self.width * self.channels);
+        let at = rows.start * stride..rows.end * stride;
         let data: Vec<f32> = match &self.data {
             RawData::U8(v) => {
                 let table: Vec<f32> = (0..=255u8).map(|c| linear(f64::from(c))).collect();
-                v.par_iter().map(|&c| table[usize::from(c)]).collect()
+                v[at].par_iter().map(|&c| table[usize::from(c)]).collect()
             }
-            RawData::U16(v) => v.par_iter().map(|&c| linear(f64::from(c))).collect(),
-            RawData::Float(v) => v.par_iter().map(|&c| linear(f64::from(c))).collect(),
+            RawData::U16(v) => v[at].par_iter().map(|&c| linear(f64::from(c))).collect(),
+            RawData::Float(v) => v[at].par_iter().map(|&c| linear(f64::from(c))).collect(),
         };
-        let image = Image { width: self.width, height: self.height, channels: self.channels, data };
-        Ok(match channels {
-            Channels::Bayer(cell) => demosaic(&image, cell),
-            Channels::Mono | Channels::Rgb => image,
-        })
+        Image { width: self.width, height, channels: self.channels, data }
     }
 
     /// Complains about what [`Raw::linearize`] cannot use.

@@ -30,7 +30,7 @@ fn detect_shared(name: &str) -> Option<(Rig, Detections)> {
     let mut seconds = 0.0;
     for shot in rig.positions().unwrap() {
         let white = rig.read_image(&shot.dir.join(&rig.white)).unwrap();
-        let gray = white.to_gray();
+        let gray = white.to_gray().into_owned();
         let start = Instant::now();
         let found = detector.detect(&gray, white.width, white.height).map_err(|e| e.to_string());
         seconds += start.elapsed().as_secs_f64();

@@ -21,12 +21,6 @@ use normal::Normal;
 use penalty::Penalty;
 pub use smoothness::Smoothness;
 
-/// Fits the spline to the binned samples, started from `grid`'s present coefficients. Deterministic for any number of
-/// threads.
-pub fn fit(grid: &mut Grid, bins: &Bins, smooth: &Smoothness, iterations: usize, progress: &Progress) {
-    LeastSquares::new(grid.cells, bins).solve_once(grid, smooth, iterations, progress);
-}
-
 /// The least-squares problem of a spline of given cells and binned samples, ready for any smoothness.
 pub struct LeastSquares {
     normal: Normal,
@@ -52,7 +46,7 @@ impl LeastSquares {
         self.lambda.len()
     }
 
-    /// Improves a spline by conjugate gradients.
+    /// Improves a spline by conjugate gradients. Deterministic for any number of threads.
     pub fn solve(&self, grid: &mut Grid, smooth: &Smoothness, iterations: usize, progress: &Progress) {
         let (diagonal, r) = (self.diagonal.clone(), self.right_side.clone());
         descend(grid, (&self.normal, diagonal, r, &self.lambda), smooth, iterations, progress);

@@ -1,3 +1,4 @@
+use nelu3d::calibrate::position::PositionBuilder;
 use nelu3d::calibrate::sweep::measured;
 use nelu3d::calibrate::{CalibrationError, Position, Sweep};
 use nelu3d::progress::Progress;
@@ -69,6 +70,54 @@ fn positions_stream_in_order_a_few_at_a_time() {
     assert_eq!(received.iter().map(|s| s.0).collect::<Vec<_>>(), which);
     // White and pattern were gathered; the values are the position's own.
     assert!(received.iter().all(|(p, images, v)| *images == 2 && (v - 0.01 * *p as f32).abs() < 1e-6));
+}
+
+/// The images of a large sensor are never whole in memory as light: what is made of them is the same, of mono patterns
+/// among colored ones as well.
+#[test]
+fn blocks_of_a_large_sensor_are_those_of_its_whole_images() {
+    const SIZE: (usize, usize) = (9, 601);
+    let dir = tempfile::tempdir().unwrap();
+    let (rig, _) = rig(dir.path(), 1);
+    let images = ["mono.png".to_string(), "color.png".to_string(), "also-mono.png".to_string()];
+    let set = PatternSet { name: "p".into(), images: images.to_vec(), inverse: Vec::new() };
+    let camera = nelu3d_scan::Camera::pinhole(SIZE.0, SIZE.1, 5.0, 5.0, 4.0, 300.0);
+    let rig = Rig { camera, channels: nelu3d_scan::image::Channels::Rgb, pattern_sets: vec![set.clone()], ..rig };
+    let shot = rig.positions().unwrap().remove(0);
+    let mut state = 1u32;
+    let mut random = move |lo: f32, hi: f32| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        lo + (hi - lo) * (state >> 8) as f32 / (1u32 << 24) as f32
+    };
+    let names = [&rig.white, &rig.black].into_iter().chain(&images);
+    for (name, (lo, hi)) in names.zip([(0.4, 1.01), (0.0, 0.05), (0.05, 0.4), (0.05, 1.01), (0.05, 0.4)]) {
+        let channels = if name.contains("mono") { 1 } else { 3 };
+        let data = (0..SIZE.0 * SIZE.1 * channels).map(|_| random(lo, hi)).collect();
+        let image = Image { width: SIZE.0, height: SIZE.1, channels, data };
+        nelu3d_scan::image::write_png16(&shot.dir.join(name), &image, 0.0, 2000.0).unwrap();
+    }
+
+    let mut sweep = Sweep::new(&rig, &set, vec![shot.clone()], 0.02);
+    sweep.binning = 2;
+    let mut found = None;
+    let map = |_: usize, rows: usize, position: &Position| (rows, position.values.clone(), position.contrast.clone());
+    let gather = |rows: &mut usize, band: &Image| *rows += band.height;
+    sweep.stream(&[0], &Progress::none(), gather, map, |mut wave| found = wave.pop()).unwrap();
+    let (rows, values, contrast) = found.unwrap();
+    // White and the colored pattern are what the sensor measured.
+    assert_eq!(rows, 2 * SIZE.1);
+    assert_eq!(sweep.mono(), ["mono.png", "also-mono.png"]);
+
+    let mut reader = rig.reader(&shot);
+    let (white, black) = (reader.read(&rig.white).unwrap(), reader.read(&rig.black).unwrap());
+    let mut whole = PositionBuilder::new(&white.binned(2), black.binned(2), 9, 0.02, None);
+    for name in &images {
+        whole.add(&reader.read_pattern(name, &white, Some(&black)).unwrap().0.binned(2));
+    }
+    let whole = whole.finish();
+    assert_eq!((values.len(), contrast.len()), (4 * 300 * 9, 4 * 300 * 3));
+    assert!(contrast.contains(&0.0) && contrast.iter().any(|c| *c > 0.0));
+    assert_eq!((values, contrast), (whole.values, whole.contrast));
 }
 
 #[test]

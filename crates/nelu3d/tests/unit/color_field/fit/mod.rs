@@ -3,10 +3,14 @@ mod penalty;
 use nelu3d::color_field::bins::Bins;
 use nelu3d::color_field::fit::normal::Normal;
 use nelu3d::color_field::fit::penalty::Penalty;
-use nelu3d::color_field::fit::{Smoothness, dots, fit};
+use nelu3d::color_field::fit::{LeastSquares, Smoothness, dots};
 use nelu3d::color_field::grid::Grid;
 use nelu3d::progress::Progress;
 use nelu3d_field::lattice;
+
+fn fit(grid: &mut Grid, bins: &Bins, smooth: &Smoothness, iterations: usize, progress: &Progress) {
+    LeastSquares::new(grid.cells, bins).solve_once(grid, smooth, iterations, progress);
+}
 
 /// Returns a generator of numbers in [0, 1) with a fixed seed.
 fn unit(seed: u64) -> impl FnMut() -> f32 {
