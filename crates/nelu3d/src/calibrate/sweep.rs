@@ -216,8 +216,9 @@ impl<'a> Sweep<'a> {
         let (mut all, mut flash) = (Vec::with_capacity(patterns.len()), None);
         while let Some(codes) = next.take().transpose()? {
             let (name, following) = (&patterns[all.len()], patterns.get(all.len() + 1));
-            all.push(codes.is_mono_among_colors());
-            if codes.is_mono_among_colors() {
+            let mono = codes.is_mono_among_colors();
+            all.push(mono);
+            if mono {
                 // Colored by the flash, pixel by pixel.
                 if flash.is_none() {
                     flash = Some((reader.read(&self.rig.white)?, reader.read(&self.rig.black)?));
@@ -225,12 +226,9 @@ impl<'a> Sweep<'a> {
                 let (white, black) = flash.as_ref().expect("it was read");
                 builder.add(&reader.read_pattern(name, white, Some(black))?.0.binned(self.binning));
             }
-            let mut add = || {
-                if !codes.is_mono_among_colors() {
-                    builder.add(&self.blocks(&codes, &mut gather));
-                }
-            };
-            next = rayon::join(&mut add, || following.map(|name| reader.read_codes(name, What::Pattern))).1;
+            // Channels that were made of a mono image do not have the sensor's noise.
+            let add = || (!mono).then(|| builder.add(&self.blocks(&codes, &mut gather)));
+            (_, next) = rayon::join(add, || following.map(|name| reader.read_codes(name, What::Pattern)));
         }
         self.agree_on_mono(all, &self.shots[p])?;
         Ok(builder.finish())
