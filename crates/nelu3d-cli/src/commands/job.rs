@@ -13,6 +13,7 @@ use nelu3d_evaluate::{EvaluatedMaps, GroundTruth, Metrics, Trace, evaluate};
 use nelu3d_scan::Rig;
 use nelu3d_scan::output::{OutputDir, write_atomic};
 use nelu3d_scan::rig::{Need, PatternSet, Shot};
+use rayon::prelude::*;
 
 use crate::args::{MeshFormat, OtherFormat};
 use crate::context::CommandContext;
@@ -157,18 +158,22 @@ impl ResultJob<'_> {
         if refused {
             return Ok(WrittenResult { summary, metrics, written: false });
         }
-        result::write_into(folder.path(), surface, &summary, self.extra)?;
-        let captures = Captures::read(self.rig, self.set, &self.shot)?;
-        let page = ResultReport {
-            surface,
-            summary: &summary,
-            metrics: metrics.as_ref(),
-            trace: trace.as_deref(),
-            captures: &captures,
-            truth: truth.as_ref(),
+        let page = || -> Result<()> {
+            let captures = Captures::read(self.rig, self.set, &self.shot)?;
+            let page = ResultReport {
+                surface,
+                summary: &summary,
+                metrics: metrics.as_ref(),
+                trace: trace.as_deref(),
+                captures: &captures,
+                truth: truth.as_ref(),
+            };
+            let report = folder.path().join("report.html");
+            Ok(write_atomic(&report, |w| w.write_all(page.html().as_bytes()))?)
         };
-        let report = folder.path().join("report.html");
-        write_atomic(&report, |w| w.write_all(page.html().as_bytes()))?;
+        let (written, page) = rayon::join(|| result::write_into(folder.path(), surface, &summary, self.extra), page);
+        written?;
+        page?;
         context.stop_if_asked()?;
         folder.commit()?;
         Ok(WrittenResult { summary, metrics, written: true })
@@ -195,7 +200,7 @@ impl ResultJob<'_> {
         paths.push(self.shot.dir.join(&rig.white));
         paths.extend(black.exists().then_some(black));
         paths.extend(self.set.images.iter().map(|name| self.shot.dir.join(name)));
-        paths.iter().map(|p| hash(p)).collect()
+        paths.par_iter().map(|p| hash(p)).collect()
     }
 }
 

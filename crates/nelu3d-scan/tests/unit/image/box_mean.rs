@@ -2,9 +2,9 @@ use nelu3d_scan::image::box_mean;
 
 #[test]
 fn is_the_mean_over_the_square() {
-    let (w, h) = (13, 9);
-    let v: Vec<f32> = (0..w * h).map(|i| (i * 37 % 101) as f32).collect();
-    for radius in [0, 1, 3, 6, 20] {
+    // The second is as wide as what several threads share.
+    for (w, h, radius) in [0, 1, 3, 6, 20].into_iter().flat_map(|r| [(13, 9, r), (530, 5, r)]) {
+        let v: Vec<f32> = (0..w * h).map(|i| (i * 37 % 101) as f32).collect();
         let mut out = v.clone();
         box_mean(&mut out, w, h, radius);
         for i in 0..w * h {
@@ -16,7 +16,7 @@ fn is_the_mean_over_the_square() {
                 }
             }
             let side = (2 * radius + 1) as f32;
-            assert!((out[i] - sum / (side * side)).abs() < 1e-3, "{radius}: {x} {y}");
+            assert!((out[i] - sum / (side * side)).abs() < 1e-3, "{w} × {h}, {radius}: {x} {y}");
         }
     }
 }

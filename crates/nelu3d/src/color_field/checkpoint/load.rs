@@ -4,6 +4,7 @@ use std::path::Path;
 
 use half::f16;
 use nelu3d_scan::input::{MAX_DATA, read_file};
+use rayon::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors};
 use serde::Deserialize;
 
@@ -24,7 +25,7 @@ const NETWORK_MISMATCH: &str = "its network and its parameters do not fit";
 struct Checkpoint<'a> {
     /// The file, for messages.
     path: &'a Path,
-    tensors: SafeTensors<'a>,
+    tensors: &'a SafeTensors<'a>,
 }
 
 impl Checkpoint<'_> {
@@ -34,13 +35,13 @@ impl Checkpoint<'_> {
 
     /// Returns the bytes of a tensor. Sizes are compared with what is in the file before anything of that size is
     /// allocated.
-    fn tensor(&self, name: &str, dtype: Dtype, sizes: &[usize]) -> Result<Vec<u8>, CheckpointError> {
+    fn tensor(&self, name: &str, dtype: Dtype, sizes: &[usize]) -> Result<&[u8], CheckpointError> {
         let t = self.tensors.tensor(name).map_err(|e| self.malformed(e.to_string()))?;
         let product = |sizes: &[usize]| sizes.iter().try_fold(1usize, |n, s| n.checked_mul(*s));
         if t.dtype() != dtype || product(sizes).is_none_or(|n| product(t.shape()) != Some(n)) {
             return Err(self.malformed(format!("tensor {name} has another type or size than described")));
         }
-        Ok(t.data().to_vec())
+        Ok(t.data())
     }
 
     /// Returns the values of a tensor of 32-bit floats.
@@ -56,8 +57,8 @@ impl Checkpoint<'_> {
                 let [a, b, w] = cells.map(|c| c.saturating_add(3));
                 let bytes = self.tensor("coeffs", Dtype::F16, &[b, a, w, k])?;
                 let coeffs: Vec<f32> =
-                    bytes.as_chunks::<2>().0.iter().map(|c| f16::from_le_bytes(*c).to_f32()).collect();
-                if coeffs.iter().any(|c| !c.is_finite()) {
+                    bytes.as_chunks::<2>().0.par_iter().map(|c| f16::from_le_bytes(*c).to_f32()).collect();
+                if coeffs.par_iter().any(|c| !c.is_finite()) {
                     return Err(self.malformed("its coefficients are not all finite"));
                 }
                 Ok(Form::Grid(Grid { cells, k, coeffs }))
@@ -93,13 +94,17 @@ impl Checkpoint<'_> {
         if t_range.iter().any(|r| !(r[0] > r[1] || (r[0] > 0.0 && r[0] <= r[1] && r[1].is_finite()))) {
             return Err(self.malformed("its depth ranges make no sense"));
         }
-        let lit = self.tensor("lit", Dtype::U8, &shape.cells)?;
+        let lit = self.tensor("lit", Dtype::U8, &shape.cells)?.to_vec();
         // Earlier versions did not count positions, and there are none to count without a sweep.
         let counted = self.tensors.names().contains(&"positions");
-        let positions = if counted { self.tensor("positions", Dtype::U8, &shape.cells[..2])? } else { Vec::new() };
+        let positions =
+            if counted { self.tensor("positions", Dtype::U8, &shape.cells[..2])?.to_vec() } else { Vec::new() };
         // Only a field that is known along some axes of its code somewhere has them.
-        let axes =
-            if self.tensors.names().contains(&"axes") { self.tensor("axes", Dtype::U8, &[k])? } else { Vec::new() };
+        let axes = if self.tensors.names().contains(&"axes") {
+            self.tensor("axes", Dtype::U8, &[k])?.to_vec()
+        } else {
+            Vec::new()
+        };
         let highest = if axes.is_empty() { 1 } else { 7 };
         if axes.iter().any(|axis| *axis > 1) || lit.iter().any(|mark| *mark > highest) {
             return Err(self.malformed("its calibrated volume makes no sense"));
@@ -146,19 +151,22 @@ impl ColorField {
         if version.format > FORMAT {
             return Err(CheckpointError::Newer { path: path.into(), found: version.format });
         }
-        if version.sha256.is_some() {
+        // Read while it is compared with its checksum, which decides first.
+        let is_whole = || {
             let names = tensors.names();
             let content = names.iter().filter_map(|name| Some((*name, tensors.tensor(name).ok()?.data())));
-            let is_whole = without_checksum(json).is_some_and(|(json, sum)| checksum(&json, content) == sum);
-            if !is_whole {
-                return Err(bad("it is not as it was written: its SHA-256 differs".into()));
-            }
-        }
-        let header: Header = serde_json::from_str(json).map_err(|e| bad(e.to_string()))?;
-        header.check().map_err(bad)?;
-        let file = Checkpoint { path, tensors };
-        let form = file.form(header.form, version.format)?;
-        let validity = file.validity(header.validity, form.k())?;
-        Ok(Self { frame: header.frame, form, validity, metadata: header.metadata })
+            version.sha256.is_none()
+                || without_checksum(json).is_some_and(|(json, sum)| checksum(&json, content) == sum)
+        };
+        let read = || {
+            let header: Header = serde_json::from_str(json).map_err(|e| bad(e.to_string()))?;
+            header.check().map_err(bad)?;
+            let file = Checkpoint { path, tensors: &tensors };
+            let form = file.form(header.form, version.format)?;
+            let validity = file.validity(header.validity, form.k())?;
+            Ok(Self { frame: header.frame, form, validity, metadata: header.metadata })
+        };
+        let (is_whole, field) = rayon::join(is_whole, read);
+        if is_whole { field } else { Err(bad("it is not as it was written: its SHA-256 differs".into())) }
     }
 }
