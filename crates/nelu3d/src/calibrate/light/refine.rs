@@ -112,7 +112,7 @@ pub(super) fn refine(t: &Transport<'_>, level: &Level, seeds: &[Seed], s: State,
         for i in 0..3 {
             out.state[i] -= step[i] * limit;
         }
-        if b.dot(&step) < SETTLED * out.scale.powi(2) {
+        if b.dot(&step).abs() < SETTLED * out.scale.powi(2) {
             break;
         }
     }
