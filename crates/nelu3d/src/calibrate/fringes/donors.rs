@@ -111,16 +111,34 @@ impl<'a> Known<'a> {
             .collect()
     }
 
-    /// Walks along the stripe through the middle of a column to the known columns between `from` and `to` columns away,
-    /// and returns the first of them; `None` if there are too few.
-    fn donors(&self, axis: &Axis, column: usize, sense: f32, [from, to]: [f32; 2]) -> Option<Vec<Donor>> {
+    /// Walks along the stripe through the middle of a column, and returns the first known columns between `from` and `to`
+    /// columns away; `None` if there are too few.
+    fn donors(&self, axis: &Axis, column: usize, sense: f32, range: [f32; 2]) -> Option<Vec<Donor>> {
+        let mut donors = Vec::with_capacity(DONORS);
+        self.walk(axis, column, sense, range, |donor| {
+            donors.push(donor);
+            donors.len() == DONORS
+        })
+        .then_some(donors)
+    }
+
+    /// Walks along the stripe through the middle of a column and shows the known columns between `from` and `to` columns
+    /// away, nearest first, until `is_last` holds for one; returns whether it did.
+    fn walk(
+        &self,
+        axis: &Axis,
+        column: usize,
+        sense: f32,
+        [from, to]: [f32; 2],
+        mut is_last: impl FnMut(Donor) -> bool,
+    ) -> bool {
         let (mut at, mut way) = (self.columns.middle(column), 0.0);
-        let (mut donors, mut passed, mut last) = (Vec::with_capacity(DONORS), 0, column);
+        let (mut passed, mut last) = (0, column);
         while way < to {
             let t = axis.along(at);
             at = [at[0] + sense * t[0], at[1] + sense * t[1]];
             way += 1.0;
-            let here = self.columns.at(at)?;
+            let Some(here) = self.columns.at(at) else { return false };
             if here == last || way <= from {
                 continue;
             }
@@ -135,12 +153,12 @@ impl<'a> Known<'a> {
             }
             let place = self.columns.places[here];
             let t = axis.along(at);
-            donors.push(Donor { column: here, beside: t[0] * (place[1] - at[1]) - t[1] * (place[0] - at[0]) });
-            if donors.len() == DONORS {
-                return Some(donors);
+            let beside = t[0] * (place[1] - at[1]) - t[1] * (place[0] - at[0]);
+            if is_last(Donor { column: here, beside }) {
+                return true;
             }
         }
-        None
+        false
     }
 
     /// Mean square error of samples carried along the stripes of an axis, per channel of the axis, measured on known
@@ -154,8 +172,14 @@ impl<'a> Known<'a> {
             let t = axis.along(middle);
             let beside = t[0] * (own[1] - middle[1]) - t[1] * (own[0] - middle[0]);
             let sense = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
-            let donors = self.donors(axis, column, sense, [way, way + COMPARED_BEYOND])?;
-            let donor = donors.into_iter().find(|d| (d.beside - beside).abs() < SAME_STRIPE)?;
+            // The nearest may all lie half a column beside it: where stripes are nearly along the columns, and samples in
+            // the middle of these.
+            let mut donor = None;
+            self.walk(axis, column, sense, [way, way + COMPARED_BEYOND], |at| {
+                donor = Some(at).filter(|at| (at.beside - beside).abs() < SAME_STRIPE);
+                donor.is_some()
+            });
+            let donor = donor?;
             let of = |column: usize, j: usize| f64::from(self.columns.values[column * self.columns.k + j]);
             Some(axis.channels.iter().map(|j| (of(donor.column, *j) - of(column, *j)).powi(2)).collect::<Vec<_>>())
         };
