@@ -199,7 +199,7 @@ impl<'a> Sweep<'a> {
         Ok(builder.finish())
     }
 
-    /// Reads and normalizes a position of a large sensor in blocks of pixels, band by band: at 31 megapixels, a third of
+    /// Reads and normalizes a position of a large sensor in blocks of pixels, band by band: at 31 megapixels, a fifth of
     /// the time went into memory for whole images. Bands of the sensor's pixels pass `gather`.
     fn read_blocks(&self, p: usize, mut gather: impl FnMut(&Image) + Send) -> Result<Position, CalibrationError> {
         let (mut reader, patterns) = (self.rig.reader(&self.shots[p]), &self.set.images);
