@@ -6,6 +6,7 @@ use nelu3d_scan::rig::PatternSet;
 use super::board_poses::solve_board_poses;
 use super::error::CalibrationError;
 use super::options::CalibrationOptions;
+use super::placed_sweep::Seen;
 use super::views;
 use crate::progress::{Progress, StageClock};
 use crate::sensor::NoiseModel;
@@ -47,14 +48,14 @@ pub(crate) fn board_samples(
     let (mut samples, mut positions) = (Vec::new(), 0);
     for (p, drawn) in placed.drawn() {
         positions += 1;
-        placed.for_each_drawn(p, drawn, |sample, t| {
+        placed.for_each_drawn(p, drawn, |sample, Seen { dir, t }| {
             if sample.contrast.iter().any(|contrast| *contrast < drawn.lit) {
                 return;
             }
             let contrast = |j: usize| sample.contrast[j % sample.contrast.len()];
             let of = |(j, v): (usize, &f32)| placed.noise.normalized_variance(v.clamp(0.0, 1.0), contrast(j), 0.0);
             let variance = sample.values.iter().enumerate().map(of).sum::<f32>() / sample.values.len() as f32;
-            let point = placed.dirs[sample.pixel] * t;
+            let point = dir * t;
             samples.push(BoardSample { point: point.into(), values: sample.values.to_vec(), variance });
         });
     }

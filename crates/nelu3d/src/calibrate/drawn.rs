@@ -37,6 +37,8 @@ pub struct Drawn {
     /// Contrast (white − black) of what is bright around a sample, and the variance of its codeword that edges of ink
     /// leave open, `[sample]`.
     pub around_and_edge: Vec<[f32; 2]>,
+    /// Gradient of the logarithm of the contrast along x and y, per sample of the image, `[sample]`.
+    gradients: Vec<[f32; 2]>,
 }
 
 /// A sample that was drawn.
@@ -51,6 +53,8 @@ pub(super) struct DrawnSample<'a> {
     pub(super) around: f32,
     /// Variance of its values that edges of ink beside it leave open.
     pub(super) edge: f32,
+    /// Gradient of the logarithm of the contrast along x and y, per sample of the image.
+    pub(super) gradient: [f32; 2],
 }
 
 impl Drawn {
@@ -71,6 +75,7 @@ impl Drawn {
             values: pixels.iter().flat_map(|i| &position.values[i * k..][..k]).copied().collect(),
             contrast: pixels.iter().flat_map(|i| contrast(*i)).copied().collect(),
             around_and_edge: pixels.iter().map(|i| [position.around[*i], position.edge[*i]]).collect(),
+            gradients: pixels.iter().map(|i| position.log_gradient(*i)).collect(),
             pixels,
         }
     }
@@ -80,7 +85,8 @@ impl Drawn {
         self.pixels.iter().copied().zip(&self.around_and_edge).enumerate().map(|(number, (pixel, [around, edge]))| {
             let values = &self.values[number * self.k..][..self.k];
             let contrast = &self.contrast[number * self.channels..][..self.channels];
-            DrawnSample { pixel, values, contrast, around: *around, edge: *edge }
+            let gradient = self.gradients[number];
+            DrawnSample { pixel, values, contrast, around: *around, edge: *edge, gradient }
         })
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use nelu3d_scan::statistics::median;
 
 use super::depth_noise::{DepthNoiseOfPosition, DepthNoiseTiles};
-use super::placed_sweep::PlacedSweep;
+use super::placed_sweep::{PlacedSweep, Seen};
 use super::predictor::Predictor;
 use super::shared_displacement::{DisplacementsBySupport, FAR, GrossSquares, Sample, SharedSquare};
 use super::sweep::Position;
@@ -91,17 +91,17 @@ impl HeldOutErrors {
         let stride = 4 * n_held_out;
         let mut beside = [vec![0.0; k], vec![0.0; k], vec![0.0; k], vec![0.0; k]];
         let predicted = field.predict(k, stride, |f| {
-            placed.for_each_usable(p, position, |i, t| {
-                if supporting(frame.along_ray(&placed.dirs[i]).at(t).q) > 0 {
-                    f(Point3::from(placed.dirs[i] * t), placed.dirs[i]);
+            placed.for_each_usable(p, position, |_, Seen { dir, t }| {
+                if supporting(frame.along_ray(&dir).at(t).q) > 0 {
+                    f(Point3::from(dir * t), dir);
                 }
             });
         });
         let (mut n, mut signed) = (0usize, Vec::new());
         let width = placed.camera.width;
         let lit = well_lit(&position.contrast);
-        placed.for_each(p, position, |i, t, v, w| {
-            let m = frame.along_ray(&placed.dirs[i]).at(t);
+        placed.for_each(p, position, |i, Seen { dir, t }, v, w| {
+            let m = frame.along_ray(&dir).at(t);
             let others = supporting(m.q);
             if others == 0 {
                 return;

@@ -3,6 +3,8 @@
 
 #[doc(hidden)]
 pub mod binning;
+#[doc(hidden)]
+pub mod blur;
 mod board_poses;
 mod board_samples;
 mod candidate;

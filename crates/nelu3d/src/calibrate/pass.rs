@@ -4,7 +4,7 @@ use nalgebra::Point3;
 
 use super::error::CalibrationError;
 use super::held_out::HeldOutErrors;
-use super::placed_sweep::PlacedSweep;
+use super::placed_sweep::{PlacedSweep, Seen};
 use super::predictor::Predictor;
 use super::shared_displacement::{CLASSES, DisplacementsBySupport};
 use super::smoothing::Aside;
@@ -47,9 +47,9 @@ impl Passed {
         let mut out = Self { position: p, gathered: into.0.clone(), validity: into.1.clone(), n: 0 };
         let width = placed.camera.width;
         let mut w = vec![0.0; placed.sweep.k];
-        placed.for_each_usable(p, read, |i, t| {
+        placed.for_each_usable(p, read, |i, Seen { dir, t }| {
             out.n += 1;
-            if let Some(q) = frame.to_unit(&Point3::from(placed.dirs[i] * t)) {
+            if let Some(q) = frame.to_unit(&Point3::from(dir * t)) {
                 read.weights_in_means(i, &placed.noise, &mut w);
                 if w.iter().any(|w| *w > MIN_WEIGHT) {
                     out.validity.add(placed.sweep.on_sensor([i % width, i / width]), t as f32, q);

@@ -5,6 +5,7 @@ use nelu3d_scan::Camera;
 use nelu3d_scan::pose::Bend;
 use rayon::prelude::*;
 
+use super::blur::Blur;
 use super::drawn::{Drawn, DrawnSample};
 use super::excluded::ExcludedBlocks;
 use super::position::Position;
@@ -25,12 +26,23 @@ pub struct PlacedSweep<'a> {
     ///
     /// [`NoiseEstimator::growth`]: crate::sensor::NoiseEstimator::growth
     pub noise_growth: Option<f64>,
+    /// Blur of these pixels.
+    pub(super) blur: Blur,
     /// Unit ray direction per pixel.
     pub dirs: Vec<Vector3<f64>>,
     /// Blocks of each position's image that are not used; none where all are.
     excluded: Vec<Option<ExcludedBlocks>>,
     /// What each position is judged by, of those that are.
     drawn: Vec<Option<Drawn>>,
+}
+
+/// What a pixel sees of a board: the point from which its light comes in the mean.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen {
+    /// Unit direction from the camera.
+    pub(super) dir: Vector3<f64>,
+    /// Distance, mm.
+    pub(super) t: f64,
 }
 
 /// The plane, bend and outline of a board, for intersection with rays from the camera.
@@ -137,7 +149,8 @@ impl<'a> PlacedSweep<'a> {
         let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, extent_mm, bend)).collect();
         let (excluded, drawn) = (vec![None; boards.len()], vec![None; boards.len()]);
         let noise = NoiseModel { read: 0.0, gain: 0.0, darkest: None };
-        Self { sweep, boards, camera, noise, noise_growth: None, dirs, excluded, drawn }
+        let blur = Blur::new(0.0);
+        Self { sweep, boards, camera, noise, noise_growth: None, blur, dirs, excluded, drawn }
     }
 
     /// Returns the noise of the sensor's pixels.
@@ -156,28 +169,42 @@ impl<'a> PlacedSweep<'a> {
         self.boards.len()
     }
 
-    /// Calls `f(pixel, t, values, weights)` for every usable sample of a position.
+    /// Calls `f(pixel, seen, values, weights)` for every usable sample of a position.
     #[inline]
-    pub fn for_each(&self, p: usize, position: &Position, mut f: impl FnMut(usize, f64, &[f32], &[f32])) {
+    pub fn for_each(&self, p: usize, position: &Position, mut f: impl FnMut(usize, Seen, &[f32], &[f32])) {
         let mut w = vec![0.0; self.sweep.k];
-        self.for_each_usable(p, position, |i, t| {
+        self.for_each_usable(p, position, |i, seen| {
             if let Some(v) = position.sample(i, &self.noise, &mut w) {
-                f(i, t, v, &w);
+                f(i, seen, v, &w);
             }
         });
     }
 
-    /// Calls `f(pixel, t)` for every usable sample of a position.
+    /// Calls `f(pixel, seen)` for every usable sample of a position.
     #[inline]
-    pub(super) fn for_each_usable(&self, p: usize, position: &Position, mut f: impl FnMut(usize, f64)) {
-        for (i, dir) in self.dirs.iter().enumerate() {
-            if position.is_usable(i)
-                && let Some(t) = self.boards[p].hit(dir)
+    pub(super) fn for_each_usable(&self, p: usize, position: &Position, mut f: impl FnMut(usize, Seen)) {
+        for i in (0..self.dirs.len()).filter(|i| position.is_usable(*i)) {
+            if let Some(seen) = self.seen(p, i, position.log_gradient(i))
                 && !self.is_excluded(p, i)
             {
-                f(i, t);
+                f(i, seen);
             }
         }
+    }
+
+    /// Returns what of the board at position `p` pixel `i` sees, by the gradient of the logarithm of the contrast there.
+    #[inline]
+    fn seen(&self, p: usize, i: usize, gradient: [f32; 2]) -> Option<Seen> {
+        let mut dir = self.dirs[i];
+        if gradient != [0.0; 2] {
+            let along = |stride: usize| {
+                let (before, after) = (i.checked_sub(stride).unwrap_or(i), (i + stride).min(self.dirs.len() - 1));
+                (self.dirs[after] - self.dirs[before]) * 0.5
+            };
+            let [x, y] = self.blur.shift(gradient).map(f64::from);
+            dir = (dir + along(1) * x + along(self.camera.width) * y).normalize();
+        }
+        self.boards[p].hit(&dir).map(|t| Seen { dir, t })
     }
 
     /// Drops positions, by index.
@@ -216,14 +243,14 @@ impl<'a> PlacedSweep<'a> {
         self.drawn.iter().enumerate().filter_map(|(p, drawn)| drawn.as_ref().map(|drawn| (p, drawn)))
     }
 
-    /// Calls `f(sample, t)` for every sample of `drawn`, which was drawn from position `p`, that lies on the board and is
-    /// not left out; t is its distance along the ray, mm.
-    pub(super) fn for_each_drawn(&self, p: usize, drawn: &Drawn, mut f: impl FnMut(&DrawnSample<'_>, f64)) {
+    /// Calls `f(sample, seen)` for every sample of `drawn`, which was drawn from position `p`, that lies on the board and
+    /// is not left out.
+    pub(super) fn for_each_drawn(&self, p: usize, drawn: &Drawn, mut f: impl FnMut(&DrawnSample<'_>, Seen)) {
         for sample in drawn.samples() {
-            if let Some(t) = self.boards[p].hit(&self.dirs[sample.pixel])
+            if let Some(seen) = self.seen(p, sample.pixel, sample.gradient)
                 && !self.is_excluded(p, sample.pixel)
             {
-                f(&sample, t);
+                f(&sample, seen);
             }
         }
     }

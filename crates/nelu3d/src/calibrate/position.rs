@@ -14,10 +14,9 @@ const STRAY_LIGHT: f32 = 0.03;
 const PAPER: f32 = 2.0;
 /// Radius of the surroundings that stray light comes from, as a fraction of the image's width.
 const SURROUNDINGS: f32 = 1.0 / 16.0;
-/// Error of a codeword where the contrast of ink and paper changes by its own size from a pixel to the next. The
-/// codeword is that of the place that the pixel's light comes from in the mean, and blur of the standard deviation s
-/// moves that place by s² times the gradient of the logarithm of the contrast (Tweedie's formula); s² is taken to be
-/// half a square pixel, the slope of a fine code half its range per pixel.
+/// Error of a codeword where the contrast of ink and paper changes by its own size from a pixel to the next. There the
+/// place that the pixel's light comes from (see [`super::blur`]) is not known better than to half a pixel; the slope of
+/// a fine code is half its range per pixel.
 const EDGE: f32 = 0.25;
 
 /// The normalized intensities of one board position.
@@ -84,6 +83,34 @@ impl Position {
         let contrast = self.light.get(at).copied().unwrap_or(self.contrast[at]);
         let stray = STRAY_LIGHT * (self.around[i] / contrast - PAPER).max(0.0);
         1.0 / (noise.normalized_variance(v, contrast, 0.0) + stray * stray + self.edge[i])
+    }
+
+    /// Returns the mean of the channels' contrast at a sample.
+    #[inline]
+    pub(super) fn mean_contrast_at(&self, i: usize) -> f32 {
+        let c = self.channels;
+        self.contrast[i * c..(i + 1) * c].iter().sum::<f32>() / c as f32
+    }
+
+    /// Returns whether all values of a sample are usable.
+    #[inline]
+    pub(super) fn is_wholly_usable(&self, i: usize) -> bool {
+        self.contrast[i * self.channels..][..self.channels].iter().all(|c| *c > 0.0)
+    }
+
+    /// Returns the gradient of the logarithm of the contrast at a sample, per sample along x and y; 0 along an axis where
+    /// a neighbor is unusable or outside.
+    #[inline]
+    pub fn log_gradient(&self, i: usize) -> [f32; 2] {
+        let (x, y, own) = (i % self.width, i / self.width, self.mean_contrast_at(i));
+        let along = |at: usize, end: usize, stride: usize| {
+            if at == 0 || at + 1 >= end || own <= 0.0 {
+                return 0.0;
+            }
+            let [before, after] = [i - stride, i + stride].map(|j| self.mean_contrast_at(j));
+            if before > 0.0 && after > 0.0 { (after - before) / (2.0 * own) } else { 0.0 }
+        };
+        [along(x, self.width, 1), along(y, self.height, self.width)]
     }
 
     /// Returns the position averaged over blocks of `block × block` pixels, as a camera of larger pixels would have

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Point3, Vector3};
 use nelu3d_scan::statistics::median;
 
-use super::placed_sweep::PlacedSweep;
+use super::placed_sweep::{PlacedSweep, Seen};
 use super::sweep::Position;
 use crate::color_field::frame::FieldFrame;
 use crate::color_field::grid::Grid;
@@ -159,14 +159,13 @@ impl DisplacementsBySupport {
         let mut samples: [Vec<Sample>; CLASSES] = Default::default();
         let stride = (Sample::block_px(width).pow(2) / PER_SQUARE).max(1);
         let mut n = 0usize;
-        placed.for_each_usable(p, position, |i, t| {
+        placed.for_each_usable(p, position, |i, Seen { dir, t }| {
             n += 1;
             if !n.is_multiple_of(stride) {
                 return;
             }
             let Some(v) = position.sample(i, &placed.noise, &mut w) else { return };
-            let dir = &placed.dirs[i];
-            let at = frame.along_ray(dir).at(t);
+            let at = frame.along_ray(&dir).at(t);
             let inside = frame.to_unit(&Point3::from(dir * t)).is_some();
             let Some((class, known)) = support(at.q).filter(|_| inside) else { return };
             grid.eval_along(at.q, at.dq, &mut c, &mut d);

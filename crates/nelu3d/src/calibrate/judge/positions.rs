@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 use nelu3d_scan::statistics::median;
 
 use crate::calibrate::drawn::Drawn;
-use crate::calibrate::placed_sweep::PlacedSweep;
+use crate::calibrate::placed_sweep::{PlacedSweep, Seen};
 use crate::color_field::ColorField;
 use crate::color_field::grid::Grid;
 use crate::verdict::{Code, Finding, Verdict};
@@ -127,16 +127,17 @@ impl PositionSums {
         };
         let board = &placed.boards[p];
         let mut c = [vec![0.0f32; k], vec![0.0; k], vec![0.0; k], vec![0.0; k]];
-        placed.for_each_drawn(p, drawn, |sample, t| {
+        placed.for_each_drawn(p, drawn, |sample, Seen { dir, t }| {
             let i = sample.pixel;
             if sample.contrast.iter().any(|c| *c < drawn.lit) {
                 return;
             }
-            let at = |i: usize, t: f64| field.frame.along_ray(&placed.dirs[i]).at(t).q;
+            let at = |dir: &Vector3<f64>, t: f64| field.frame.along_ray(dir).at(t).q;
+            let beside = |j: usize| (dir + placed.dirs[j] - placed.dirs[i]).normalize();
             let (right, below) = ((i % w + 1 < w).then_some(i + 1), (i + w < placed.dirs.len()).then_some(i + w));
-            let hit = |j: Option<usize>| j.and_then(|j| board.hit(&placed.dirs[j]).map(|t| at(j, t)));
+            let hit = |j: Option<usize>| j.map(beside).and_then(|dir| board.hit(&dir).map(|t| at(&dir, t)));
             let (Some(right), Some(below)) = (hit(right), hit(below)) else { return };
-            for (c, q) in c.iter_mut().zip([at(i, t), right, below, at(i, t + 1.0)]) {
+            for (c, q) in c.iter_mut().zip([at(&dir, t), right, below, at(&dir, t + 1.0)]) {
                 grid.eval(q, c);
             }
             s.add(sample.values, &c);

@@ -10,7 +10,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::calibrate::drawn::Drawn;
-use crate::calibrate::placed_sweep::PlacedSweep;
+use crate::calibrate::placed_sweep::{PlacedSweep, Seen};
 use crate::color_field::ColorField;
 use crate::color_field::grid::Grid;
 use crate::verdict::{Code, Finding, Verdict};
@@ -61,11 +61,11 @@ impl InkSums {
     pub(super) fn of(field: &ColorField, grid: &Grid, placed: &PlacedSweep<'_>, p: usize, drawn: &Drawn) -> Self {
         let mut s = Self::default();
         let mut c = vec![0.0f32; placed.sweep.k];
-        placed.for_each_drawn(p, drawn, |sample, t| {
+        placed.for_each_drawn(p, drawn, |sample, Seen { dir, t }| {
             let (contrast, channels) = (sample.contrast, sample.contrast.len());
             let mean = contrast.iter().sum::<f32>() / channels as f32;
             let of = if mean > INK * sample.around { &mut s.paper } else { &mut s.ink };
-            let at = field.frame.along_ray(&placed.dirs[sample.pixel]).at(t);
+            let at = field.frame.along_ray(&dir).at(t);
             if !field.validity.is_lit(at.q) {
                 return;
             }

@@ -1,4 +1,5 @@
 mod binning;
+mod blur;
 mod depth_noise;
 mod drawn;
 mod fringes;

@@ -1,0 +1,100 @@
+use std::f64::consts::TAU;
+
+use nelu3d::calibrate::Position;
+use nelu3d::calibrate::blur::{Blur, BlurEstimator};
+
+const SIZE: usize = 120;
+
+/// A chessboard of squares of 17 pixels under a code of two channels, seen through a Gaussian blur of a variance.
+fn seen_through(variance: f64, code: impl Fn(f64, f64) -> [f64; 2]) -> Position {
+    let albedo = |x: f64, y: f64| if ((x / 17.0).floor() + (y / 17.0).floor()) as i64 % 2 == 0 { 0.8 } else { 0.06 };
+    // A fourth of a pixel apart.
+    let reach = (16.0 * variance.sqrt()).ceil() as i32;
+    let weights: Vec<f64> = (-reach..=reach).map(|i| (-f64::from(i * i) / (32.0 * variance)).exp()).collect();
+    let all: f64 = weights.iter().sum::<f64>().powi(2);
+    let (mut values, mut contrast) = (Vec::new(), Vec::new());
+    for i in 0..SIZE * SIZE {
+        let (mut light, mut lit) = (0.0, [0.0; 2]);
+        for (v, wv) in weights.iter().enumerate() {
+            for (u, wu) in weights.iter().enumerate() {
+                let [x, y] = [(i % SIZE, u), (i / SIZE, v)]
+                    .map(|(at, j)| at as f64 + 0.5 + 0.25 * (j as f64 - f64::from(reach)));
+                let (albedo, c) = (wu * wv * albedo(x, y), code(x, y));
+                light += albedo;
+                lit.iter_mut().zip(c).for_each(|(sum, c)| *sum += albedo * c);
+            }
+        }
+        contrast.push((light / all) as f32);
+        values.extend(lit.map(|v| (v / light) as f32));
+    }
+    let (around, edge) = (vec![0.8; SIZE * SIZE], vec![0.0; SIZE * SIZE]);
+    Position { width: SIZE, height: SIZE, k: 2, channels: 1, values, contrast, light: Vec::new(), around, edge }
+}
+
+fn phases(x: f64, y: f64) -> [f64; 2] {
+    let wave = |period: f64| 0.5 + 0.45 * (TAU * (x + 0.3 * y) / period).cos();
+    [wave(13.0), wave(41.0)]
+}
+
+fn stripes(x: f64, y: f64) -> [f64; 2] {
+    let stripe = |width: f64| ((x + 0.3 * y) / width).floor().rem_euclid(2.0);
+    [stripe(6.0), stripe(11.0)]
+}
+
+fn found(position: &Position) -> Blur {
+    let mut estimator = BlurEstimator::default();
+    estimator.add(position, |_| true);
+    estimator.finish()
+}
+
+#[test]
+fn edges_of_ink_tell_the_blur() {
+    for variance in [0.3, 0.6] {
+        let s2 = found(&seen_through(variance, phases)).variance();
+        assert!((0.8 * variance..1.25 * variance).contains(&f64::from(s2)), "{s2} for {variance}");
+    }
+}
+
+#[test]
+fn stripes_that_end_at_ink_are_no_blur() {
+    let s2 = found(&seen_through(0.3, stripes)).variance();
+    assert!((0.1..0.6).contains(&s2), "{s2}");
+}
+
+#[test]
+fn codewords_beside_ink_are_those_of_the_place_that_their_light_comes_from() {
+    let position = seen_through(0.7, phases);
+    let blur = found(&position);
+    let rms = |blur: Blur| {
+        let (mut sum, mut n) = (0.0, 0.0);
+        for i in (0..SIZE * SIZE).filter(|i| position.contrast[*i] > 0.25) {
+            let gradient = position.log_gradient(i);
+            if gradient[0].hypot(gradient[1]) > 0.1 {
+                let [dx, dy] = blur.shift(gradient).map(f64::from);
+                let c = phases((i % SIZE) as f64 + 0.5 + dx, (i / SIZE) as f64 + 0.5 + dy);
+                sum += c.iter().zip(&position.values[2 * i..]).map(|(c, v)| (c - f64::from(*v)).powi(2)).sum::<f64>();
+                n += 2.0;
+            }
+        }
+        (sum / n as f64).sqrt()
+    };
+    let [before, after] = [rms(Blur::new(0.0)), rms(blur)];
+    assert!(before > 0.03 && after < 0.6 * before, "{before} to {after}");
+}
+
+#[test]
+fn without_edges_the_blur_is_a_typical_one() {
+    let mut position = seen_through(0.6, phases);
+    position.contrast.fill(0.8);
+    let typical = BlurEstimator::default().finish();
+    assert_eq!(found(&position), typical);
+    assert!((0.1..0.5).contains(&typical.variance()));
+}
+
+#[test]
+fn no_light_comes_from_far_beyond_the_blur() {
+    let blur = Blur::new(0.5);
+    assert_eq!(blur.shift([0.2, 0.0]), [0.1, 0.0]);
+    let [x, y] = blur.shift([30.0, 40.0]);
+    assert!((x.hypot(y) - 1.5 * 0.5f32.sqrt()).abs() < 1e-5 && (y / x - 4.0 / 3.0).abs() < 1e-5);
+}
