@@ -1,18 +1,14 @@
 //! Blur of the camera, as edges of ink show it in the codewords.
 //!
-//! A pixel measures light from all around its middle. Where that is evenly bright, its codeword is that of the middle.
-//! Beside an edge of ink most of the light comes from the paper, and the codeword is that of a place on it: away from
-//! the middle by s² times the gradient of the logarithm of white − black (Tweedie's formula; Efron, "Tweedie's Formula
-//! and Selection Bias", *J. Am. Stat. Assoc.* 2011), where s² is the variance of the blur, the pixel's own area
-//! included. With fine patterns and a soft lens that is most of what a board's codewords are off by.
-//!
-//! s² need not be known beforehand. Paper tells its codewords and their slopes away from edges; continued to pixels
-//! beside an edge, they leave a residual there of slope times shift.
+//! Beside an edge of ink most of a pixel's light comes from the paper, and its codeword is that of a place on it (see
+//! [`Blur`]). How far away that is need not be known beforehand: paper tells its codewords and their slopes away from
+//! edges; continued to pixels beside an edge, they leave a residual there of slope times shift.
 
 use nalgebra::{SMatrix, SVector};
 use nelu3d_scan::statistics::median;
 
 use super::position::Position;
+use crate::sensor::Blur;
 
 /// Radius of the paper from which codewords are continued to an edge, samples.
 const RADIUS: usize = 4;
@@ -38,34 +34,6 @@ const FAR: f64 = 3.0;
 const TYPICAL: f32 = 0.25;
 /// Largest s² that is believed.
 const MOST: f64 = 2.0;
-/// Longest shift, standard deviations of the blur: light from farther away is little.
-const LONGEST: f32 = 1.5;
-
-/// Variance of a camera's blur along each axis of the image, square samples.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Blur(f32);
-
-impl Blur {
-    /// A blur of a variance.
-    pub fn new(variance: f32) -> Self {
-        Self(variance)
-    }
-
-    /// Returns the variance, square samples.
-    pub fn variance(self) -> f32 {
-        self.0
-    }
-
-    /// Returns how far beside a sample's middle its light comes from in the mean, samples, by the gradient of the
-    /// logarithm of what it sees, per sample.
-    #[inline]
-    pub fn shift(self, gradient: [f32; 2]) -> [f32; 2] {
-        let size = self.0 * gradient[0].hypot(gradient[1]);
-        let most = LONGEST * self.0.sqrt();
-        let scale = if size > most { self.0 * most / size } else { self.0 };
-        gradient.map(|g| scale * g)
-    }
-}
 
 /// Gathers what positions tell of the blur.
 #[derive(Clone, Debug, Default)]
@@ -110,14 +78,14 @@ impl BlurEstimator {
         let mut of_groups: Vec<f64> =
             groups.iter().filter(|[known, _]| *known > 0.0).map(|[known, s]| s / known).collect();
         if of_groups.len() < GROUPS {
-            return Blur(TYPICAL);
+            return Blur::new(TYPICAL);
         }
         let s2 = median(&mut of_groups).unwrap_or_default();
         let spread = median(&mut of_groups.iter().map(|s| (s - s2).abs()).collect::<Vec<f64>>()).unwrap_or_default();
         // A median is off by 1.25 and its spread is 0.67 standard deviations.
         let error = 1.25 * 1.48 * spread / (GROUPS as f64).sqrt();
         tracing::debug!(s2, error, squares = self.squares.len(), "blur of the camera, square samples");
-        if error < MAX_ERROR { Blur(s2.clamp(0.0, MOST) as f32) } else { Blur(TYPICAL) }
+        if error < MAX_ERROR { Blur::new(s2.clamp(0.0, MOST) as f32) } else { Blur::new(TYPICAL) }
     }
 }
 

@@ -126,6 +126,7 @@ pub fn calibrate(
         source: "sweep".into(),
         camera: camera_key(&rig.camera),
         noise: placed.sensor_noise(),
+        blur: Some(placed.sensor_blur()),
         dark: geometry.dark,
         crosstalk: None,
         cells_per_pixel: best.cells_per_pixel,

@@ -5,12 +5,11 @@ use nelu3d_scan::Camera;
 use nelu3d_scan::pose::Bend;
 use rayon::prelude::*;
 
-use super::blur::Blur;
 use super::drawn::{Drawn, DrawnSample};
 use super::excluded::ExcludedBlocks;
 use super::position::Position;
 use super::sweep::Sweep;
-use crate::sensor::NoiseModel;
+use crate::sensor::{Blur, NoiseModel};
 
 /// A sweep with the poses of its boards: samples of (x, L), position by position.
 pub struct PlacedSweep<'a> {
@@ -157,6 +156,11 @@ impl<'a> PlacedSweep<'a> {
     pub(super) fn sensor_noise(&self) -> NoiseModel {
         let pixels = self.sweep.binning.pow(2) as f32;
         NoiseModel { read: self.noise.read * pixels, gain: self.noise.gain * pixels, ..self.noise }
+    }
+
+    /// Returns the blur of the sensor's pixels.
+    pub(super) fn sensor_blur(&self) -> Blur {
+        Blur::new(self.blur.variance() * self.sweep.binning.pow(2) as f32)
     }
 
     /// Returns whether the outline of any board is in the image, lit or not.

@@ -88,7 +88,14 @@ impl CameraRays {
 
     /// Returns the ray of pixel `i` in the field's frame.
     pub fn in_frame(&self, i: usize) -> RayInFrame {
-        let [u, v] = self.plane[i].map(f64::from);
-        self.frame.along_ray(&nalgebra::Vector3::new(u, v, 1.0).normalize())
+        self.in_frame_beside(i, [0.0; 2]).0
+    }
+
+    /// Returns the ray of a place `shift` pixels beside the middle of pixel `i` in the field's frame, and the z component
+    /// of the unit ray.
+    pub fn in_frame_beside(&self, i: usize, shift: [f32; 2]) -> (RayInFrame, f32) {
+        let [u, v] = [0, 1].map(|axis| f64::from(self.plane[i][axis]) + f64::from(shift[axis] / self.focal_px));
+        let dir = nalgebra::Vector3::new(u, v, 1.0).normalize();
+        (self.frame.along_ray(&dir), dir.z as f32)
     }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::depth_noise::DepthNoise;
 use super::frame::Center;
 use super::motion::LightMotion;
-use crate::sensor::{CrosstalkMatrix, DarkLevel, NoiseModel};
+use crate::sensor::{Blur, CrosstalkMatrix, DarkLevel, NoiseModel};
 
 /// Least standard deviation of a color field's own error, normalized intensity: interreflection, nonlinearity of the
 /// sensor and the like never vanish.
@@ -37,6 +37,9 @@ pub struct FieldMetadata {
     pub camera: Vec<f64>,
     /// Noise of the sensor.
     pub noise: NoiseModel,
+    /// Blur of the camera, as the sweep's boards showed it; `None` where no sweep did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blur: Option<Blur>,
     /// Dark level per channel, for scenes without a black image.
     pub dark: Vec<DarkLevel>,
     /// Crosstalk of the camera, if it was measured: it then need not be estimated from scenes.

@@ -205,6 +205,7 @@ fn metadata(rig: &Rig, set: &PatternSet, noise: NoiseModel) -> FieldMetadata {
         source: "projector".into(),
         camera: camera_key(&rig.camera),
         noise,
+        blur: None,
         dark: Vec::new(),
         crosstalk: None,
         cells_per_pixel: 1,

@@ -12,7 +12,7 @@ use super::lit_part::LitPart;
 use super::lit_part::white_of;
 use crate::color_field::grid::Grid;
 use crate::color_field::{CameraRays, ColorField, SplineEvaluator};
-use crate::sensor::Measurements;
+use crate::sensor::{Blur, Measurements};
 use crate::surface::PixelStatus;
 
 /// Camera, color field, rays and measurements of a scene.
@@ -29,6 +29,8 @@ pub(crate) struct Scene<'a> {
     pub(crate) grid: Cow<'a, Grid>,
     /// The ray of every pixel, and the part of it that was calibrated.
     pub(crate) rays: CameraRays,
+    /// Blur of its pixels, where that is known.
+    pub(crate) blur: Option<Blur>,
     /// Normalized intensities, their variances, and the status of every pixel so far.
     pub(crate) measurements: Measurements,
 }
@@ -61,7 +63,8 @@ impl<'a> Scene<'a> {
         }
         cx.stop_if_cancelled()?;
         let white = white_of(capture);
-        Ok(Self { camera, part, field, white, grid, rays, measurements })
+        let blur = metadata.blur;
+        Ok(Self { camera, part, field, white, grid, rays, blur, measurements })
     }
 
     /// Returns the color field as the inner loops evaluate it.

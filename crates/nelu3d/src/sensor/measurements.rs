@@ -152,6 +152,29 @@ impl Measurements {
         out
     }
 
+    /// Returns the gradient of the logarithm of white − black at pixel `i`, per pixel along x and y, and the variance that
+    /// noise gives its square: 0 along an axis where a neighbor is saturated or outside.
+    pub(crate) fn log_gradient(&self, i: usize, noise: &NoiseModel) -> ([f32; 2], f32) {
+        let (x, y, own) = (i % self.width, i / self.width, self.contrast[i]);
+        let channels = (self.light.len() / self.n().max(1)).max(1) as f32;
+        let mut variance = 0.0;
+        let mut along = |at: usize, end: usize, stride: usize| {
+            if at == 0 || at + 1 >= end || own <= 0.0 {
+                return 0.0;
+            }
+            let beside = [i - stride, i + stride];
+            if beside.iter().any(|j| self.status[*j] == PixelStatus::Saturated) {
+                return 0.0;
+            }
+            let [before, after] = beside.map(|j| self.contrast[j]);
+            let of_noise: f32 = [before, after].iter().map(|c| noise.variance(c.max(0.0))).sum();
+            variance += of_noise / (4.0 * channels * own * own);
+            (after - before) / (2.0 * own)
+        };
+        let gradient = [along(x, self.width, 1), along(y, self.height, self.width)];
+        (gradient, variance)
+    }
+
     /// Leaves channels out at pixels where the field does not know them: `is_known(pixel, channel)`.
     pub(crate) fn keep_channels(&mut self, is_known: impl Fn(usize, usize) -> bool) {
         for (at, inv_var) in self.inv_var.iter_mut().enumerate() {

@@ -2,6 +2,7 @@
 //!
 //! The facts are stored with a color field; the stages that estimate them (`calibrate`, `reconstruct`) lie above.
 
+mod blur;
 mod compression;
 mod crosstalk;
 mod dark_level;
@@ -10,6 +11,7 @@ mod measurements;
 mod noise;
 mod scene_faults;
 
+pub use blur::Blur;
 pub use compression::BlockDetector;
 pub use crosstalk::{CrosstalkCorrection, CrosstalkMatrix, relative_white};
 pub use dark_level::{DarkEstimator, DarkLevel};

@@ -79,6 +79,8 @@ impl Reduced {
             white: Cow::Borrowed(&self.white),
             grid: Cow::Borrowed(&*of.grid),
             rays: CameraRays::of_lit(of.camera, of.field, self.factor, of.part.origin, lit),
+            // That of a reduced image is small beside its pixels.
+            blur: None,
             measurements: self.measurements.clone(),
         };
         (scene, &self.initial)

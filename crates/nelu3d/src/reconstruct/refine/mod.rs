@@ -24,6 +24,8 @@ pub mod light_fractions;
 mod refined;
 mod refinement;
 mod scene_light;
+#[doc(hidden)]
+pub mod seen;
 mod settings;
 mod slopes;
 #[doc(hidden)]

@@ -12,6 +12,7 @@ use super::interreflection::{GatherSurface, gather};
 use super::light_fractions::LightFractions;
 use super::refined::Refined;
 use super::scene_light::SceneLight;
+use super::seen::Seen;
 use super::settings::RefineSettings;
 use super::slopes::{cosine, slopes};
 use super::smoothed_away::smoothed_away;
@@ -70,7 +71,9 @@ pub(super) struct Refinement<'a> {
     trust: f32,
     /// c across the narrow band, and its slope by the unknown, `n × 2 k`.
     rendered: Vec<f32>,
-    /// The rays of the pixels, and what was evaluated along them.
+    /// Where the light of the pixels comes from.
+    seen: Seen,
+    /// The rays to there, and what was evaluated along them.
     bands: Bands,
 }
 
@@ -104,8 +107,10 @@ impl<'a> Refinement<'a> {
         let unit = initial.step;
         let x = (0..n).map(|i| if active[i] { (initial.inv_z[window.at(i)] - mid) / unit } else { 0.0 }).collect();
         let x: Vec<f32> = x;
+        let seen = Seen::new(m, &scene.field.metadata.noise, scene.blur, window, active);
         let line = |i: usize| {
-            scene.rays.in_frame(window.at(i)).by_inverse_depth(mid + unit * x[i], unit, scene.rays.dir_z(window.at(i)))
+            let (ray, dir_z) = scene.rays.in_frame_beside(window.at(i), seen.shift(i));
+            ray.by_inverse_depth(mid + unit * x[i], unit, dir_z)
         };
         let bands = Bands::new(window.w, k, active, &x, line);
         let radius = (m.image[0] / settings.ambient_radius_divisor).max(2);
@@ -127,6 +132,7 @@ impl<'a> Refinement<'a> {
             data: DataTerm { h: vec![0.0; n], g: vec![0.0; n], chi2: vec![0.0; n] },
             trust: trust(scene.field),
             rendered: vec![0.0; n * 2 * k],
+            seen,
             bands,
         }
     }
@@ -189,7 +195,8 @@ impl<'a> Refinement<'a> {
             let stretch = width / cosine(slopes[i], unit, inv_z, rays.focal_px);
             stretch * inv_z * inv_z * rays.dir_z(window.at(i)) / unit
         };
-        let demand = self.bands.render(&self.spline, self.active, x, spread, &mut self.rendered);
+        let at = self.seen.of(x, slopes);
+        let demand = self.bands.render(&self.spline, self.active, &at, spread, &mut self.rendered);
         self.scene_light.change(&mut self.rendered, |i| (mid + unit * x[i], slopes[i].map(|s| s * unit)));
         demand
     }

@@ -1,3 +1,4 @@
+mod blur;
 mod compression;
 mod crosstalk;
 mod dark_level;

@@ -24,6 +24,7 @@ fn field(form: Form) -> ColorField {
     validity.add([3.0, 4.0], 690.0, [0.3, 0.4, 0.5]);
     validity.add([3.0, 4.0], 710.0, [0.3, 0.4, 0.6]);
     let metadata = FieldMetadata {
+        blur: None,
         version: "0".into(),
         rig: "r".into(),
         set: "s".into(),

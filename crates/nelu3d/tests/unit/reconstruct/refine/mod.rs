@@ -4,6 +4,7 @@ mod blocks;
 mod coarse;
 mod interreflection;
 mod light_fractions;
+mod seen;
 mod smoothed_away;
 mod thin_plate;
 mod uncertainty;
