@@ -23,7 +23,7 @@ const LEAST: f32 = 0.3;
 const MIN_PAPER: usize = 24;
 const MAX_LEVERAGE: f64 = 3.0;
 /// Most samples of a position that are looked at, and the squares that its image is divided into.
-const SAMPLES: usize = 3_000;
+const SAMPLES: usize = 1_000;
 const SQUARES: usize = 6;
 /// Groups of squares that each tell s², and the largest standard error of it, square samples.
 const GROUPS: usize = 12;
@@ -50,9 +50,10 @@ impl BlurEstimator {
             return;
         }
         let inner = (RADIUS..h - RADIUS).flat_map(|y| (RADIUS..w - RADIUS).map(move |x| y * w + x));
+        let edge = EDGE.map(|gradient| gradient * gradient);
         let is_edge = |i: &usize| {
             let [x, y] = position.log_gradient(*i);
-            (EDGE[0]..EDGE[1]).contains(&x.hypot(y))
+            (edge[0]..edge[1]).contains(&(x * x + y * y))
         };
         let edges: Vec<usize> = inner.filter(is_edge).filter(|i| on_board(*i)).collect();
         let mut squares = [[0.0; 2]; SQUARES * SQUARES];
@@ -100,10 +101,12 @@ fn at_edge(position: &Position, i: usize) -> Option<[f64; 2]> {
     if own < LEAST * brightest {
         return None;
     }
-    let is_paper = |j: &usize| {
-        let [x, y] = position.log_gradient(*j);
-        position.is_wholly_usable(*j) && position.mean_contrast_at(*j) >= PAPER * brightest && x.hypot(y) < EVEN
+    let is_even = |j: usize| {
+        let [x, y] = position.log_gradient(j);
+        x * x + y * y < EVEN * EVEN
     };
+    let is_paper =
+        |j: &usize| position.mean_contrast_at(*j) >= PAPER * brightest && position.is_wholly_usable(*j) && is_even(*j);
     let terms = |j: usize| {
         let x = ((j % w) as f64 - (i % w) as f64) / RADIUS as f64;
         let y = ((j / w) as f64 - (i / w) as f64) / RADIUS as f64;

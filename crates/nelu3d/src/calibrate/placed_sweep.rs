@@ -35,6 +35,9 @@ pub struct PlacedSweep<'a> {
     drawn: Vec<Option<Drawn>>,
 }
 
+/// Way from a pixel's middle up to which its light comes from the middle, px: noise of the contrast moves no sample.
+const NEAR: f32 = 0.02;
+
 /// What a pixel sees of a board: the point from which its light comes in the mean.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen {
@@ -200,13 +203,13 @@ impl<'a> PlacedSweep<'a> {
     #[inline]
     fn seen(&self, p: usize, i: usize, gradient: [f32; 2]) -> Option<Seen> {
         let mut dir = self.dirs[i];
-        if gradient != [0.0; 2] {
+        let [x, y] = self.blur.shift(gradient);
+        if x * x + y * y > NEAR * NEAR {
             let along = |stride: usize| {
                 let (before, after) = (i.checked_sub(stride).unwrap_or(i), (i + stride).min(self.dirs.len() - 1));
                 (self.dirs[after] - self.dirs[before]) * 0.5
             };
-            let [x, y] = self.blur.shift(gradient).map(f64::from);
-            dir = (dir + along(1) * x + along(self.camera.width) * y).normalize();
+            dir = (dir + along(1) * f64::from(x) + along(self.camera.width) * f64::from(y)).normalize();
         }
         self.boards[p].hit(&dir).map(|t| Seen { dir, t })
     }

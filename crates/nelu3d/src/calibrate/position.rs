@@ -88,8 +88,10 @@ impl Position {
     /// Returns the mean of the channels' contrast at a sample.
     #[inline]
     pub(super) fn mean_contrast_at(&self, i: usize) -> f32 {
-        let c = self.channels;
-        self.contrast[i * c..(i + 1) * c].iter().sum::<f32>() / c as f32
+        match self.channels {
+            1 => self.contrast[i],
+            c => self.contrast[i * c..(i + 1) * c].iter().sum::<f32>() / c as f32,
+        }
     }
 
     /// Returns whether all values of a sample are usable.
