@@ -100,8 +100,8 @@ impl Position {
         self.contrast[i * self.channels..][..self.channels].iter().all(|c| *c > 0.0)
     }
 
-    /// Returns the gradient of the logarithm of the contrast at a sample, per sample along x and y; 0 along an axis where
-    /// a neighbor is unusable or outside.
+    /// Returns the gradient of the logarithm of the contrast at a sample, per sample along x and y: 0 along an axis where
+    /// both neighbors are unusable, or one is outside. Where one is unusable, too dark or clipped, the other tells it.
     #[inline]
     pub fn log_gradient(&self, i: usize) -> [f32; 2] {
         let (x, y, own) = (i % self.width, i / self.width, self.mean_contrast_at(i));
@@ -110,7 +110,12 @@ impl Position {
                 return 0.0;
             }
             let [before, after] = [i - stride, i + stride].map(|j| self.mean_contrast_at(j));
-            if before > 0.0 && after > 0.0 { (after - before) / (2.0 * own) } else { 0.0 }
+            match (before > 0.0, after > 0.0) {
+                (true, true) => (after - before) / (2.0 * own),
+                (true, false) => (own - before) / own,
+                (false, true) => (after - own) / own,
+                (false, false) => 0.0,
+            }
         };
         [along(x, self.width, 1), along(y, self.height, self.width)]
     }

@@ -84,6 +84,20 @@ fn codewords_beside_ink_are_those_of_the_place_that_their_light_comes_from() {
 }
 
 #[test]
+fn ink_that_is_too_dark_to_be_used_has_edges_as_well() {
+    let mut position = seen_through(0.6, phases);
+    position.contrast.iter_mut().filter(|c| **c < 0.15).for_each(|c| *c = 0.0);
+    let s2 = found(&position).variance();
+    assert!((0.4..0.9).contains(&s2), "{s2}");
+    // The other neighbor tells the gradient, and none does where both are missing.
+    let i = (0..SIZE * SIZE).find(|i| position.contrast[*i] > 0.0 && position.contrast[*i + 1] == 0.0).unwrap();
+    let [before, own] = [position.contrast[i - 1], position.contrast[i]];
+    assert_eq!(position.log_gradient(i)[0], (own - before) / own);
+    position.contrast[i - 1] = 0.0;
+    assert_eq!(position.log_gradient(i)[0], 0.0);
+}
+
+#[test]
 fn without_edges_the_blur_is_a_typical_one() {
     let mut position = seen_through(0.6, phases);
     position.contrast.fill(0.8);
