@@ -9,6 +9,9 @@
 //! Right surfaces have such outlines, too, where interreflection takes their rims, or where they leave the calibrated
 //! volume. So a region is only rejected for them if chance explains it as often, or if it fits much worse than what
 //! ends at edges, which the picture has to have then.
+//!
+//! Of what is small beside all that is lost, chance explains a hundred times as much: such a region has to fit as well
+//! as those that are supported do, whatever it ends at.
 
 use std::cmp::Reverse;
 
@@ -43,6 +46,9 @@ const FADES: [f64; 2] = [0.8, 0.9];
 const MAX_TRIES: [f32; 3] = [2.0, 3.0, 15.0];
 /// χ² of a region as a multiple of what is typical of those that end at edges above which it is rejected.
 const MAX_OVER_TYPICAL: f32 = 2.0;
+/// χ² of a region that chance explains that often whatever it ends at, as a multiple of what is typical of those that
+/// are supported, above which it is rejected.
+const MAX_OVER_SUPPORTED: f32 = 1.4;
 /// Most regions that are looked at, the largest: a texture has thousands, and chance takes milliseconds to try.
 const MAX_REGIONS: usize = 200;
 /// Fraction of the pixels that has to end at edges for a region to be rejected.
@@ -125,9 +131,12 @@ pub(super) fn reject_fading(
     let at_edges = number(&|r| !fades(r)) / number(&|_| true).max(1.0);
     let ended = regions.iter().filter(|r| !fades(r)).map(|r| (r.chi2, r.pixels.len()));
     let max_chi2 = weighted_median(ended.collect()).map_or(f32::INFINITY, |typical| MAX_OVER_TYPICAL * typical);
+    let supported = regions.iter().filter(|r| r.tries <= MAX_TRIES[1]).map(|r| (r.chi2, r.pixels.len()));
+    let supported = weighted_median(supported.collect()).map_or(f32::INFINITY, |typical| MAX_OVER_SUPPORTED * typical);
     let is_rejected = |r: &Region| {
         let is_odd = r.tries > MAX_TRIES[0] || r.chi2 > max_chi2;
-        fades(r) && ((at_edges > MIN_AT_EDGES && is_odd) || r.tries > MAX_TRIES[2])
+        let is_chance = r.tries > MAX_TRIES[2] && (fades(r) || r.chi2 > supported);
+        is_chance || (fades(r) && at_edges > MIN_AT_EDGES && is_odd)
     };
     for r in &regions {
         let (pixels, rejected) = (r.pixels.len(), is_rejected(r));
