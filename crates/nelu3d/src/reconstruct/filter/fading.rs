@@ -75,15 +75,46 @@ impl Outline {
     }
 }
 
-/// A region of a surface between its outlines and edges of brightness.
-struct Region {
-    pixels: Vec<usize>,
+/// What is known of a region of a surface between its outlines and edges of brightness.
+#[derive(Clone, Copy, Debug)]
+pub struct Region {
+    /// Number of its pixels.
+    pub size: usize,
     /// See [`Outline::fades`].
-    fades: Option<f64>,
+    pub fades: Option<f64>,
     /// Median χ² per measurement.
-    chi2: f32,
+    pub chi2: f32,
     /// How often chance explains as many pixels, of all that have no depth.
-    tries: f32,
+    pub tries: f32,
+}
+
+impl Region {
+    /// Returns whether its outline fades enough for it to be rejected.
+    fn fades_away(&self) -> bool {
+        self.fades.is_some_and(|worse| worse > FADES[1])
+    }
+}
+
+/// Returns which regions of a picture are rejected.
+pub fn rejected(regions: &[Region]) -> Vec<bool> {
+    let typical = |of: &dyn Fn(&Region) -> bool, times: f32| {
+        let those = regions.iter().filter(|r| of(r)).map(|r| (r.chi2, r.size));
+        weighted_median(those.collect()).map_or(f32::INFINITY, |typical| times * typical)
+    };
+    let at_edges = size_of(regions, |r| !r.fades_away()) / size_of(regions, |_| true).max(1.0);
+    let max_chi2 = typical(&|r| !r.fades_away(), MAX_OVER_TYPICAL);
+    let supported = typical(&|r| r.tries <= MAX_TRIES[1], MAX_OVER_SUPPORTED);
+    let is_rejected = |r: &Region| {
+        let is_odd = r.tries > MAX_TRIES[0] || r.chi2 > max_chi2;
+        let is_chance = r.tries > MAX_TRIES[2] && (r.fades_away() || r.chi2 > supported);
+        is_chance || (r.fades_away() && at_edges > MIN_AT_EDGES && is_odd)
+    };
+    regions.iter().map(is_rejected).collect()
+}
+
+/// Returns the number of pixels of those regions for which `of` holds.
+fn size_of(regions: &[Region], of: impl Fn(&Region) -> bool) -> f64 {
+    regions.iter().filter(|r| of(r)).map(|r| r.size).sum::<usize>() as f64
 }
 
 /// Rejects the regions of a depth map (camera z, mm; NaN: none) that fade, as [`PixelStatus::Ambiguous`], and returns
@@ -114,40 +145,28 @@ pub(super) fn reject_fading(
     regions.retain(|(pixels, _)| pixels.len() >= settings.min_component);
     regions.sort_by_key(|(pixels, _)| Reverse(pixels.len()));
     regions.truncate(MAX_REGIONS);
-    let regions: Vec<Region> = regions
-        .into_iter()
+    let known: Vec<Region> = regions
+        .iter()
         .map(|(pixels, outline)| {
-            let chance = by_chance(&pixels).unwrap_or(settings.unknown_chance);
+            let chance = by_chance(pixels).unwrap_or(settings.unknown_chance);
             let chi2 = median(&mut pixels.iter().map(|i| refined.chi2[*i]).collect::<Vec<f32>>());
-            let (chi2, tries) = (chi2.unwrap_or(f32::INFINITY), chance * lost.len() as f32 / pixels.len() as f32);
-            Region { fades: outline.fades(pixels.len()), pixels, chi2, tries }
+            let (size, tries) = (pixels.len(), chance * lost.len() as f32 / pixels.len() as f32);
+            Region { size, fades: outline.fades(size), chi2: chi2.unwrap_or(f32::INFINITY), tries }
         })
         .collect();
-    let number = |of: &dyn Fn(&Region) -> bool| {
-        let pixels: usize = regions.iter().filter(|r| of(r)).map(|r| r.pixels.len()).sum();
-        pixels as f64
-    };
-    let fades = |r: &Region| r.fades.is_some_and(|worse| worse > FADES[1]);
-    let at_edges = number(&|r| !fades(r)) / number(&|_| true).max(1.0);
-    let ended = regions.iter().filter(|r| !fades(r)).map(|r| (r.chi2, r.pixels.len()));
-    let max_chi2 = weighted_median(ended.collect()).map_or(f32::INFINITY, |typical| MAX_OVER_TYPICAL * typical);
-    let supported = regions.iter().filter(|r| r.tries <= MAX_TRIES[1]).map(|r| (r.chi2, r.pixels.len()));
-    let supported = weighted_median(supported.collect()).map_or(f32::INFINITY, |typical| MAX_OVER_SUPPORTED * typical);
-    let is_rejected = |r: &Region| {
-        let is_odd = r.tries > MAX_TRIES[0] || r.chi2 > max_chi2;
-        let is_chance = r.tries > MAX_TRIES[2] && (fades(r) || r.chi2 > supported);
-        is_chance || (fades(r) && at_edges > MIN_AT_EDGES && is_odd)
-    };
-    for r in &regions {
-        let (pixels, rejected) = (r.pixels.len(), is_rejected(r));
-        tracing::debug!(pixels, fades = r.fades, chi2 = r.chi2, tries = r.tries, rejected, "region");
-        for &i in r.pixels.iter().filter(|_| rejected) {
+    let mut left = Vec::with_capacity(known.len());
+    for (((pixels, _), region), rejected) in regions.iter().zip(&known).zip(rejected(&known)) {
+        tracing::debug!(?region, rejected, "region");
+        if !rejected {
+            left.push(*region);
+            continue;
+        }
+        for &i in pixels {
             (depth[i], status[i]) = (f32::NAN, PixelStatus::Ambiguous);
         }
     }
-    let left = number(&|r| !is_rejected(r));
-    let unsupported = number(&|r| !is_rejected(r) && (r.fades.is_some() || r.tries > MAX_TRIES[1]));
-    Some(unsupported / left.max(1.0))
+    let unsupported = size_of(&left, |r| r.fades.is_some() || r.tries > MAX_TRIES[1]);
+    Some(unsupported / size_of(&left, |_| true).max(1.0))
 }
 
 /// Whether a pixel without depth is lit and within the camera rays of the calibrated volume.
