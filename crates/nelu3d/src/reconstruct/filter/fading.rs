@@ -10,8 +10,8 @@
 //! volume. So a region is only rejected for them if chance explains it as often, or if it fits much worse than what
 //! ends at edges, which the picture has to have then.
 //!
-//! Of what is small beside all that is lost, chance explains a hundred times as much: such a region has to fit as well
-//! as those that are supported do, whatever it ends at.
+//! A region that chance explains many times over, among the pixels without a depth, has to have a χ² per measurement
+//! about as small as that of regions that it does not explain, whatever the region ends at.
 
 use std::cmp::Reverse;
 
