@@ -3,11 +3,14 @@ use std::f64::consts::TAU;
 use nelu3d::calibrate::Position;
 use nelu3d::calibrate::blur::BlurEstimator;
 use nelu3d::sensor::Blur;
+use rand::SeedableRng;
+use rand::rngs::StdRng;
+use rand_distr::{Distribution, StandardNormal};
 
 const SIZE: usize = 120;
 
 /// A chessboard of squares of 17 pixels under a code of two channels, seen through a Gaussian blur of a variance.
-fn seen_through(variance: f64, code: impl Fn(f64, f64) -> [f64; 2]) -> Position {
+fn seen_through<const K: usize>(variance: f64, code: impl Fn(f64, f64) -> [f64; K]) -> Position {
     let albedo = |x: f64, y: f64| if ((x / 17.0).floor() + (y / 17.0).floor()) as i64 % 2 == 0 { 0.8 } else { 0.06 };
     // A fourth of a pixel apart.
     let reach = (16.0 * variance.sqrt()).ceil() as i32;
@@ -15,7 +18,7 @@ fn seen_through(variance: f64, code: impl Fn(f64, f64) -> [f64; 2]) -> Position 
     let all: f64 = weights.iter().sum::<f64>().powi(2);
     let (mut values, mut contrast) = (Vec::new(), Vec::new());
     for i in 0..SIZE * SIZE {
-        let (mut light, mut lit) = (0.0, [0.0; 2]);
+        let (mut light, mut lit) = (0.0, [0.0; K]);
         for (v, wv) in weights.iter().enumerate() {
             for (u, wu) in weights.iter().enumerate() {
                 let [x, y] = [(i % SIZE, u), (i / SIZE, v)]
@@ -29,7 +32,7 @@ fn seen_through(variance: f64, code: impl Fn(f64, f64) -> [f64; 2]) -> Position 
         values.extend(lit.map(|v| (v / light) as f32));
     }
     let (around, edge) = (vec![0.8; SIZE * SIZE], vec![0.0; SIZE * SIZE]);
-    Position { width: SIZE, height: SIZE, k: 2, channels: 1, values, contrast, light: Vec::new(), around, edge }
+    Position { width: SIZE, height: SIZE, k: K, channels: 1, values, contrast, light: Vec::new(), around, edge }
 }
 
 fn phases(x: f64, y: f64) -> [f64; 2] {
@@ -104,4 +107,33 @@ fn without_edges_the_blur_is_a_typical_one() {
     let typical = BlurEstimator::default().finish();
     assert_eq!(found(&position), typical);
     assert!((0.1..0.5).contains(&typical.variance()));
+}
+
+/// Value of a Gray code's stripes of a width whose edges are soft.
+fn stripe(x: f64, width: f64) -> f64 {
+    let from_edge = 0.5 - (0.5 * x / width).rem_euclid(1.0);
+    0.5 + 0.5 * (width * (4.0 * from_edge.abs() - 1.0) / 0.4).tanh()
+}
+
+#[test]
+fn stripes_finer_than_a_polynomial_count_little() {
+    let code = |x: f64, y: f64| {
+        std::array::from_fn::<f64, 12, _>(|n| {
+            let width = 1.4 * f64::from(1 << (n % 6));
+            stripe(if n < 6 { x + 0.3 * y } else { 0.9 * y - 0.3 * x } + 0.5 * width, width)
+        })
+    };
+    let code = |noise| (noise, seen_through(0.2, code));
+    for (noise, mut position) in [0.005, 0.02].map(code) {
+        let mut random = StdRng::seed_from_u64(1);
+        for (values, contrast) in position.values.chunks_mut(position.k).zip(&position.contrast) {
+            let sigma = noise / contrast;
+            values.iter_mut().for_each(|v| {
+                let z: f32 = StandardNormal.sample(&mut random);
+                *v += sigma * z;
+            });
+        }
+        let s2 = found(&position).variance();
+        assert!(s2 < 0.32, "{s2} at a noise of {noise}");
+    }
 }
