@@ -220,15 +220,17 @@ fn without_light(
     };
     let (j, what, level) = (0..k).find_map(wrong)?;
     let image = images.get(j * images.len() / k).map_or("a pattern", String::as_str);
-    let retake = "take the scene again, and check the trigger";
-    let (verdict, sentence, remedy) = match expected {
-        Some(_) => (Verdict::Bad, format!("{image} {what}, although the code of this set varies there"), retake.into()),
-        // All of an object may stand within one stripe of a binary code's coarse patterns.
-        None if k >= MIN_BITS && scene.mid < BINARY => {
-            let remedy = format!("if it reaches over several stripes of this pattern, {retake}");
-            (Verdict::Good, format!("{image} {what}, as within one stripe of a coarse binary pattern"), remedy)
-        }
-        None => (Verdict::Doubtful, format!("{image} {what}, although the other patterns vary there"), retake.into()),
+    // All of an object may stand within one stripe of a binary code's coarse patterns.
+    let may_be_a_stripe = k >= MIN_BITS && scene.mid < BINARY;
+    let within = "as within one stripe of a coarse binary pattern";
+    let varies = "although the code of this set varies there";
+    let (verdict, sentence) = match expected {
+        Some(_) if may_be_a_stripe => (Verdict::Doubtful, format!("{image} {what}, {within}, {varies}")),
+        Some(_) => (Verdict::Bad, format!("{image} {what}, {varies}")),
+        None if may_be_a_stripe => (Verdict::Good, format!("{image} {what}, {within}")),
+        None => (Verdict::Doubtful, format!("{image} {what}, although the other patterns vary there")),
     };
+    let condition = if may_be_a_stripe { "if what is lit reaches over several stripes of this pattern, " } else { "" };
+    let remedy = format!("{condition}take the scene again, and check the trigger");
     Some(Finding::new(Code::PatternWithoutLight, verdict, sentence, remedy).with("image", image).with("level", level))
 }

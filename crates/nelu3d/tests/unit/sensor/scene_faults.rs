@@ -34,9 +34,25 @@ fn a_pattern_without_light_is_named() {
         let found = judge_codewords(&scene, Some(&good), &images);
         assert!(found.len() == 1 && found[0].code == Code::PatternWithoutLight, "{found:?}");
         assert!(found[0].sentence.contains("b.png") && found[0].sentence.contains(what), "{}", found[0]);
+        assert_eq!(found[0].verdict, Verdict::Bad);
         // Where the field has none either, nothing is wrong.
         assert!(judge_codewords(&scene, Some(&scene), &images).is_empty());
     }
+}
+
+#[test]
+fn a_scene_within_one_stripe_of_a_binary_code_is_doubtful() {
+    let bits = |one_stripe: bool| -> Vec<f32> {
+        let bit = |i: usize, j: usize| if (i >> j) & 1 == 0 && !(one_stripe && j == 4) { 0.02 } else { 0.98 };
+        (0..2000).flat_map(|i| (0..5).map(move |j| bit(i, j))).collect()
+    };
+    let names = ["4.png", "3.png", "2.png", "1.png", "0.png"].map(String::from);
+    let [field, scene] = [false, true].map(|one| CodewordStatistics::new(&bits(one), 5));
+    let found = judge_codewords(&scene, Some(&field), &names);
+    assert!(found.len() == 1 && found[0].code == Code::PatternWithoutLight, "{found:?}");
+    assert_eq!(found[0].verdict, Verdict::Doubtful);
+    assert!(found[0].sentence.contains("0.png") && found[0].sentence.contains("one stripe"), "{}", found[0]);
+    assert!(judge_codewords(&field, Some(&field), &names).is_empty());
 }
 
 #[test]
