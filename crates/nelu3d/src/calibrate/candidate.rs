@@ -103,7 +103,7 @@ impl Candidate {
         let FitContext { placed, opts, progress, .. } = *cx;
         let swept = enclose(placed, &mut frame, center);
         let cells = resolution(placed, &frame, center, cells_per_pixel);
-        let mut validity = empty_validity(placed, cells);
+        let mut validity = empty_validity(placed, cells, cells_per_pixel);
         let mut bins = empty_bins(placed, cells, center, opts.form);
         let mut support = Support::new(center, &validity);
         let in_turn = folds.len() > 1;
@@ -119,7 +119,7 @@ impl Candidate {
         // With so few that the held-out ones decide whether there are enough, they are looked at first.
         if usable < MIN_SAMPLES && !in_turn {
             let (mut bins, mut validity) =
-                (empty_bins(placed, cells, center, opts.form), empty_validity(placed, cells));
+                (empty_bins(placed, cells, center, opts.form), empty_validity(placed, cells, cells_per_pixel));
             let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
             usable += pass.gather(&folds[0], None, None)?;
         }
@@ -139,7 +139,7 @@ impl Candidate {
             let mut others = None;
             if in_turn {
                 bins.remove_all(&gathered(placed, &frame, fold, &bins, progress)?);
-                others = (center == Center::Light).then(|| Others::add_carried(&mut bins, &validity));
+                others = (center == Center::Light).then(|| Others::add_carried(&mut bins, &validity, cells_per_pixel));
             }
             let (fitted, at_pixels) = fit_form(cx, &bins, &frame, cells, (&smooth, schedule));
             pixels = at_pixels;
@@ -219,7 +219,7 @@ impl Candidate {
             Some(bins) => bins,
             None => {
                 let mut bins = empty_bins(placed, self.cells, self.center, opts.form);
-                let mut validity = empty_validity(placed, self.cells);
+                let mut validity = empty_validity(placed, self.cells, self.cells_per_pixel);
                 let all: Vec<usize> = (0..placed.n_positions()).collect();
                 let frame = &self.frame;
                 Pass { placed, frame, progress, bins: &mut bins, validity: &mut validity }.gather(&all, None, None)?;
@@ -229,7 +229,7 @@ impl Candidate {
         let empty = Form::Grid(Grid::new([1, 1, 1], 1));
         let mut form = std::mem::replace(&mut self.form, empty);
         if self.center == Center::Light
-            && let Some(carried) = carry(&bins, &self.validity, None)
+            && let Some(carried) = carry(&bins, &self.validity, None, self.cells_per_pixel)
         {
             drop(form);
             carried.light(&mut self.validity);
@@ -274,9 +274,9 @@ struct Others {
 impl Others {
     /// Carries samples of the other positions along the stripes and adds them to `bins`, which hold those positions
     /// alone. Only rays that are lit in `all`, the volume of all positions, are filled: no others are compared.
-    fn add_carried(bins: &mut Bins, all: &Validity) -> Self {
+    fn add_carried(bins: &mut Bins, all: &Validity, cells_per_pixel: usize) -> Self {
         let mut known = Columns::lit_in(bins, all);
-        let carried = carry(bins, &known, Some(all)).map(|carried| {
+        let carried = carry(bins, &known, Some(all), cells_per_pixel).map(|carried| {
             carried.light(&mut known);
             known.extend([0.0, 1.0]);
             bins.add_all(std::slice::from_ref(&carried.samples));
@@ -405,10 +405,12 @@ fn empty_bins(placed: &PlacedSweep<'_>, cells: [usize; 3], center: Center, form:
     Bins::new([cells[0], cells[1], (cells[2] * per_cell).max(4)], placed.sweep.k)
 }
 
-/// Ranges along the rays of tiles of the pixels that are read, and lit cells of the frame: two field cells wide.
-fn empty_validity(placed: &PlacedSweep<'_>, cells: [usize; 3]) -> Validity {
+/// Ranges along the rays of tiles of the pixels that are read, and lit cells of the frame: two pixels wide, however many
+/// cells the field has, as samples of a few boards lie a pixel apart.
+fn empty_validity(placed: &PlacedSweep<'_>, cells: [usize; 3], cells_per_pixel: usize) -> Validity {
     const TILE: usize = 8;
-    let lit = [(cells[0] / 2).max(1), (cells[1] / 2).max(1), CELLS_ALONG_VALIDITY];
+    let [a, b] = [cells[0], cells[1]].map(|n| (n / (2 * cells_per_pixel)).max(1));
+    let lit = [a, b, CELLS_ALONG_VALIDITY];
     let sensor = placed.sweep.sensor();
     Validity::new(sensor.width, sensor.height, TILE * placed.sweep.binning, lit)
 }

@@ -23,12 +23,18 @@ use crate::progress::Progress;
 pub const RATIO: f32 = 30.0;
 /// Strengths that are tried, at most: powers of [`RATIO`] below this one.
 pub const MAX_POWER: i32 = 6;
-/// What is tried in turn: more smoothness along all axes, across, along w, along b, and along a. Most codes are stripes,
+/// What is tried in turn: more smoothness along all axes, across, along b, along a, and along w. Most codes are stripes,
 /// along which they do not change.
-const LINES: [[i32; 3]; 5] = [[1, 1, 1], [1, 1, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0]];
+const LINES: [[i32; 3]; 5] = [[1, 1, 1], [1, 1, 0], [0, 1, 0], [1, 0, 0], [0, 0, 1]];
 /// Part by which the squared error has to fall for more smoothness. Noise is most of it, and what the field itself is off
 /// by counts where scenes are smooth.
 const WORTH: f64 = 1e-3;
+/// Part by which it may rise in a step for another one to be tried: along stripes, thirty times the strength may change
+/// nothing, and a thousand times a lot.
+const NEARLY: f64 = 0.05;
+/// Weight of a column's samples from which they are its codeword, whatever others have: a standard deviation of 0.1; and
+/// as a fraction of what a bright column has. Ink has less, and where only ink was, nothing is predicted.
+const BRIGHT: [f32; 2] = [100.0, 0.1];
 /// One of so many positions is set aside.
 const EVERY: usize = 4;
 /// Pixels that a strip is wide.
@@ -108,7 +114,7 @@ impl Aside {
             for strip in &self.strips {
                 let bins = bins.window(strip);
                 let fit = prepare(&bins, [strip[0].len(), strip[1].len(), along]);
-                parts.push(Part { strip, fit, known: columns_with_samples(&bins), aside: &fold.samples });
+                parts.push(Part { strip, fit, known: bright_columns(&bins), aside: &fold.samples });
             }
             bins.add_all(&fold.samples);
         }
@@ -128,7 +134,7 @@ impl Aside {
     }
 
     /// Weighted squared errors of a spline of a strip at the samples that were set aside, channel by channel: in the
-    /// columns of cells where others are known.
+    /// columns of cells that others have lit.
     fn squared_errors(&self, part: &Part<'_>, grid: &Grid) -> Vec<f64> {
         let [na, nb, _] = grid.cells;
         let of_position = |samples: &Gathered| {
@@ -153,7 +159,7 @@ impl Aside {
 struct Part<'a> {
     strip: &'a [Range<usize>; 2],
     fit: SplineFit,
-    /// Whether each column of bins has a sample.
+    /// Whether bright samples lie in each column of bins.
     known: Vec<bool>,
     /// The samples of the fold's positions.
     aside: &'a [Gathered],
@@ -165,7 +171,7 @@ fn place_in(strip: &[Range<usize>; 2], cells: [usize; 2], q: [f32; 3]) -> Option
     [a, b, q[2]].iter().all(|q| (0.0..1.0).contains(q)).then_some([a, b, q[2]])
 }
 
-/// The search for a channel's strengths: along each of `LINES` for as long as the error falls.
+/// The search for a channel's strengths: along each of `LINES` for as long as the error falls, or nearly so.
 #[derive(Clone, Debug, Default)]
 pub struct Search {
     /// Where the line begins: powers of [`RATIO`] along a, b and w.
@@ -209,12 +215,12 @@ impl Search {
         }
         self.errors.push(error);
         let n = self.errors.len();
-        let falls = n < 2 || error < (1.0 - WORTH) * self.errors[n - 2];
-        if falls && self.after(n).into_iter().all(|power| power < MAX_POWER) {
+        let best = (1..n).fold(0, |best, i| if self.errors[i] < (1.0 - WORTH) * self.errors[best] { i } else { best });
+        let goes_on = best + 1 == n || best + 2 == n && error < (1.0 + NEARLY) * self.errors[best];
+        if goes_on && self.after(n).into_iter().all(|power| power < MAX_POWER) {
             return;
         }
-        let best = if falls { n - 1 } else { n - 2 };
-        if !falls && best > 0 && self.errors[best] > 0.0 {
+        if best > 0 && best + 1 < n && self.errors[best] > 0.0 {
             let [before, here, after] = [best - 1, best, best + 1].map(|i| self.errors[i].max(f64::MIN_POSITIVE).ln());
             let bend = (before - here) + (after - here);
             let vertex = if bend > 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
@@ -232,12 +238,16 @@ impl Search {
     }
 }
 
-/// Which columns of bins have a sample.
-fn columns_with_samples(bins: &Bins) -> Vec<bool> {
+/// Which columns of bins have bright samples.
+fn bright_columns(bins: &Bins) -> Vec<bool> {
     let [na, nb, _] = bins.counts();
-    let mut known = vec![false; na * nb];
+    let mut weights = vec![0.0f32; na * nb];
     for b in 0..nb {
-        bins.for_each_in_row(b, |s| known[b * na + ((s.q[0] * na as f32) as usize).min(na - 1)] = true);
+        bins.for_each_in_row(b, |s| weights[b * na + ((s.q[0] * na as f32) as usize).min(na - 1)] += s.mean);
     }
-    known
+    let mut lit: Vec<f32> = weights.iter().copied().filter(|w| *w > 0.0).collect();
+    lit.sort_unstable_by(f32::total_cmp);
+    let [own, of_others] = BRIGHT;
+    let least = lit.get(lit.len() * 3 / 4).map_or(0.0, |bright| own.min(of_others * bright));
+    weights.iter().map(|w| *w > least).collect()
 }

@@ -6,7 +6,8 @@ use crate::color_field::validity::Validity;
 /// Weight of a ray's samples from which they are its codeword: a standard deviation of 0.1. Ink has less.
 const MIN_WEIGHT: f32 = 100.0;
 
-/// The bins of a field in the light's frame, averaged along the rays: one codeword per column of bins.
+/// The bins of a field in the light's frame, averaged along the rays: one codeword per column. Columns are a pixel wide,
+/// however many cells the field has: few boards leave most of finer ones empty.
 pub(in crate::calibrate) struct Columns {
     /// Columns along a and b.
     pub(super) n: [usize; 2],
@@ -18,7 +19,7 @@ pub(in crate::calibrate) struct Columns {
     pub(super) places: Vec<[f32; 3]>,
     /// Whether bright samples tell the codeword.
     pub(super) is_known: Vec<bool>,
-    /// Whether a bright sample lit it, in the validity volume.
+    /// Whether its codeword is known, or that of one beside it: samples lie a pixel apart.
     is_lit: Vec<bool>,
 }
 
@@ -38,9 +39,9 @@ impl Columns {
         lit
     }
 
-    /// Averages bins along the rays.
-    pub(super) fn new(bins: &Bins, validity: &Validity) -> Self {
-        let [na, nb, _] = bins.counts();
+    /// Averages bins along the rays, `cells_per_pixel` of which lie side by side in a column.
+    pub(super) fn new(bins: &Bins, validity: &Validity, cells_per_pixel: usize) -> Self {
+        let [na, nb] = [0, 1].map(|i| (bins.counts()[i] / cells_per_pixel).max(1));
         let k = bins.k();
         let mut columns = Self {
             n: [na, nb],
@@ -51,32 +52,34 @@ impl Columns {
             is_lit: vec![false; na * nb],
         };
         let [va, vb, vw] = validity.shape.cells;
-        let mut weights = vec![0.0f32; na];
-        let mut omegas = vec![0.0f32; na * k];
-        for b in 0..nb {
-            weights.fill(0.0);
-            omegas.fill(0.0);
-            bins.for_each_in_row(b, |s| {
-                let a = ((s.q[0] * na as f32) as usize).min(na - 1);
-                let i = b * na + a;
-                weights[a] += s.mean;
+        let (mut weights, mut omegas) = (vec![0.0f32; na * nb], vec![0.0f32; na * nb * k]);
+        for row in 0..bins.n_rows() {
+            bins.for_each_in_row(row, |s| {
+                let [a, b] = [(s.q[0] * na as f32) as usize, (s.q[1] * nb as f32) as usize];
+                let i = b.min(nb - 1) * na + a.min(na - 1);
+                weights[i] += s.mean;
                 let place = [s.q[0] * na as f32, s.q[1] * nb as f32, s.q[2]];
                 columns.places[i].iter_mut().zip(place).for_each(|(sum, x)| *sum += s.mean * x);
                 columns.values[i * k..][..k].iter_mut().zip(s.moments).for_each(|(sum, m)| *sum += m);
-                omegas[a * k..][..k].iter_mut().zip(s.omegas).for_each(|(sum, w)| *sum += w);
+                omegas[i * k..][..k].iter_mut().zip(s.omegas).for_each(|(sum, w)| *sum += w);
             });
-            for a in 0..na {
-                let i = b * na + a;
-                let cell = (b * vb / nb) * va + a * va / na;
-                columns.is_lit[i] = validity.lit[cell * vw..][..vw].contains(&1);
-                let of = &omegas[a * k..][..k];
-                columns.is_known[i] = columns.is_lit[i] && weights[a] > MIN_WEIGHT && of.iter().all(|w| *w > 0.0);
-                if columns.is_known[i] {
-                    columns.places[i] = columns.places[i].map(|x| x / weights[a]);
-                    columns.values[i * k..][..k].iter_mut().zip(of).for_each(|(v, w)| *v /= w);
-                } else {
-                    columns.values[i * k..][..k].fill(0.0);
-                }
+        }
+        for i in 0..na * nb {
+            let cell = (i / na * vb / nb) * va + i % na * va / na;
+            let is_lit = validity.lit[cell * vw..][..vw].contains(&1);
+            let of = &omegas[i * k..][..k];
+            columns.is_known[i] = is_lit && weights[i] > MIN_WEIGHT && of.iter().all(|w| *w > 0.0);
+            if columns.is_known[i] {
+                columns.places[i] = columns.places[i].map(|x| x / weights[i]);
+                columns.values[i * k..][..k].iter_mut().zip(of).for_each(|(v, w)| *v /= w);
+            } else {
+                columns.values[i * k..][..k].fill(0.0);
+            }
+        }
+        for i in (0..na * nb).filter(|i| columns.is_known[*i]) {
+            let [a, b] = [i % na, i / na];
+            for b in b.saturating_sub(1)..(b + 2).min(nb) {
+                columns.is_lit[b * na + a.saturating_sub(1)..b * na + (a + 2).min(na)].fill(true);
             }
         }
         columns

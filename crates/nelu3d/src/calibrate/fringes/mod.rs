@@ -74,9 +74,9 @@ pub struct CarriedReport {
 /// Carries samples of bins in the light's frame along the stripes, to the rays of light between them that no bright
 /// sample has lit in `validity`; `None` where the patterns have no stripes, where there is nothing to fill, or where
 /// carried samples are not good enough. Under a code along two axes, a ray whose stripe of one axis meets no board is
-/// known along the other. `within` restricts the rays to those that are lit there.
-pub fn carry(bins: &Bins, validity: &Validity, within: Option<&Validity>) -> Option<Carried> {
-    let columns = Columns::new(bins, validity);
+/// known along the other. `within` restricts the rays to those that are lit there. The bins have `cells_per_pixel` across.
+pub fn carry(bins: &Bins, validity: &Validity, within: Option<&Validity>, cells_per_pixel: usize) -> Option<Carried> {
+    let columns = Columns::new(bins, validity, cells_per_pixel);
     if (columns.n_between() as f64) < MIN_SHARE * columns.n_known() as f64 {
         return None;
     }

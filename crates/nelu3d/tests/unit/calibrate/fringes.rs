@@ -7,17 +7,23 @@ const N: [usize; 2] = [220, 160];
 /// Bins and validity of a board's white squares, of `square` columns, under a code.
 fn chessboard(square: usize, k: usize, code: impl Fn([f64; 2]) -> Vec<f32>) -> (Bins, Validity) {
     // Samples lie anywhere in their column.
-    chessboard_at(square, k, code, |i| [0.618_034, 0.754_878].map(|s| (i as f64 * s).fract()))
+    chessboard_at(square, k, code, anywhere, 1)
 }
 
-/// Bins and validity of a board's white squares, with the place of each column's sample in it.
+fn anywhere(i: usize) -> [f64; 2] {
+    [0.618_034, 0.754_878].map(|s| (i as f64 * s).fract())
+}
+
+/// Bins, `cells_per_pixel` a column, and validity of a board's white squares, with the place of each column's sample in
+/// it.
 fn chessboard_at(
     square: usize,
     k: usize,
     code: impl Fn([f64; 2]) -> Vec<f32>,
     place: impl Fn(usize) -> [f64; 2],
+    cells_per_pixel: usize,
 ) -> (Bins, Validity) {
-    let mut bins = Bins::new([N[0], N[1], 4], k);
+    let mut bins = Bins::new([N[0] * cells_per_pixel, N[1] * cells_per_pixel, 4], k);
     let mut validity = Validity::new(32, 32, 8, [N[0] / 2, N[1] / 2, 8]);
     for i in 0..N[0] * N[1] {
         let [a, b] = [i % N[0], i / N[0]];
@@ -44,12 +50,22 @@ fn phases([x, y]: [f64; 2]) -> Vec<f32> {
 
 #[test]
 fn black_squares_get_the_codewords_of_their_stripes() {
-    let (bins, validity) = chessboard(14, 4, phases);
-    let carried = carry(&bins, &validity, None).unwrap();
+    squares_get_the_codewords_of_their_stripes(1);
+}
+
+/// A field may have more cells than the samples of few boards fill: a column is a pixel wide all the same.
+#[test]
+fn so_they_do_where_most_cells_are_empty() {
+    squares_get_the_codewords_of_their_stripes(2);
+}
+
+fn squares_get_the_codewords_of_their_stripes(cells_per_pixel: usize) {
+    let (bins, validity) = chessboard_at(14, 4, phases, anywhere, cells_per_pixel);
+    let carried = carry(&bins, &validity, None, cells_per_pixel).unwrap();
     assert!(carried.report.rms < 0.05, "{:?}", carried.report);
     let squares = N[0] * N[1] / 2;
     assert!(carried.places.len() > 3 * squares, "{} samples, {squares} dark columns", carried.places.len());
-    let mut filled = Bins::new([N[0], N[1], 4], 4);
+    let mut filled = Bins::new([N[0] * cells_per_pixel, N[1] * cells_per_pixel, 4], 4);
     filled.add_all(&[carried.samples]);
     let (mut n, mut off) = (0, 0.0);
     filled.for_each_sample(|q, values, _| {
@@ -68,8 +84,8 @@ fn stripes_that_run_nearly_along_the_columns_are_followed_to_a_sample_on_them() 
         let wave = |period: f64| (0.5 + 0.45 * (std::f64::consts::TAU * (x + 0.04 * y) / period).cos()) as f32;
         vec![wave(12.0), wave(60.0)]
     };
-    let (bins, validity) = chessboard_at(30, 2, leaning, |_| [0.5; 2]);
-    let carried = carry(&bins, &validity, None).unwrap();
+    let (bins, validity) = chessboard_at(30, 2, leaning, |_| [0.5; 2], 1);
+    let carried = carry(&bins, &validity, None, 1).unwrap();
     assert!(carried.report.rms < 0.05, "{:?}", carried.report);
     let dark = N[0] * N[1] / 2;
     assert!(carried.places.len() > 3 * dark, "{} samples, {dark} dark columns", carried.places.len());
@@ -82,7 +98,7 @@ fn codes_without_stripes_are_left_alone() {
         vec![(cell.wrapping_mul(2_246_822_519) >> 31) as f32; 2]
     };
     let (bins, validity) = chessboard(14, 2, dots);
-    assert!(carry(&bins, &validity, None).is_none());
+    assert!(carry(&bins, &validity, None, 1).is_none());
 }
 
 #[test]
@@ -100,7 +116,7 @@ fn beside_a_board_the_stripes_that_cross_it_are_known() {
             }
         }
     });
-    let carried = carry(&left, &validity, None).unwrap();
+    let carried = carry(&left, &validity, None, 1).unwrap();
     assert!(carried.axes[0] == carried.axes[1] && carried.axes[2] == carried.axes[3]);
     assert_ne!(carried.axes[0], carried.axes[2]);
     let (along_x, along_y) = (carried.axes[2], carried.axes[0]);
@@ -123,11 +139,11 @@ fn beside_a_board_the_stripes_that_cross_it_are_known() {
     assert!((off / f64::from(n)).sqrt() < 0.08, "{}", (off / f64::from(n)).sqrt());
     // Only where it is asked for.
     let nowhere = Validity { lit: vec![0; validity.lit.len()], ..validity.clone() };
-    assert!(carry(&left, &validity, Some(&nowhere)).is_none());
+    assert!(carry(&left, &validity, Some(&nowhere), 1).is_none());
 }
 
 #[test]
 fn a_white_board_needs_nothing() {
     let (bins, validity) = chessboard(1000, 4, phases);
-    assert!(carry(&bins, &validity, None).is_none());
+    assert!(carry(&bins, &validity, None, 1).is_none());
 }

@@ -32,6 +32,32 @@ fn the_best_strength_lies_between_those_that_are_tried() {
     assert_eq!(found(&|_| 0.0), [1.0; 3]);
 }
 
+/// Three patterns of random stripes, three of their steps along the stripes (as measured on a random scanner): the second
+/// changes nothing, the third a lot. A step that makes it worse ends the line.
+#[test]
+fn a_step_that_changes_nothing_does_not_end_a_line() {
+    let along = |second: f64| {
+        let mut search = Search::default();
+        while !search.is_done() {
+            let [a, b, w] = search.next();
+            let others = if a < b || b > 1.0 || w > 1.0 { 2.0 } else { 1.0 };
+            search.take(
+                others
+                    * if a < 2.0 {
+                        17_430.0
+                    } else if a < 31.0 {
+                        second
+                    } else {
+                        15_000.0 + f64::from(a)
+                    },
+            );
+        }
+        search.best()[0]
+    };
+    assert!((100.0..3000.0).contains(&along(17_560.0)), "{}", along(17_560.0));
+    assert!(along(19_000.0) < 2.0, "{}", along(19_000.0));
+}
+
 /// The positions that are set aside together, fold by fold.
 fn positions_of(aside: &Aside) -> Vec<&[usize]> {
     aside.folds.iter().map(|fold| &fold.positions[..]).collect()
@@ -40,6 +66,12 @@ fn positions_of(aside: &Aside) -> Vec<&[usize]> {
 /// A sweep of eight positions over 96 × 96 cells whose samples' two values are `code` at unit coordinates along a and b,
 /// under noise; returns the strengths that are chosen for the two channels.
 fn chosen(code: impl Fn([f32; 2]) -> [f32; 2]) -> Vec<[f32; 3]> {
+    chosen_with(code, |_, _| 1.0)
+}
+
+/// The same where samples of a position are dim, at unit coordinates along a and b: their noise is one over `light` times
+/// what it is elsewhere.
+fn chosen_with(code: impl Fn([f32; 2]) -> [f32; 2], light: impl Fn(usize, [f32; 2]) -> f32) -> Vec<[f32; 3]> {
     let cells = [96, 96, 1];
     let mut bins = Bins::new([96, 96, 4], 2);
     let positions: Vec<usize> = (0..8).collect();
@@ -55,8 +87,9 @@ fn chosen(code: impl Fn([f32; 2]) -> [f32; 2]) -> Vec<[f32; 3]> {
         let mut samples = bins.gathered();
         for i in 0..96 * 96 {
             let at = [(i % 96) as f32 + unit(), (i / 96) as f32 + unit()].map(|v| v / 96.0);
-            let values = code(at).map(|v| v + 0.1 * (unit() + unit() + unit() - 1.5));
-            samples.push([at[0], at[1], (p as f32 + 0.5) / 8.0], &values, &[100.0, 100.0]);
+            let light = light(p, at);
+            let values = code(at).map(|v| v + 0.1 * (unit() + unit() + unit() - 1.5) / light);
+            samples.push([at[0], at[1], (p as f32 + 0.5) / 8.0], &values, &[100.0 * light.powi(2); 2]);
         }
         aside.keep(p, &samples);
         bins.add_all(&[samples]);
@@ -92,6 +125,20 @@ fn a_single_edge_beside_the_middle_is_not_blurred() {
         let chosen = chosen(|at| [edge(at[axis]), 0.0]);
         let [across, flat] = [chosen[0][axis], chosen[1][axis]];
         assert!(across <= 900.0 && flat >= 1e5, "axis {axis}: {chosen:?}");
+    }
+}
+
+/// Where only ink was but for what is set aside, the field runs away, and tells nothing of what is right elsewhere.
+#[test]
+fn rays_that_only_ink_has_met_do_not_decide() {
+    let wave = |at: f32| 0.5 + 0.5 * (std::f32::consts::TAU * at * 20.0).cos();
+    let is_ink =
+        |p: usize, [a, b]: [f32; 2]| p % 4 != 1 && (a * 96.0) as usize % 24 < 8 && (b * 96.0) as usize % 24 < 8;
+    let light = |p, at| if is_ink(p, at) { 0.02 } else { 1.0 };
+    let all = chosen(|[a, _]| [wave(a); 2]);
+    let with_ink = chosen_with(|[a, _]| [wave(a); 2], light);
+    for (all, ink) in all.iter().zip(&with_ink) {
+        assert!((ink[0] / all[0]).ln().abs() < 1.0, "{all:?}, with ink {ink:?}");
     }
 }
 
