@@ -14,6 +14,9 @@ pub struct LightFractionPrior {
 }
 
 impl LightFractionPrior {
+    /// What most scenes have.
+    pub(crate) const USUAL: Self = Self { sigma_ambient: 0.05, sigma_indirect: 0.2 };
+
     /// Returns one over the prior variances of the two fractions: ambient light (codeword 1) and interreflection (the
     /// codeword of the surroundings). With a black image of the scene there is no ambient light left.
     pub fn weights(&self, m: &Measurements) -> [f32; 2] {

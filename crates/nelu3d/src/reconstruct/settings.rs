@@ -46,7 +46,7 @@ impl FastSettings {
             cost_volume: CostVolumeSettings { max_hypotheses: opts.max_labels.max(16), p_jump: 0.01, p_step: 0.2 },
             propagation: PropagationSettings::default(),
             crosstalk: CrosstalkSettings::default(),
-            light_fractions: LightFractionPrior { sigma_ambient: 0.05, sigma_indirect: 0.2 },
+            light_fractions: LightFractionPrior::USUAL,
             refine: RefineSettings {
                 steps: opts.steps.unwrap_or(steps),
                 fine_steps: fine_steps.min(opts.steps.unwrap_or(steps)),

@@ -9,6 +9,7 @@ mod dark_level;
 mod intensities;
 mod measurements;
 mod noise;
+mod other_pattern;
 mod scene_faults;
 
 pub use blur::Blur;
@@ -18,6 +19,7 @@ pub use dark_level::{DarkEstimator, DarkLevel};
 pub use intensities::Intensities;
 pub use measurements::Measurements;
 pub use noise::{NoiseEstimator, NoiseModel, darkest_intensity, estimate_scene_noise, quantization_step};
+pub use other_pattern::{PatternStatistics, edges, judge_patterns};
 pub use scene_faults::{
     CodewordStatistics, SurfaceEvidence, judge_capture, judge_clipping, judge_codewords, judge_explained,
 };

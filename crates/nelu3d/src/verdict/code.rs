@@ -48,6 +48,8 @@ pub enum Code {
     Clipped,
     /// A pattern has no light where the code should vary, or is lit as white is.
     PatternWithoutLight,
+    /// One pattern of a scene does not fit the others.
+    PatternDisagrees,
     /// Light that no pattern modulates is not in the black image.
     AmbientNotInBlack,
     /// The surface's codewords do not fit the field as well as noise allows.
@@ -64,7 +66,7 @@ pub enum Code {
 
 impl Code {
     /// All codes.
-    pub const ALL: [Code; 27] = [
+    pub const ALL: [Code; 28] = [
         Code::CornersMisfit,
         Code::CameraIntrinsics,
         Code::CameraDistortion,
@@ -86,6 +88,7 @@ impl Code {
         Code::LossyCompression,
         Code::Clipped,
         Code::PatternWithoutLight,
+        Code::PatternDisagrees,
         Code::AmbientNotInBlack,
         Code::ResidualAboveNoise,
         Code::LittleExplained,

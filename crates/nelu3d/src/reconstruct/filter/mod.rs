@@ -20,6 +20,7 @@ mod settings;
 
 use crate::reconstruct::context::Context;
 use crate::reconstruct::error::Failure;
+use crate::reconstruct::judge::disagreeing;
 use crate::reconstruct::light_fractions::LightFractionPrior;
 use crate::reconstruct::maps::local_mean;
 use crate::reconstruct::refine::Refined;
@@ -155,8 +156,10 @@ pub(crate) fn nothing_left(scene: &Scene<'_>) -> Failure {
     let remedy = most.map(|(_, remedy)| remedy);
     // A note is no reason, and codewords alone do not tell a pattern that was dark from an object that had one of its
     // stripes, and lies elsewhere or is mirrored.
-    let findings = judge_codewords(&statistics, None, &scene.field.metadata.images);
-    let found = findings.iter().find(|found| found.verdict != Verdict::Good);
+    let images = &scene.field.metadata.images;
+    let findings = judge_codewords(&statistics, None, images);
+    let other = disagreeing(scene, |_| false);
+    let found = other.iter().chain(&findings).find(|found| found.verdict != Verdict::Good);
     let found = found.map(|found| format!("{}: {}", found.sentence, found.remedy));
     let told = match (found, remedy) {
         (Some(found), Some(remedy)) => format!("{found}, or {remedy}"),

@@ -1,3 +1,4 @@
+mod odd_pattern;
 mod response;
 
 use nelu3d::reconstruct::judge::{of_field, residual};
