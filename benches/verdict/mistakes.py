@@ -187,6 +187,8 @@ MISTAKES = [
     ("scene: patterns swapped", lambda rig: swap(scene(rig)), False),
     ("scene: one image missing its light",
      lambda rig: shutil.copy(scene(rig) / "black.png", scene(rig) / PATTERNS[1]), False),
+    ("scene: a pattern again in the place of the next",
+     lambda rig: shutil.copy(scene(rig) / PATTERNS[0], scene(rig) / PATTERNS[1]), False),
     ("scene: white × 1.2", lambda rig: white(scene(rig), 1.2), False),
     ("scene: object outside the volume", bumped("outside"), False),
     ("scene: ambient light not in black (+3 %)",

@@ -181,6 +181,13 @@ const MISTAKES: &[Mistake] = &[
         told: Told::Reconstruct(&["pattern-without-light"]),
     },
     Mistake {
+        name: "scene: a pattern again in the place of the next",
+        make: |rig| {
+            std::fs::copy(scene(rig).join(PATTERNS[0]), scene(rig).join(PATTERNS[1])).unwrap();
+        },
+        told: Told::Reconstruct(&["pattern-disagrees"]),
+    },
+    Mistake {
         name: "scene: white × 1.2",
         make: |rig| image(&scene(rig), "white.png", |v| v.iter_mut().for_each(|v| *v *= 1.2)),
         told: Told::Reconstruct(&["exposure-jump", "residual-above-noise", "little-explained"]),

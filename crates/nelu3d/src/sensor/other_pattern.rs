@@ -107,7 +107,7 @@ pub fn judge_patterns(
     images: &[String],
 ) -> Option<Finding> {
     let k = scene_edges.len();
-    if scene.n < MIN_PIXELS || field.n == 0 || images.is_empty() {
+    if scene.n < MIN_PIXELS || field.n == 0 || images.len() < 2 {
         return None;
     }
     let image = |j: usize| j * images.len() / k;

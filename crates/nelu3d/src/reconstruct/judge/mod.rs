@@ -1,6 +1,8 @@
 //! Whether to trust a reconstruction: its captures, and how well the field explains what was measured.
 
+mod along_rays;
 mod ends;
+mod missed_pattern;
 #[doc(hidden)]
 pub mod odd_pattern;
 #[doc(hidden)]
@@ -10,20 +12,13 @@ use nelu3d_scan::statistics::median;
 
 use super::scene::Scene;
 use crate::color_field::LightMotion;
-use crate::sensor::{
-    CodewordStatistics, Measurements, PatternStatistics, SurfaceEvidence, edges, judge_clipping, judge_codewords,
-    judge_explained, judge_patterns,
-};
-use crate::surface::PixelStatus;
+use crate::sensor::{CodewordStatistics, SurfaceEvidence, judge_clipping, judge_codewords, judge_explained};
 use crate::verdict::{Code, Finding, Judgment, Verdict};
-use odd_pattern::OddPattern;
+use along_rays::along_rays;
+pub(super) use missed_pattern::disagreeing;
 
 /// Most pixels that are compared with the field.
 const MAX_PIXELS: usize = 6000;
-/// Most pixels whose patterns are compared with each other.
-const MAX_OF_PATTERNS: usize = 1500;
-/// Depths along a ray at which the field is asked what codewords there may be.
-const DEPTHS: usize = 12;
 
 /// Judges a surface of `scene`: its depth (camera z, mm; NaN where there is none), and χ² per measurement where the
 /// recipe knows it. `unsupported` is the fraction of the surface that nothing but its own fit supports, where that is
@@ -43,24 +38,6 @@ pub(super) fn judge(scene: &Scene<'_>, depth: &[f32], chi2: Option<&[f32]>, unsu
     judgment.extend(of_field(&metadata.warnings));
     judgment.extend(of_corrected_field(&metadata.corrected));
     judgment
-}
-
-/// Whether an image shows another pattern than its own: by what is measured alone, or by what of the lit pixels without
-/// a depth is explained without it.
-pub(super) fn disagreeing(scene: &Scene<'_>, has_depth: impl Fn(usize) -> bool) -> Option<Finding> {
-    let (m, images) = (&scene.measurements, &scene.field.metadata.images);
-    let is_seen = |i: usize| {
-        let [near, far] = scene.rays.range[i];
-        near < far && !matches!(m.status[i], PixelStatus::Underexposed | PixelStatus::Saturated)
-    };
-    let seen: Vec<usize> = (0..m.n()).filter(|i| is_seen(*i)).collect();
-    let pixels: Vec<usize> = seen.iter().copied().step_by(seen.len().div_ceil(MAX_OF_PATTERNS).max(1)).collect();
-    let value = |j: usize| if m.inv_var[j] > 0.0 { m.p[j] } else { f32::NAN };
-    let measured: Vec<f32> = pixels.iter().flat_map(|i| (i * m.k..(i + 1) * m.k).map(value)).collect();
-    let of_scene = PatternStatistics::new(&measured, m.k);
-    let of_field = PatternStatistics::new(&along_rays(scene, &pixels), m.k);
-    judge_patterns((&of_scene, &edges_of_scene(m, is_seen)), (&of_field, &edges_of_field(scene)), images)
-        .or_else(|| OddPattern::of(scene, has_depth).and_then(|odd| odd.judge(images)))
 }
 
 /// Notes that a field was corrected.
@@ -100,75 +77,6 @@ fn expected(scene: &Scene<'_>, pixels: &[usize], depth: &[f32]) -> Option<Codewo
         along_rays(scene, &pixels.iter().copied().step_by(step).collect::<Vec<_>>())
     };
     (!codewords.is_empty()).then(|| CodewordStatistics::new(&codewords, scene.measurements.k))
-}
-
-/// Lines of an image and of a field along which edges are counted.
-const LINES: usize = 8;
-
-/// Mean number of edges of every channel along rows and along columns of an image, where they show much of what is seen.
-fn edges_of_scene(m: &Measurements, is_seen: impl Fn(usize) -> bool) -> Vec<[f64; 2]> {
-    let size = [m.width, m.height];
-    let mut means = vec![[0.0; 2]; m.k];
-    for way in 0..2 {
-        let pixel = |line: usize, at: usize| if way == 0 { line * m.width + at } else { at * m.width + line };
-        let seen = |line: &usize| (0..size[way]).filter(|at| is_seen(pixel(*line, *at))).count();
-        let mut lines: Vec<(usize, usize)> =
-            (0..size[1 - way]).map(|line| (seen(&line), line)).filter(|(seen, _)| *seen > 0).collect();
-        lines.sort_unstable_by(|a, b| b.cmp(a));
-        lines.truncate(lines.len().div_ceil(2));
-        let step = lines.len().div_ceil(LINES).max(1);
-        let chosen: Vec<usize> = lines.into_iter().step_by(step).map(|(_, line)| line).collect();
-        for line in &chosen {
-            let value = |i: usize| {
-                let is_seen = is_seen(i);
-                (i * m.k..(i + 1) * m.k).map(move |j| if is_seen && m.inv_var[j] > 0.0 { m.p[j] } else { f32::NAN })
-            };
-            let values: Vec<f32> = (0..size[way]).flat_map(|at| value(pixel(*line, at))).collect();
-            let counts = edges(&values, m.k);
-            means.iter_mut().zip(counts).for_each(|(mean, n)| mean[way] += f64::from(n) / chosen.len() as f64);
-        }
-    }
-    means
-}
-
-/// Mean number of edges of every channel of the field along its two axes across the light, where it is calibrated: on
-/// lines in the middle along the light.
-fn edges_of_field(scene: &Scene<'_>) -> Vec<[f64; 2]> {
-    let (k, valid) = (scene.measurements.k, &scene.field.validity);
-    let mut means = vec![[0.0; 2]; k];
-    let mut c = vec![0.0; k];
-    for (axis, line) in (0..2).flat_map(|axis| (0..LINES).map(move |line| (axis, line))) {
-        let beside = (line as f32 + 0.5) / LINES as f32;
-        let n = scene.grid.cells[axis];
-        let mut values = Vec::with_capacity(n * k);
-        for i in 0..n {
-            let at = (i as f32 + 0.5) / n as f32;
-            let q = if axis == 0 { [at, beside, 0.5] } else { [beside, at, 0.5] };
-            if valid.is_lit(q) {
-                scene.grid.eval(q, &mut c);
-            } else {
-                c.fill(f32::NAN);
-            }
-            values.extend_from_slice(&c);
-        }
-        means.iter_mut().zip(edges(&values, k)).for_each(|(mean, n)| mean[axis] += f64::from(n) / LINES as f64);
-    }
-    means
-}
-
-/// What codewords the field has along the rays of `pixels`, at any depth.
-fn along_rays(scene: &Scene<'_>, pixels: &[usize]) -> Vec<f32> {
-    let mut codewords = Vec::new();
-    let mut c = vec![0.0; scene.measurements.k];
-    for i in pixels {
-        let (ray, [near, far]) = (scene.rays.in_frame(*i), scene.rays.range[*i]);
-        for n in (0..DEPTHS).filter(|_| near < far) {
-            let t = near + (far - near) * (n as f32 + 0.5) / DEPTHS as f32;
-            scene.grid.eval(ray.at(f64::from(t)).q, &mut c);
-            codewords.extend_from_slice(&c);
-        }
-    }
-    codewords
 }
 
 /// Judges χ² per measurement over the surface: about 1 where field and noise are what they are taken for.
