@@ -19,8 +19,6 @@ pub(in crate::calibrate) struct Columns {
     pub(super) places: Vec<[f32; 3]>,
     /// Whether bright samples tell the codeword.
     pub(super) is_known: Vec<bool>,
-    /// Whether its codeword is known, or that of one beside it: samples lie a pixel apart.
-    is_lit: Vec<bool>,
 }
 
 impl Columns {
@@ -49,7 +47,6 @@ impl Columns {
             values: vec![0.0; na * nb * k],
             places: vec![[0.0; 3]; na * nb],
             is_known: vec![false; na * nb],
-            is_lit: vec![false; na * nb],
         };
         let [va, vb, vw] = validity.shape.cells;
         let (mut weights, mut omegas) = (vec![0.0f32; na * nb], vec![0.0f32; na * nb * k]);
@@ -76,12 +73,6 @@ impl Columns {
                 columns.values[i * k..][..k].fill(0.0);
             }
         }
-        for i in (0..na * nb).filter(|i| columns.is_known[*i]) {
-            let [a, b] = [i % na, i / na];
-            for b in b.saturating_sub(1)..(b + 2).min(nb) {
-                columns.is_lit[b * na + a.saturating_sub(1)..b * na + (a + 2).min(na)].fill(true);
-            }
-        }
         columns
     }
 
@@ -103,7 +94,7 @@ impl Columns {
         self.is_known.iter().filter(|k| **k).count()
     }
 
-    /// Returns the columns that nothing has lit; of these, the ones that are lit in `within`, if that is given.
+    /// Returns the columns that are not known; of these, the ones that are lit in `within`, if that is given.
     pub(super) fn dark(&self, within: Option<&Validity>) -> Vec<usize> {
         let is_within = |i: usize| {
             within.is_none_or(|v| {
@@ -113,16 +104,16 @@ impl Columns {
                 v.lit[cell * vw..][..vw].contains(&1)
             })
         };
-        (0..self.is_lit.len()).filter(|i| !self.is_lit[*i] && is_within(*i)).collect()
+        (0..self.is_known.len()).filter(|i| !self.is_known[*i] && is_within(*i)).collect()
     }
 
-    /// Returns the number of dark columns between lit ones of the same row.
+    /// Returns the number of columns that are not known between known ones of the same row.
     pub(super) fn n_between(&self) -> usize {
         let between = |row: &[bool]| {
             let first = row.iter().position(|l| *l)?;
             let last = row.iter().rposition(|l| *l)?;
             Some(row[first..=last].iter().filter(|l| !**l).count())
         };
-        self.is_lit.chunks_exact(self.n[0]).filter_map(between).sum()
+        self.is_known.chunks_exact(self.n[0]).filter_map(between).sum()
     }
 }
