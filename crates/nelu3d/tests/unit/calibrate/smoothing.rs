@@ -69,8 +69,8 @@ fn chosen(code: impl Fn([f32; 2]) -> [f32; 2]) -> Vec<[f32; 3]> {
     chosen_with(code, |_, _| 1.0)
 }
 
-/// The same where samples of a position are dim, at unit coordinates along a and b: their noise is one over `light` times
-/// what it is elsewhere.
+/// The strengths that are chosen for such a sweep's two channels where samples of a position are dim, at unit coordinates
+/// along a and b: their noise is one over `light` times what it is elsewhere.
 fn chosen_with(code: impl Fn([f32; 2]) -> [f32; 2], light: impl Fn(usize, [f32; 2]) -> f32) -> Vec<[f32; 3]> {
     let cells = [96, 96, 1];
     let mut bins = Bins::new([96, 96, 4], 2);

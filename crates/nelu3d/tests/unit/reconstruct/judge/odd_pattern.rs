@@ -1,6 +1,7 @@
 use nelu3d::reconstruct::judge::odd_pattern::OddPattern;
 
-/// Of 400 tried pixels, for 4,000 without a depth beside 10,000 with one.
+/// The odd pattern, and its share, where so many of 400 tried pixels are explained without each image; they stand for
+/// 4,000 pixels without a depth beside 10,000 with one.
 fn odd(explained: &[usize]) -> Option<(usize, f64)> {
     OddPattern { tried: 400, explained: explained.to_vec(), without_depth: 4000, with_depth: 10_000 }.image()
 }
