@@ -107,13 +107,22 @@ impl Columns {
         (0..self.is_known.len()).filter(|i| !self.is_known[*i] && is_within(*i)).collect()
     }
 
-    /// Returns the number of columns that are not known between known ones of the same row.
+    /// Returns the number of columns between known ones of the same row that are not known, and none beside them is:
+    /// samples lie a pixel apart, and where many boards were, one column or another is without any by chance.
     pub(super) fn n_between(&self) -> usize {
+        let [na, nb] = self.n;
+        let mut is_lit = vec![false; na * nb];
+        for i in (0..na * nb).filter(|i| self.is_known[*i]) {
+            let [a, b] = [i % na, i / na];
+            for b in b.saturating_sub(1)..(b + 2).min(nb) {
+                is_lit[b * na + a.saturating_sub(1)..b * na + (a + 2).min(na)].fill(true);
+            }
+        }
         let between = |row: &[bool]| {
             let first = row.iter().position(|l| *l)?;
             let last = row.iter().rposition(|l| *l)?;
             Some(row[first..=last].iter().filter(|l| !**l).count())
         };
-        self.is_known.chunks_exact(self.n[0]).filter_map(between).sum()
+        is_lit.chunks_exact(na).filter_map(between).sum()
     }
 }

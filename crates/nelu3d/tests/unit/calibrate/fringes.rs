@@ -147,3 +147,17 @@ fn a_white_board_needs_nothing() {
     let (bins, validity) = chessboard(1000, 4, phases);
     assert!(carry(&bins, &validity, None, 1).is_none());
 }
+
+/// Where many boards were, one column or another has no sample by chance: one in fifty here.
+#[test]
+fn single_columns_without_samples_need_nothing() {
+    let (bins, validity) = chessboard(1000, 4, phases);
+    let (mut with_holes, mut n) = (Bins::new([N[0], N[1], 4], 4), 0);
+    bins.for_each_sample(|q, values, weights| {
+        n += 1;
+        if n % 50 != 0 {
+            with_holes.add(q, values, weights);
+        }
+    });
+    assert!(carry(&with_holes, &validity, None, 1).is_none());
+}

@@ -32,8 +32,8 @@ fn the_best_strength_lies_between_those_that_are_tried() {
     assert_eq!(found(&|_| 0.0), [1.0; 3]);
 }
 
-/// Three patterns of random stripes, three of their steps along the stripes (as measured on a random scanner): the second
-/// changes nothing, the third a lot. A step that makes it worse ends the line.
+/// Steps along the stripes of a pattern: the first raises the error by 0.7 %, as on a scanner drawn at random, and the
+/// second lowers it. A first step that raises it by 9 % ends the line.
 #[test]
 fn a_step_that_changes_nothing_does_not_end_a_line() {
     let along = |second: f64| {
