@@ -5,12 +5,17 @@ pub(super) const MAX_COEFFS: usize = 48_000_000;
 /// Most coefficients of a field where the sensor's pixels are read in blocks: solving for them takes ten times their
 /// memory.
 pub(super) const MAX_COEFFS_OF_BLOCKS: usize = MAX_COEFFS / 2;
-/// Pixels that a sweep is read with, at least, where the sensor has more than a field can hold.
-const ENOUGH_PIXELS: usize = 4_000_000;
+/// Pixels that a sweep is read with, at least, where the sensor has more than a field can hold: more than the cells that
+/// are left then, of three channels.
+const ENOUGH_PIXELS: usize = 3_000_000;
 
 /// Returns the side of the blocks of pixels that are read as one: larger than 1 where the sensor has more pixels than a
 /// field of `k` channels has cells across at most, with one cell along, which has four coefficients.
 pub fn binning(n_pixels: usize, k: usize) -> usize {
     let side = |pixels: usize| (n_pixels as f64 / pixels as f64).sqrt() as usize;
-    side(ENOUGH_PIXELS).min(side(MAX_COEFFS / (4 * k.max(1)))).max(1)
+    let cells = |coeffs: usize| coeffs / (4 * k.max(1));
+    if side(cells(MAX_COEFFS)) < 2 {
+        return 1;
+    }
+    side(ENOUGH_PIXELS).min(side(cells(MAX_COEFFS_OF_BLOCKS))).max(1)
 }

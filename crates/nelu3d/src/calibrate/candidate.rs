@@ -234,11 +234,18 @@ impl Candidate {
             drop(form);
             carried.light(&mut self.validity);
             bins.add_all(&[carried.samples]);
+            drop(carried.places);
             self.carried = Some(carried.report);
             self.validity.extend(self.reached);
             find_ranges(placed, &self.frame, &mut self.validity);
             // From nothing: where carried samples lie there was nothing to go on from.
             let schedule = Schedule { steps: STEPS_ANEW, ..self.schedule };
+            if opts.form == FormKind::Grid {
+                let fit = SplineFit::new(&bins, self.cells, schedule);
+                // Of a large sensor they are a third of the memory.
+                drop(bins);
+                return Ok(Form::Grid(fit.fit_once(&self.smooth, progress)));
+            }
             return Ok(fit_form(cx, &bins, &self.frame, self.cells, (&self.smooth, schedule)).0);
         }
         match &mut form {

@@ -21,6 +21,7 @@ pub mod fringes;
 pub mod held_out;
 #[doc(hidden)]
 pub mod judge;
+mod kept_images;
 #[doc(hidden)]
 pub mod light;
 mod options;

@@ -2,7 +2,8 @@
 //!
 //! A few positions at most are in memory at a time. Later stages gather what they need of the images while these are
 //! read, in sums whose size depends on the volume and the image but not on the number of positions. So some images are
-//! read more than once, which costs less than holding them in memory.
+//! read more than once, which costs less than holding them in memory; of a large sensor, whose files take long to decode,
+//! blocks of pixels are held (see [`super::kept_images`]).
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -13,6 +14,7 @@ use rayon::prelude::*;
 
 use super::binning::binning;
 use super::error::CalibrationError;
+use super::kept_images::KeptImages;
 pub(super) use super::position::Position;
 use super::position::PositionBuilder;
 use crate::progress::Progress;
@@ -42,6 +44,8 @@ pub struct Sweep<'a> {
     pool: rayon::ThreadPool,
     /// Which patterns are mono images of a color camera, as the position that was read first has them, and its folder.
     mono: OnceLock<(Vec<bool>, PathBuf)>,
+    /// What a later reading need not decode again.
+    kept: KeptImages,
 }
 
 impl<'a> Sweep<'a> {
@@ -56,7 +60,8 @@ impl<'a> Sweep<'a> {
         let bytes = 4 * (full + binned * (4 * channels + k + (3 + 2 * k)));
         let at_once = (READ_BUDGET / bytes.max(1)).clamp(1, rayon::current_num_threads());
         let pool = rayon::ThreadPoolBuilder::new().num_threads(at_once).build().expect("a thread pool starts");
-        Self { rig, set, shots, k, channels, binning, min_contrast, noise: None, pool, mono: OnceLock::new() }
+        let kept = KeptImages::default();
+        Self { rig, set, shots, k, channels, binning, min_contrast, noise: None, pool, mono: OnceLock::new(), kept }
     }
 
     /// Returns how many images of a position, or bands of them, pass `gather` in [`Self::stream`]: of the patterns and
@@ -155,9 +160,10 @@ impl<'a> Sweep<'a> {
         mut take: impl FnMut(Vec<T>),
     ) -> Result<(), CalibrationError> {
         let mut done = 0;
-        // One thread gains nothing from a second position, which is as large as the images.
+        // One thread gains nothing from a second position, which is as large as the images; of a large sensor, what is
+        // made of one more than there are threads is a tenth of all memory.
         let threads = self.pool.current_num_threads();
-        for wave in which.chunks(if threads == 1 { 1 } else { 2 * threads }) {
+        for wave in which.chunks(if threads == 1 || self.binning > 1 { threads } else { 2 * threads }) {
             let one = |p: &usize| {
                 if progress.cancelled() {
                     return Err(CalibrationError::Cancelled);
@@ -200,9 +206,20 @@ impl<'a> Sweep<'a> {
     }
 
     /// Reads and normalizes a position of a large sensor in blocks of pixels, band by band: at 31 megapixels, a fifth of
-    /// the time went into memory for whole images. Bands of the sensor's pixels pass `gather`.
+    /// the time went into memory for whole images. Bands of the sensor's pixels pass `gather` when the files are decoded:
+    /// the first time.
     fn read_blocks(&self, p: usize, mut gather: impl FnMut(&Image) + Send) -> Result<Position, CalibrationError> {
-        let (mut reader, patterns) = (self.rig.reader(&self.shots[p]), &self.set.images);
+        let (shot, patterns, camera) = (&self.shots[p], &self.set.images, self.camera());
+        if let Some(mut images) = self.kept.give(&shot.name, [camera.width, camera.height, self.channels]) {
+            let mut next = || images.next().expect("a position has white and black");
+            let (white, black) = (next(), next());
+            let mut builder = PositionBuilder::new(&white, black, self.k, self.min_contrast, self.noise);
+            images.for_each(|pattern| builder.add(&pattern));
+            return Ok(builder.finish());
+        }
+        let mut reader = self.rig.reader(shot);
+        let mut keeping = self.kept.keeping(&shot.name, camera.n_pixels() * (self.k + 2 * self.channels));
+        let mut keep = |image: &Image| keeping.iter_mut().for_each(|keeping| keeping.add(image));
         let white = reader.read_codes(&self.rig.white, What::Flash)?;
         // The next image is decoded while one is used.
         let (white, black) =
@@ -212,25 +229,31 @@ impl<'a> Sweep<'a> {
             || self.blocks(&black, |_| {}),
             || patterns.first().map(|name| reader.read_codes(name, What::Pattern)),
         );
+        [&white, &black].into_iter().for_each(&mut keep);
         let mut builder = PositionBuilder::new(&white, black, self.k, self.min_contrast, self.noise);
         let (mut all, mut flash) = (Vec::with_capacity(patterns.len()), None);
         while let Some(codes) = next.take().transpose()? {
             let (name, following) = (&patterns[all.len()], patterns.get(all.len() + 1));
             let mono = codes.is_mono_among_colors();
             all.push(mono);
+            let mut add = |pattern: Image| {
+                keep(&pattern);
+                builder.add(&pattern);
+            };
             if mono {
                 // Colored by the flash, pixel by pixel.
                 if flash.is_none() {
                     flash = Some((reader.read(&self.rig.white)?, reader.read(&self.rig.black)?));
                 }
                 let (white, black) = flash.as_ref().expect("it was read");
-                builder.add(&reader.read_pattern(name, white, Some(black))?.0.binned(self.binning));
+                add(reader.read_pattern(name, white, Some(black))?.0.binned(self.binning));
             }
             // Channels that were made of a mono image do not have the sensor's noise.
-            let add = || (!mono).then(|| builder.add(&self.blocks(&codes, &mut gather)));
-            (_, next) = rayon::join(add, || following.map(|name| reader.read_codes(name, What::Pattern)));
+            let blocks = || (!mono).then(|| add(self.blocks(&codes, &mut gather)));
+            (_, next) = rayon::join(blocks, || following.map(|name| reader.read_codes(name, What::Pattern)));
         }
-        self.agree_on_mono(all, &self.shots[p])?;
+        self.agree_on_mono(all, shot)?;
+        keeping.into_iter().for_each(|keeping| keeping.finish());
         Ok(builder.finish())
     }
 
