@@ -30,11 +30,8 @@ const MIN_GAPS: usize = 4;
 const CELLS_ALONG_VALIDITY: usize = 32;
 /// Shortfall of the held-out PSNR against what the noise allows, beyond which a field is not good, dB.
 pub(super) const MAX_SHORTFALL_DB: f64 = 3.0;
-/// Steps of the final fit from the one without the held-out positions.
+/// Steps of the final fit from the one without the held-out positions, where there are many.
 const FINAL_STEPS: usize = 4;
-/// Steps of the final fit where much is new to it: the last position that was held out in turn, or samples that were
-/// carried along the stripes.
-const STEPS_ANEW: usize = 20;
 /// Usable samples without which there is nothing to fit.
 const MIN_SAMPLES: usize = 1000;
 
@@ -201,7 +198,7 @@ impl Candidate {
             is_limited: is_limited(placed, &frame, cells),
             schedule,
             smooth,
-            final_steps: if in_turn { STEPS_ANEW } else { FINAL_STEPS },
+            final_steps: if in_turn { schedule.steps_anew } else { FINAL_STEPS },
             reached,
             carried: None,
         })
@@ -239,7 +236,7 @@ impl Candidate {
             self.validity.extend(self.reached);
             find_ranges(placed, &self.frame, &mut self.validity);
             // From nothing: where carried samples lie there was nothing to go on from.
-            let schedule = Schedule { steps: STEPS_ANEW, ..self.schedule };
+            let schedule = self.schedule.anew();
             if opts.form == FormKind::Grid {
                 let fit = SplineFit::new(&bins, self.cells, schedule);
                 // Of a large sensor they are a third of the memory.

@@ -41,7 +41,7 @@ const EVERY: usize = 4;
 const WIDTH: usize = 32;
 
 /// The penalties of a frame at strength 1.
-pub(super) fn smoothness(center: Center, of_channels: Vec<[f32; 3]>) -> Smoothness {
+pub fn smoothness(center: Center, of_channels: Vec<[f32; 3]>) -> Smoothness {
     match center {
         Center::Light => Smoothness { across: 3e-4, along: 3e-3, slope_along: 3e-4, of_channels },
         Center::Camera => Smoothness { across: 3e-3, along: 1e-4, slope_along: 0.0, of_channels },

@@ -10,5 +10,6 @@ mod placed_sweep;
 mod position;
 mod shared_displacement;
 mod smoothing;
+mod spline_fit;
 mod sweep;
 mod views;
