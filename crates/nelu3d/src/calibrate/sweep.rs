@@ -3,7 +3,7 @@
 //! A few positions at most are in memory at a time. Later stages gather what they need of the images while these are
 //! read, in sums whose size depends on the volume and the image but not on the number of positions. So some images are
 //! read more than once, which costs less than holding them in memory; of a large sensor, whose files take long to decode,
-//! blocks of pixels are held (see [`super::kept_images`]).
+//! blocks of pixels are held, as far as there is room.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
