@@ -198,7 +198,7 @@ impl Candidate {
             is_limited: is_limited(placed, &frame, cells),
             schedule,
             smooth,
-            final_steps: if in_turn { schedule.steps_anew } else { FINAL_STEPS },
+            final_steps: if in_turn { schedule.anew(placed.sweep.binning).steps } else { FINAL_STEPS },
             reached,
             carried: None,
         })
@@ -236,7 +236,7 @@ impl Candidate {
             self.validity.extend(self.reached);
             find_ranges(placed, &self.frame, &mut self.validity);
             // From nothing: where carried samples lie there was nothing to go on from.
-            let schedule = self.schedule.anew();
+            let schedule = self.schedule.anew(placed.sweep.binning);
             if opts.form == FormKind::Grid {
                 let fit = SplineFit::new(&bins, self.cells, schedule);
                 // Of a large sensor they are a third of the memory.

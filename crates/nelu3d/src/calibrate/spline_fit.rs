@@ -12,16 +12,23 @@ pub struct Schedule {
     pub(super) coarse: &'static [(usize, usize)],
     /// Steps of the fit of all cells.
     pub(super) steps: usize,
-    /// The same of the final fit, where much is new to it.
-    pub(super) steps_anew: usize,
 }
+
+/// Steps of the final fit where much is new to it, and the same of fields of a large sensor, whose cells are several
+/// pixels wide: stripes are wide in these, and so many steps would take half of a calibration's time.
+///
+/// Where a code is smooth, or samples weigh little, as carried ones do, steps of all cells go a short way: after 20 of
+/// them the fine stripes of a Gray code were half as deep as the carried samples that they were fitted to, and of six
+/// phases under ten boards depths had 1.3 times the error that they have after 80.
+const STEPS_ANEW: usize = 80;
+const STEPS_ANEW_OF_BLOCKS: usize = 20;
 
 impl Schedule {
     /// The schedule of the final fit where much is new to it: the last position that was held out in turn, or samples
-    /// that were carried along the stripes.
+    /// that were carried along the stripes. `binning` is the side of the blocks of the sensor's pixels that were read.
     #[must_use]
-    pub fn anew(self) -> Self {
-        Self { steps: self.steps_anew, ..self }
+    pub fn anew(self, binning: usize) -> Self {
+        Self { steps: if binning > 1 { STEPS_ANEW_OF_BLOCKS } else { STEPS_ANEW }, ..self }
     }
 }
 
@@ -29,16 +36,12 @@ impl Schedule {
 /// it does is smooth: from a quarter of the cells alone, the field of a rig of another renderer was off by 0.01 at its
 /// nearest board; from here, by the noise. More fine steps follow the noise: 20 instead of 8 predict held-out positions
 /// of two rigs of other renderers worse, by 0.15 dB.
-pub const OF_MANY: Schedule = Schedule { coarse: &[(4, 10), (8, 20), (16, 60)], steps: 8, steps_anew: 20 };
+pub const OF_MANY: Schedule = Schedule { coarse: &[(4, 10), (8, 20), (16, 60)], steps: 8 };
 /// The schedule where few positions are held out in turn: much of the field rests on one or two boards there, and smooth
 /// codes are smoothed far. Steps of the coarse levels are cheap, and without them the coarsest is not solved: of three a
 /// la carte patterns under eight boards one was predicted 0.3 dB worse with 60 steps of it and 40 of the next. Under many
 /// boards and fine stripes, which coarse cells cannot hold, so many steps are worse by 1.5 dB.
-///
-/// Where a code is smooth, or samples weigh little, as carried ones do, steps of all cells go a short way: after 20 of
-/// them the fine stripes of a Gray code were half as deep as the carried samples that they were fitted to, and of six
-/// phases under five boards depths had 1.3 times the error that they have after 80.
-pub const OF_FEW: Schedule = Schedule { coarse: &[(4, 30), (8, 100), (16, 300)], steps: 10, steps_anew: 80 };
+pub const OF_FEW: Schedule = Schedule { coarse: &[(4, 30), (8, 100), (16, 300)], steps: 10 };
 
 /// A spline that is to be fitted to binned samples from nothing, ready for any smoothness.
 pub struct SplineFit {

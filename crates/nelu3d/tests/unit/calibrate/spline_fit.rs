@@ -32,7 +32,7 @@ fn fine_stripes_are_as_deep_where_samples_weigh_little() {
             sums.sum::<f64>() / (0..96).map(|i| f64::from(stripe(at(i)) - 0.5).powi(2)).sum::<f64>()
         })
     };
-    let (few, anew) = (depth(OF_FEW), depth(OF_FEW.anew()));
+    let (few, anew) = (depth(OF_FEW), depth(OF_FEW.anew(1)));
     assert!(anew.iter().all(|depth| (depth - 1.0).abs() < 0.06), "{anew:?}");
     // The steps that held-out positions are predicted with do not suffice.
     assert!(few[1] < 0.9, "{few:?}");
