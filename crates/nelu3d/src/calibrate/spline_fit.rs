@@ -19,7 +19,7 @@ pub struct Schedule {
 ///
 /// Where a code is smooth, or samples weigh little, as carried ones do, steps of all cells go a short way: after 20 of
 /// them the fine stripes of a Gray code were half as deep as the carried samples that they were fitted to, and of six
-/// phases under ten boards depths had 1.3 times the error that they have after 80.
+/// phases under ten boards depths had 1.2 times the error that they have after 80, under sixteen 1.3 times.
 const STEPS_ANEW: usize = 80;
 const STEPS_ANEW_OF_BLOCKS: usize = 20;
 
