@@ -31,7 +31,7 @@ const CELLS_ALONG_VALIDITY: usize = 32;
 /// Shortfall of the held-out PSNR against what the noise allows, beyond which a field is not good, dB.
 pub(super) const MAX_SHORTFALL_DB: f64 = 3.0;
 /// Steps of the final fit from the one without the held-out positions, where there are many.
-const FINAL_STEPS: usize = 4;
+const FINAL_STEPS: usize = 2;
 /// Usable samples without which there is nothing to fit.
 const MIN_SAMPLES: usize = 1000;
 

@@ -23,9 +23,10 @@ use crate::progress::Progress;
 pub const RATIO: f32 = 30.0;
 /// Strengths that are tried, at most: powers of [`RATIO`] below this one.
 pub const MAX_POWER: i32 = 6;
-/// What is tried in turn: more smoothness along all axes, across, along b, along a, and along w. Most codes are stripes,
-/// along which they do not change.
-const LINES: [[i32; 3]; 5] = [[1, 1, 1], [1, 1, 0], [0, 1, 0], [1, 0, 0], [0, 0, 1]];
+/// What is tried in turn: more smoothness along all axes, across, and less or more along each. Most codes are stripes,
+/// along which they do not change; one whose noise asks for much smoothness across may still be out of focus at one end.
+const LINES: [[i32; 3]; 8] =
+    [[1, 1, 1], [1, 1, 0], [0, 0, -1], [0, 0, 1], [0, 1, 0], [0, -1, 0], [1, 0, 0], [-1, 0, 0]];
 /// Part by which the squared error has to fall for more smoothness. Noise is most of it, and what the field itself is off
 /// by counts where scenes are smooth.
 const WORTH: f64 = 1e-3;
@@ -180,6 +181,8 @@ pub struct Search {
     line: usize,
     /// Errors at the line's start and after it.
     errors: Vec<f64>,
+    /// Lines that led to something better.
+    good: Vec<[i32; 3]>,
     /// By what the strengths differ from powers, in powers.
     between: [f32; 3],
 }
@@ -217,7 +220,7 @@ impl Search {
         let n = self.errors.len();
         let best = (1..n).fold(0, |best, i| if self.errors[i] < (1.0 - WORTH) * self.errors[best] { i } else { best });
         let goes_on = best + 1 == n || best + 2 == n && error < (1.0 + NEARLY) * self.errors[best];
-        if goes_on && self.after(n).into_iter().all(|power| power < MAX_POWER) {
+        if goes_on && self.is_tried(n) {
             return;
         }
         if best > 0 && best + 1 < n && self.errors[best] > 0.0 {
@@ -228,13 +231,22 @@ impl Search {
                 *between += vertex as f32 * line as f32;
             }
         }
+        if best > 0 {
+            self.good.push(LINES[self.line]);
+        }
         self.start = self.after(best);
         self.errors = vec![self.errors[best]];
         self.line += 1;
-        // At the end of the strengths nothing is left to try.
-        while !self.is_done() && self.after(1).into_iter().any(|power| power >= MAX_POWER) {
+        // At the end of the strengths nothing is left to try, nor back along a line that was good.
+        let came_along = |good: &[[i32; 3]], line: [i32; 3]| good.contains(&line.map(|step| -step));
+        while !self.is_done() && (!self.is_tried(1) || came_along(&self.good, LINES[self.line])) {
             self.line += 1;
         }
+    }
+
+    /// Returns whether strengths are tried after so many steps of the line.
+    fn is_tried(&self, steps: usize) -> bool {
+        self.after(steps).into_iter().all(|power| (0..MAX_POWER).contains(&power))
     }
 }
 

@@ -14,11 +14,13 @@ const BLOCK: usize = 16;
 pub struct Penalty {
     nodes: [usize; 3],
     k: usize,
-    /// Along a and b, per index: coefficients of the neighbors −2 … 2, multiplied by the weight across.
-    across: [Vec<[f32; 5]>; 2],
+    /// Along a and b, per index: coefficients of the second differences about the neighbors −1 … 1, multiplied by the
+    /// weight across.
+    across: [Vec<[f32; 3]>; 2],
     /// λ along a and b of every value of a block of columns.
     lambda: [Vec<f32>; 2],
-    /// Coefficients of the neighbors −2 … 2 along w, of every value of a block of columns, λ included.
+    /// Coefficients of the neighbors −2 … 2 along w less the value itself, of every value of a block of columns, λ
+    /// included.
     along: [Vec<f32>; 5],
 }
 
@@ -36,6 +38,13 @@ fn stencil(n: usize, strength: f32) -> Vec<[f32; 5]> {
     rows
 }
 
+/// Returns, per node of a chain of `n`, what DᵀD takes of the second differences about the node before, the node and
+/// the one after it, where D has a row per inner node.
+fn second_differences(n: usize, strength: f32) -> Vec<[f32; 3]> {
+    let of = |mid: usize, c: f32| if (1..n.saturating_sub(1)).contains(&mid) { c * strength } else { 0.0 };
+    (0..n).map(|i| [if i > 0 { of(i - 1, 1.0) } else { 0.0 }, of(i, -2.0), of(i + 1, 1.0)]).collect()
+}
+
 /// Adds rows of DᵀD of first differences.
 fn add_slopes(rows: &mut [[f32; 5]], strength: f32) {
     for i in 1..rows.len() {
@@ -50,7 +59,7 @@ impl Penalty {
     /// Prepares the penalty of a grid, with `lambda` per channel beside the factors of the smoothness.
     pub fn new(grid: &Grid, smooth: &Smoothness, lambda: &[f32]) -> Self {
         let nodes @ [na, nb, nw] = grid.nodes();
-        let across = [na, nb].map(|n| stencil(n, smooth.across));
+        let across = [na, nb].map(|n| second_differences(n, smooth.across));
         let mut rows = stencil(nw, smooth.along);
         add_slopes(&mut rows, smooth.slope_along);
         let of_axis = |axis: usize| smooth.of_channels.iter().zip(lambda).map(move |(f, lambda)| lambda * f[axis]);
@@ -90,12 +99,12 @@ impl Penalty {
     #[inline(always)]
     fn add_along(&self, x: &[f32], y: &mut [f32]) {
         let k = self.k;
-        for (o, coeffs) in self.along.iter().enumerate() {
+        for (o, coeffs) in self.along.iter().enumerate().filter(|(o, _)| *o != 2) {
             // Neighbors of another column have a coefficient of 0.
             let (to, from) = ((2 * k).saturating_sub(o * k), (o * k).saturating_sub(2 * k));
-            let n = x.len().saturating_sub(to.max(from));
-            let (y, x) = (&mut y[to.min(x.len())..][..n], &x[from.min(x.len())..][..n]);
-            y.iter_mut().zip(x).zip(&coeffs[to..]).for_each(|((y, x), c)| *y += c * x);
+            let Some(n) = x.len().checked_sub(to.max(from)) else { continue };
+            let (y, own, x) = (&mut y[to..][..n], &x[to..][..n], &x[from..][..n]);
+            y.iter_mut().zip(x.iter().zip(own)).zip(&coeffs[to..]).for_each(|((y, (x, own)), c)| *y += c * (x - own));
         }
     }
 }
@@ -136,22 +145,31 @@ impl WithSimd for Row<'_> {
     }
 }
 
-/// Writes the sum of five slices with coefficients `c`, times `lambda`.
+/// Writes the sum of the second differences of five slices with coefficients `c`, times `lambda`.
 #[inline(always)]
-fn weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 5], lambda: &[f32]) {
+fn weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 3], lambda: &[f32]) {
     for ((((y, l), (x0, x1)), x2), (x3, x4)) in
         y.iter_mut().zip(lambda).zip(x0.iter().zip(x1)).zip(x2).zip(x3.iter().zip(x4))
     {
-        *y = l * (c[0] * x0 + c[1] * x1 + c[2] * x2 + c[3] * x3 + c[4] * x4);
+        *y = l * of_differences([x0, x1, x2, x3, x4], c);
     }
 }
 
-/// Adds the sum of five slices with coefficients `c`, times `lambda`.
+/// Adds the sum of the second differences of five slices with coefficients `c`, times `lambda`.
 #[inline(always)]
-fn add_weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 5], lambda: &[f32]) {
+fn add_weighed_sum(y: &mut [f32], [x0, x1, x2, x3, x4]: [&[f32]; 5], c: &[f32; 3], lambda: &[f32]) {
     for ((((y, l), (x0, x1)), x2), (x3, x4)) in
         y.iter_mut().zip(lambda).zip(x0.iter().zip(x1)).zip(x2).zip(x3.iter().zip(x4))
     {
-        *y += l * (c[0] * x0 + c[1] * x1 + c[2] * x2 + c[3] * x3 + c[4] * x4);
+        *y += l * of_differences([x0, x1, x2, x3, x4], c);
     }
+}
+
+/// Returns the sum of second differences with coefficients `c`. Differences first: where a penalty is thousands of
+/// times what samples weigh, values of neighbors are nearly the same, and products of them with coefficients that
+/// cancel would leave rounding that is larger than what samples weigh, along which conjugate gradients diverge.
+#[inline(always)]
+fn of_differences([x0, x1, x2, x3, x4]: [&f32; 5], c: &[f32; 3]) -> f32 {
+    let [e0, e1, e2, e3] = [x1 - x0, x2 - x1, x3 - x2, x4 - x3];
+    c[0] * (e1 - e0) + c[1] * (e2 - e1) + c[2] * (e3 - e2)
 }

@@ -27,6 +27,9 @@ fn the_best_strength_lies_between_those_that_are_tried() {
     let [a, b, w] = found(&|[a, b, w]| 7.0 * (off(a, 900.0) + off(b, 3e5) + off(w, 900.0)).exp());
     let near = |found: f32, best: f32| (found / best).ln().abs() < f32::ln(RATIO);
     assert!(near(a, 900.0) && near(b, 3e5) && near(w, 900.0) && a < b && w < b, "{a} {b} {w}");
+    // Noise that asks for smoothness along all axes does not keep that along w, where the code is out of focus.
+    let [a, b, w] = found(&|[a, b, w]| 7.0 * (off(a, 3e4) + off(b, 8e5) + 0.5 * off(w, 30.0)).exp());
+    assert!(near(a, 3e4) && near(b, 8e5) && near(w, 30.0), "{a} {b} {w}");
     assert_eq!(found(&|f| f.iter().product()), [1.0; 3]);
     assert_eq!(found(&|f| 1.0 / f.iter().product::<f64>()), [RATIO.powi(MAX_POWER - 1); 3]);
     assert_eq!(found(&|_| 0.0), [1.0; 3]);

@@ -1,3 +1,4 @@
+mod lines;
 mod penalty;
 
 use nelu3d::color_field::bins::Bins;
