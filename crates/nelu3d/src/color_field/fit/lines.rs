@@ -26,9 +26,9 @@ pub struct Lines {
     column: usize,
     /// Of every value of a column: 1 where its lines run along b, 0 where along a.
     along_b: Vec<f32>,
-    /// L, `[b][a][mode][channel]`: what a value takes of the one before it on its line, and of the one before that.
-    before: [Vec<f32>; 2],
-    /// One over D.
+    /// The penalty along the line of every value of a column.
+    strengths: Vec<f32>,
+    /// One over D, `[b][a][mode][channel]`. L follows from it and the penalty.
     inverse: Vec<f32>,
 }
 
@@ -58,31 +58,23 @@ impl Lines {
             d.chunks_mut(column).for_each(|d| d.iter_mut().zip(&others).for_each(|(d, other)| *d += other));
         });
 
-        let mut before = [vec![0.0; diag.len()], vec![0.0; diag.len()]];
-        let [first, second] = &mut before;
         let of_axis = |axis: f32| -> Vec<f32> {
             strengths.iter().zip(&along_b).map(|(s, b)| if *b == axis { *s } else { 0.0 }).collect()
         };
         if along_b.contains(&0.0) {
             let strengths = of_axis(0.0);
-            diag.par_chunks_mut(row).zip(first.par_chunks_mut(row)).zip(second.par_chunks_mut(row)).for_each(
-                |((d, first), second)| {
-                    let [d, first, second] = [d, first, second].map(|row| row.chunks_mut(column).collect::<Vec<_>>());
-                    Arch::new().dispatch(Factor { d, first, second, strengths: &strengths });
-                },
-            );
+            diag.par_chunks_mut(row).for_each(|d| {
+                let d = d.chunks_mut(column).collect();
+                Arch::new().dispatch(Factor { d, strengths: &strengths });
+            });
         }
         if along_b.contains(&1.0) {
             let strengths = of_axis(1.0).repeat(na);
-            let blocks = in_blocks(&mut diag, row).into_par_iter().zip(in_blocks(first, row));
-            blocks.zip(in_blocks(second, row)).zip(strengths.par_chunks(WIDTH)).for_each(
-                |(((d, first), second), strengths)| {
-                    Arch::new().dispatch(Factor { d, first, second, strengths });
-                },
-            );
+            let blocks = in_blocks(&mut diag, row).into_par_iter().zip(strengths.par_chunks(WIDTH));
+            blocks.for_each(|(d, strengths)| Arch::new().dispatch(Factor { d, strengths }));
         }
         diag.par_iter_mut().for_each(|d| *d = 1.0 / *d);
-        Self { modes, row, column, along_b, before, inverse: diag }
+        Self { modes, row, column, along_b, strengths, inverse: diag }
     }
 
     /// Writes M⁻¹ r to `z`, with M the matrices.
@@ -93,17 +85,20 @@ impl Lines {
             arch.dispatch(Turn { modes: &self.modes, x, y: modes, is_back: false });
         });
         if self.along_b.contains(&1.0) {
-            in_blocks(z, row).into_par_iter().enumerate().for_each(|(block, z)| {
+            in_blocks(z, row).into_par_iter().enumerate().for_each_init(Vec::new, |first, (block, z)| {
                 let from = block * WIDTH;
-                let mask = (from..from + z[0].len()).map(|i| self.along_b[i % column]).collect();
-                arch.dispatch(Solve { lines: self, from, stride: row, mask, z });
+                let of = |f: &dyn Fn(usize) -> f32| (from..from + z[0].len()).map(|i| f(i % column)).collect();
+                let (mask, strengths) = (of(&|i| self.along_b[i]), of(&|i| self.along_b[i] * self.strengths[i]));
+                arch.dispatch(Solve { inverse: &self.inverse[from..], stride: row, mask, strengths, z, first });
             });
         }
         let mask: Vec<f32> = self.along_b.iter().map(|b| 1.0 - b).collect();
-        z.par_chunks_mut(row).enumerate().for_each_init(Vec::new, |modes, (b, z)| {
+        let strengths: Vec<f32> = mask.iter().zip(&self.strengths).map(|(m, s)| m * s).collect();
+        let rows = z.par_chunks_mut(row).zip(self.inverse.par_chunks(row));
+        rows.for_each_init(Default::default, |(first, modes): &mut (Vec<f32>, Vec<f32>), (z, inverse)| {
             if mask.contains(&1.0) {
-                let columns = z.chunks_mut(column).collect();
-                arch.dispatch(Solve { lines: self, from: b * row, stride: column, mask: mask.clone(), z: columns });
+                let (mask, strengths, z) = (mask.clone(), strengths.clone(), z.chunks_mut(column).collect());
+                arch.dispatch(Solve { inverse, stride: column, mask, strengths, z, first });
             }
             modes.clear();
             modes.extend_from_slice(z);
@@ -160,12 +155,10 @@ fn second_differences(i: usize, n: usize) -> [f32; 3] {
     [own, if i > 0 { -2.0 * (before + inner(i)) } else { 0.0 }, if i > 1 { before } else { 0.0 }]
 }
 
-/// The factors of lines side by side, node after node.
+/// D of lines side by side, node after node.
 struct Factor<'a> {
     /// The matrix's diagonal without the penalty along the lines, `[node][value]`; becomes D.
     d: Vec<&'a mut [f32]>,
-    first: Vec<&'a mut [f32]>,
-    second: Vec<&'a mut [f32]>,
     /// The penalty's strength, value by value; 0 for what has no line here, and stays.
     strengths: &'a [f32],
 }
@@ -175,31 +168,27 @@ impl WithSimd for Factor<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { mut d, mut first, mut second, strengths } = self;
+        let Self { mut d, strengths } = self;
         let n = d.len();
         // The recursion goes in double precision: its errors grow along a line as those of what it solves do.
         let mut before = vec![Before { d: [1.0; 2], first: 0.0 }; strengths.len()];
-        for i in 0..n {
+        for (i, d) in d.iter_mut().enumerate() {
             let [own, one, two] = second_differences(i, n).map(f64::from);
-            let values = d[i].iter_mut().zip(first[i].iter_mut()).zip(second[i].iter_mut());
-            for ((((d, first), second), before), s) in values.zip(&mut before).zip(strengths) {
-                let (Before { d: [d1, d2], first: last }, s) = (*before, f64::from(*s));
-                let l2 = s * two / d2;
-                let l1 = (s * one - l2 * d2 * last) / d1;
+            for ((d, before), s) in d.iter_mut().zip(&mut before).zip(strengths) {
+                let (Before { d: [d1, d2], first }, s) = (*before, f64::from(*s));
+                let second = s * two / d2;
+                let first = s * (one - two * first) / d1;
                 // Without rounding D is never less than what the penalty is added to.
-                let with = (f64::from(*d) + s * own - l1 * l1 * d1 - l2 * l2 * d2).max(f64::from(*d));
-                *before = Before { d: [with, d1], first: l1 };
-                let has_line = s > 0.0;
-                *d = if has_line { with as f32 } else { *d };
-                *first = if has_line { l1 as f32 } else { *first };
-                *second = if has_line { l2 as f32 } else { *second };
+                let with = (f64::from(*d) + s * own - first * first * d1 - second * second * d2).max(f64::from(*d));
+                *before = Before { d: [with, d1], first };
+                *d = if s > 0.0 { with as f32 } else { *d };
             }
         }
     }
 }
 
-/// What the factors of a value follow from: D of the one before it on its line and of the one before that, and what the
-/// former takes of the latter.
+/// What D of a value follows from: that of the one before it on its line and of the one before that, and what the former
+/// takes of the latter.
 #[derive(Clone, Copy)]
 struct Before {
     d: [f64; 2],
@@ -208,14 +197,18 @@ struct Before {
 
 /// The solution of lines side by side.
 struct Solve<'a> {
-    lines: &'a Lines,
-    /// Where the lines' first values begin in the lattice, and how far the next ones are.
-    from: usize,
+    /// One over D, of the lines' first values and on.
+    inverse: &'a [f32],
+    /// How far the lines' next values are.
     stride: usize,
-    /// Of every value, 1 if it has a line here; others stay.
+    /// Of every value, 1 if it has a line here, else 0: it stays.
     mask: Vec<f32>,
+    /// The penalty along it, 0 where it has no line here.
+    strengths: Vec<f32>,
     /// The right side, `[node][value]`; becomes the solution.
     z: Vec<&'a mut [f32]>,
+    /// Where to keep what values take of the ones before them.
+    first: &'a mut Vec<f32>,
 }
 
 impl WithSimd for Solve<'_> {
@@ -223,45 +216,45 @@ impl WithSimd for Solve<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { lines, from, stride, mask, mut z } = self;
-        let [first, second] = &lines.before;
-        let n = z.len();
+        let Self { inverse, stride, mask, strengths, mut z, first } = self;
+        let (n, width) = (z.len(), mask.len());
+        let strengths = &strengths[..width];
+        let inverse = |i: usize| part(inverse, i * stride, width);
+        first.clear();
+        first.resize(n * width, 0.0);
         for i in 1..n {
-            let at = from + i * stride;
-            let (done, z) = z.split_at_mut(i);
-            match done {
-                [.., two, one] => take(z[0], &mask, |z, _| z, [(one, &first[at..]), (two, &second[at..])]),
-                [.., one] => take(z[0], &mask, |z, _| z, [(one, &first[at..])]),
-                [] => {}
+            let [_, one, two] = second_differences(i, n);
+            let ((done, z), (l_done, l)) = (z.split_at_mut(i), first.split_at_mut(i * width));
+            let (z, z1) = (&mut z[0][..width], &done[i - 1][..width]);
+            let (l, l1) = (&mut l[..width], &l_done[(i - 1) * width..][..width]);
+            let inverse1 = inverse(i - 1);
+            for j in 0..width {
+                l[j] = strengths[j] * (one - two * l1[j]) * inverse1[j];
+                z[j] -= l[j] * z1[j];
+            }
+            if let Some(i2) = i.checked_sub(2) {
+                let (z2, inverse2) = (&done[i2][..width], inverse(i2));
+                (0..width).for_each(|j| z[j] -= strengths[j] * inverse2[j] * z2[j]);
             }
         }
         for i in (0..n).rev() {
-            let at = from + i * stride;
             let (z, after) = z[i..].split_first_mut().expect("there is the value itself");
-            let inverse = &lines.inverse[at..][..z.len()];
-            let own = |z: f32, i: usize| z * (1.0 + mask[i] * (inverse[i] - 1.0));
-            let (one, two) = (at + stride, at + 2 * stride);
-            match after {
-                [] => take(z, &mask, own, []),
-                [next] => take(z, &mask, own, [(next, &first[one..])]),
-                [next, last, ..] => take(z, &mask, own, [(next, &first[one..]), (last, &second[two..])]),
+            let (z, inverse) = (&mut z[..width], inverse(i));
+            (0..width).for_each(|j| z[j] *= 1.0 + mask[j] * (inverse[j] - 1.0));
+            if let [z1, ..] = after {
+                let (z1, l) = (&z1[..width], part(first, (i + 1) * width, width));
+                (0..width).for_each(|j| z[j] -= l[j] * z1[j]);
+            }
+            if let [_, z2, ..] = after {
+                let z2 = &z2[..width];
+                (0..width).for_each(|j| z[j] -= strengths[j] * inverse[j] * z2[j]);
             }
         }
     }
 }
 
-/// Writes to `z` what `own` makes of value and index, less products of others' values and factors where `mask` is 1.
+/// Returns so many values from `at` on.
 #[inline(always)]
-fn take<const N: usize>(
-    z: &mut [f32],
-    mask: &[f32],
-    own: impl Fn(f32, usize) -> f32,
-    others: [(&&mut [f32], &[f32]); N],
-) {
-    let n = z.len();
-    let (mask, others) = (&mask[..n], others.map(|(x, l)| (&x[..n], &l[..n])));
-    for i in 0..n {
-        let sum: f32 = others.iter().map(|(x, l)| x[i] * l[i]).sum();
-        z[i] = own(z[i], i) - mask[i] * sum;
-    }
+fn part(values: &[f32], at: usize, width: usize) -> &[f32] {
+    &values[at..][..width]
 }
