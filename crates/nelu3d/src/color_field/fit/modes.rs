@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::smoothness::Smoothness;
 
-/// Columns that are worked on together, so that what is short becomes long.
+/// Columns that are worked on together: a column alone is shorter than some of the processor's vectors.
 const BLOCK: usize = 16;
 
 /// Weight of a node along w, as a part of the most, below which it counts as so much.
@@ -22,7 +22,7 @@ pub(super) struct Modes {
     k: usize,
     /// The penalty along w, mode by mode, λ and the channel's factor not included.
     pub(super) along: Vec<f32>,
-    /// The square of each mode: what a penalty of 1 on every coefficient is.
+    /// The squared norm of each mode: what a penalty of 1 on every coefficient is for it.
     pub(super) squares: Vec<f32>,
     /// Qᵀ, Q, and the squares of Qᵀ.
     to: Matrix,
@@ -58,7 +58,8 @@ impl Modes {
         }
     }
 
-    /// Turns the diagonal of what has nothing beside it in coefficients into that in modes.
+    /// Turns the diagonal of a matrix of coefficients, `[column][w][channel]`, into that of modes; what the matrix has
+    /// beside its diagonal does not count.
     pub(super) fn diagonal(&self, diag: &mut [f32]) {
         let of_coefficients = diag.to_vec();
         self.squared.apply(&of_coefficients, diag, self.column, self.k);
