@@ -10,7 +10,7 @@ use super::predictor::Predictor;
 use super::resolution::{is_limited, resolution, spline_cells};
 use super::shared_displacement::GrossSquares;
 use super::smoothing::{Aside, smoothness};
-use super::spline_fit::{OF_FEW, OF_MANY, Schedule, SplineFit};
+use super::spline_fit::{Schedule, SplineFit};
 use super::support::Support;
 use crate::color_field::bins::{Bins, Gathered};
 use crate::color_field::fit::{LeastSquares, Smoothness};
@@ -30,8 +30,6 @@ const MIN_GAPS: usize = 4;
 const CELLS_ALONG_VALIDITY: usize = 32;
 /// Shortfall of the held-out PSNR against what the noise allows, beyond which a field is not good, dB.
 pub(super) const MAX_SHORTFALL_DB: f64 = 3.0;
-/// Steps of the final fit from the one without the held-out positions, where there are many.
-const FINAL_STEPS: usize = 2;
 /// Usable samples without which there is nothing to fit.
 const MIN_SAMPLES: usize = 1000;
 
@@ -104,7 +102,7 @@ impl Candidate {
         let mut bins = empty_bins(placed, cells, center, opts.form);
         let mut support = Support::new(center, &validity);
         let in_turn = folds.len() > 1;
-        let schedule = if in_turn { OF_FEW } else { OF_MANY };
+        let schedule = Schedule::of(center, in_turn);
         let first: Vec<usize> = (0..placed.n_positions()).filter(|p| in_turn || !folds[0].contains(p)).collect();
         let mut pass = Pass { placed, frame: &frame, progress, bins: &mut bins, validity: &mut validity };
         let mut aside = (opts.form == FormKind::Grid && known.is_none()).then(|| {
@@ -198,7 +196,7 @@ impl Candidate {
             is_limited: is_limited(placed, &frame, cells),
             schedule,
             smooth,
-            final_steps: if in_turn { schedule.anew(placed.sweep.binning).steps } else { FINAL_STEPS },
+            final_steps: if in_turn { schedule.anew(placed.sweep.binning).steps } else { schedule.joined },
             reached,
             carried: None,
         })

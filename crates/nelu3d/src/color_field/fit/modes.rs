@@ -40,7 +40,7 @@ impl Modes {
             DMatrix::from_fn(n, nw, |i, j| j.checked_sub(i).and_then(|at| coeffs.get(at)).copied().unwrap_or(0.0))
         };
         let (second, first) = (differences(&[1.0, -2.0, 1.0]), differences(&[-1.0, 1.0]));
-        let (along, slope) = (f64::from(smooth.along), f64::from(smooth.slope_along));
+        let [along, slope] = [smooth.along, smooth.slope_along].map(f64::from);
         let penalty = second.transpose() * second * along + first.transpose() * first * slope;
         let least = LEAST * weights.iter().copied().fold(f32::MIN_POSITIVE / LEAST, f32::max);
         let root = DVector::from_iterator(nw, weights.iter().map(|w| 1.0 / f64::from(w.max(least)).sqrt()));
@@ -80,9 +80,9 @@ impl Modes {
 
 /// A matrix that every channel of a column is multiplied by.
 struct Matrix {
-    /// By how many nodes further along w the value is that a coefficient is for, less the number of nodes but one: the
-    /// coefficients of a block of columns.
-    coeffs: Vec<Vec<f32>>,
+    /// Its diagonals, from that of the values of as many nodes before as there are but one: the coefficients of a block of
+    /// columns.
+    diagonals: Vec<Vec<f32>>,
 }
 
 impl Matrix {
@@ -94,7 +94,7 @@ impl Matrix {
                 |i: usize| (i + shift).checked_sub(n - 1).filter(|j| *j < n).map_or(0.0, |j| matrix[(i, j)] as f32);
             (0..n).flat_map(|i| vec![of(i); k]).collect::<Vec<_>>().repeat(BLOCK)
         };
-        Self { coeffs: (0..2 * n - 1).map(of_shift).collect() }
+        Self { diagonals: (0..2 * n - 1).map(of_shift).collect() }
     }
 
     /// Writes products with columns `x`.
@@ -104,7 +104,7 @@ impl Matrix {
         for (x, y) in x.chunks(column * BLOCK).zip(y.chunks_mut(column * BLOCK)) {
             let n = x.len();
             y.fill(0.0);
-            for (shift, coeffs) in self.coeffs.iter().enumerate() {
+            for (shift, coeffs) in self.diagonals.iter().enumerate() {
                 // What lies in another column has a coefficient of 0.
                 let (to, from) = (last.saturating_sub(shift * k), (shift * k).saturating_sub(last));
                 let Some(n) = n.checked_sub(to.max(from)) else { continue };

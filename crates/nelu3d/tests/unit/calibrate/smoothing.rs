@@ -1,5 +1,5 @@
 use nelu3d::calibrate::smoothing::{Aside, MAX_POWER, RATIO, Search};
-use nelu3d::calibrate::spline_fit::{OF_MANY, SplineFit};
+use nelu3d::calibrate::spline_fit::{Schedule, SplineFit};
 use nelu3d::color_field::bins::Bins;
 use nelu3d::color_field::frame::Center;
 use nelu3d::progress::Progress;
@@ -104,7 +104,7 @@ fn chosen_with(code: impl Fn([f32; 2]) -> [f32; 2], light: impl Fn(usize, [f32; 
         sum
     };
     let before = count(&bins);
-    let prepare = |bins: &Bins, cells: [usize; 3]| SplineFit::new(bins, cells, OF_MANY);
+    let prepare = |bins: &Bins, cells: [usize; 3]| SplineFit::new(bins, cells, Schedule::of(Center::Light, false));
     let chosen = aside.choose(&mut bins, 1, Center::Light, prepare, &Progress::none()).of_channels;
     assert!((count(&bins) / before - 1.0).abs() < 1e-6, "what was set aside is in the bins again");
     chosen

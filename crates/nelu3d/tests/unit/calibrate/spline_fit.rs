@@ -1,5 +1,5 @@
 use nelu3d::calibrate::smoothing::smoothness;
-use nelu3d::calibrate::spline_fit::{OF_FEW, OF_MANY, SplineFit};
+use nelu3d::calibrate::spline_fit::{Schedule, SplineFit};
 use nelu3d::color_field::bins::Bins;
 use nelu3d::color_field::frame::Center;
 use nelu3d::progress::Progress;
@@ -32,8 +32,39 @@ fn fine_stripes_are_as_deep_where_samples_weigh_little() {
             sums.sum::<f64>() / (0..96).map(|i| f64::from(stripe(at(i)) - 0.5).powi(2)).sum::<f64>()
         })
     };
-    for schedule in [OF_FEW, OF_FEW.anew(1), OF_MANY] {
+    let [few, many] = [true, false].map(|in_turn| Schedule::of(Center::Light, in_turn));
+    for schedule in [few, few.anew(1), many] {
         let depths = depth(schedule);
         assert!(depths.iter().all(|depth| (depth - 1.0).abs() < 0.06), "{depths:?}");
     }
+}
+
+/// In the camera's frame codewords change along every axis, and every column has samples at depths of its own, as under
+/// tilted boards. The field follows them.
+#[test]
+fn a_code_that_changes_along_the_rays_is_followed_in_the_camera_frame() {
+    const CELLS: [usize; 3] = [64, 64, 23];
+    const BOARDS: usize = 24;
+    let code = |[a, b, w]: [f32; 3]| 0.5 + 0.5 * (std::f32::consts::TAU * (6.0 * a + b + 4.0 * w)).cos();
+    let mut bins = Bins::new([64, 64, 92], 1);
+    for i in 0..64 * 64 * BOARDS {
+        let [a, b] = [i % 64, i / 64 % 64].map(|v| (v as f32 + 0.5) / 64.0);
+        // Boards that are tilted by as much as they are apart.
+        let p = (i / 64 / 64) as f32;
+        let w = (p + 0.5 + 0.4 * (7.0 * a + 5.0 * b + 2.0 * p).sin()) / BOARDS as f32;
+        bins.add([a, b, w], &[code([a, b, w])], &[1000.0]);
+    }
+    let smooth = smoothness(Center::Camera, vec![[30.0; 3]]);
+    let fit = SplineFit::new(&bins, CELLS, Schedule::of(Center::Camera, false));
+    let grid = fit.fit(&smooth, &Progress::none());
+    let (mut squares, mut n) = (0.0, 0.0);
+    for i in 0..20_000 {
+        let q = [0.7548777, 0.5698403, 0.3247180].map(|step: f32| 0.1 + 0.8 * (i as f32 * step).fract());
+        let mut c = [0.0];
+        grid.eval(q, &mut c);
+        squares += (c[0] - code(q)).powi(2);
+        n += 1.0;
+    }
+    let rms = (squares / n).sqrt();
+    assert!(rms < 0.01, "{rms}");
 }
