@@ -8,7 +8,8 @@ pub struct Smoothness {
     pub across: f32,
     /// Weight of second differences along w.
     pub along: f32,
-    /// Weight of first differences along w: a codeword changes along a ray of light by defocus only.
+    /// Weight of first differences along w: a codeword changes along a ray of light by defocus only. 0 in the camera's
+    /// frame, where codewords change along w as they do across.
     pub slope_along: f32,
     /// Factors of these weights along a, b and w, channel by channel.
     pub of_channels: Vec<[f32; 3]>,

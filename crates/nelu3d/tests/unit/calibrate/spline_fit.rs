@@ -59,7 +59,7 @@ fn a_code_that_changes_along_the_rays_is_followed_in_the_camera_frame() {
     let grid = fit.fit(&smooth, &Progress::none());
     let (mut squares, mut n) = (0.0, 0.0);
     for i in 0..20_000 {
-        let q = [0.7548777, 0.5698403, 0.3247180].map(|step: f32| 0.1 + 0.8 * (i as f32 * step).fract());
+        let q = [0.7549, 0.5698, 0.3247].map(|step: f32| 0.1 + 0.8 * (i as f32 * step).fract());
         let mut c = [0.0];
         grid.eval(q, &mut c);
         squares += (c[0] - code(q)).powi(2);
