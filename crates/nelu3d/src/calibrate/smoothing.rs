@@ -23,10 +23,12 @@ use crate::progress::Progress;
 pub const RATIO: f32 = 30.0;
 /// Strengths that are tried, at most: powers of [`RATIO`] below this one.
 pub const MAX_POWER: i32 = 6;
-/// What is tried in turn: more smoothness along all axes, across, less or more along w, and more along b and a. Most codes
-/// are stripes, along which they do not change; one whose noise asks for much smoothness along all axes may still be out
-/// of focus at one end. Across, less would predict a little better and scan worse: slopes show noise that values hide.
-const LINES: [[i32; 3]; 6] = [[1, 1, 1], [1, 1, 0], [0, 0, -1], [0, 0, 1], [0, 1, 0], [1, 0, 0]];
+/// What is tried in turn: more smoothness along all axes, across, and less or more along each. Most codes are stripes,
+/// along which they do not change; one whose noise asks for much smoothness along all axes may still be out of focus at
+/// one end. In the camera's frame smoothness across is not taken back: less predicts a little better there and scans
+/// worse, as slopes show noise that values hide.
+const LINES: [[i32; 3]; 8] =
+    [[1, 1, 1], [1, 1, 0], [0, 0, -1], [0, 0, 1], [0, 1, 0], [0, -1, 0], [1, 0, 0], [-1, 0, 0]];
 /// Part by which the squared error has to fall for more smoothness. Noise is most of it, and what the field itself is off
 /// by counts where scenes are smooth.
 const WORTH: f64 = 1e-3;
@@ -120,7 +122,7 @@ impl Aside {
             bins.add_all(&fold.samples);
         }
         let k = bins.k();
-        let mut searches = vec![Search::default(); k];
+        let mut searches = vec![Search::new(center); k];
         while searches.iter().any(|s| !s.is_done()) {
             let smooth = smoothness(center, searches.iter().map(Search::next).collect());
             let of_part = |part: &Part<'_>| self.squared_errors(part, &part.fit.fit(&smooth, progress));
@@ -183,11 +185,18 @@ pub struct Search {
     errors: Vec<f64>,
     /// Lines that led to something better.
     good: Vec<[i32; 3]>,
+    /// Whether smoothness across is taken back where less predicts better.
+    gives_back: bool,
     /// By what the strengths differ from powers, in powers.
     between: [f32; 3],
 }
 
 impl Search {
+    /// Begins the search in a frame.
+    pub fn new(center: Center) -> Self {
+        Self { gives_back: center == Center::Light, ..Self::default() }
+    }
+
     /// Returns whether all lines have been searched.
     pub fn is_done(&self) -> bool {
         self.line == LINES.len()
@@ -238,10 +247,14 @@ impl Search {
         self.errors = vec![self.errors[best]];
         self.line += 1;
         // At the end of the strengths nothing is left to try, nor back along a line that was good.
-        let came_along = |good: &[[i32; 3]], line: [i32; 3]| good.contains(&line.map(|step| -step));
-        while !self.is_done() && (!self.is_tried(1) || came_along(&self.good, LINES[self.line])) {
+        while !self.is_done() && (!self.is_tried(1) || self.is_idle(LINES[self.line])) {
             self.line += 1;
         }
+    }
+
+    /// Returns whether a line leads back along one that was good, or gives back what is kept.
+    fn is_idle(&self, line: [i32; 3]) -> bool {
+        self.good.contains(&line.map(|step| -step)) || !self.gives_back && (line[0] < 0 || line[1] < 0)
     }
 
     /// Returns whether strengths are tried after so many steps of the line.

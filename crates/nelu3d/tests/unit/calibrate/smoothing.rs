@@ -8,7 +8,7 @@ use nelu3d::progress::Progress;
 #[test]
 fn the_best_strength_lies_between_those_that_are_tried() {
     let found = |error: &dyn Fn([f64; 3]) -> f64| {
-        let mut search = Search::default();
+        let mut search = Search::new(Center::Light);
         let mut tried = 0;
         while !search.is_done() {
             search.take(error(search.next().map(f64::from)));
@@ -40,7 +40,7 @@ fn the_best_strength_lies_between_those_that_are_tried() {
 #[test]
 fn a_step_that_changes_nothing_does_not_end_a_line() {
     let along = |second: f64| {
-        let mut search = Search::default();
+        let mut search = Search::new(Center::Light);
         while !search.is_done() {
             let [a, b, w] = search.next();
             let others = if a < b || b > 1.0 || w > 1.0 { 2.0 } else { 1.0 };
