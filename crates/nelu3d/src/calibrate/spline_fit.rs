@@ -29,7 +29,8 @@ const OF_MANY: Schedule = Schedule { coarse: &[(4, 3), (8, 4), (16, 10)], steps:
 /// The schedule where few positions are held out in turn: much of the field rests on one or two boards there, and smooth
 /// codes are smoothed far. Steps of the coarse levels are cheap.
 const OF_FEW: Schedule = Schedule { coarse: &[(4, 4), (8, 10), (16, 30)], ..OF_MANY };
-/// The same in the camera's frame, where codewords change along every axis, and the preconditioner is the diagonal alone.
+/// The schedule of many positions in the camera's frame, where codewords change along every axis, and the preconditioner
+/// is the diagonal alone.
 /// More fine steps follow the noise: 20 instead of 8 predict held-out positions of two rigs of other renderers worse, by
 /// 0.15 dB.
 const OF_MANY_IN_CAMERA: Schedule =

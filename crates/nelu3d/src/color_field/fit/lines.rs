@@ -32,7 +32,7 @@ pub struct Lines {
     /// Values per row of nodes, and per column in it.
     row: usize,
     column: usize,
-    /// Of every value of a column: 1 where its lines run along b, 0 where along a.
+    /// Value by value of a column, `[mode][channel]`: 1 where lines run along b, 0 where along a.
     along_b: Vec<f32>,
     /// The penalty along the line of every value of a column.
     strengths: Vec<f32>,
@@ -226,7 +226,7 @@ struct Solve<'a> {
     inverse: &'a [f32],
     /// How far the lines' next values are.
     stride: usize,
-    /// Of every value, 1 if it has a line here, else 0: it stays.
+    /// Value by value: 1 where there is a line here, 0 where the value stays.
     mask: Vec<f32>,
     /// The penalty along it, 0 where it has no line here.
     strengths: Vec<f32>,

@@ -80,8 +80,7 @@ impl Modes {
 
 /// A matrix that every channel of a column is multiplied by.
 struct Matrix {
-    /// Its diagonals, from that of the values of as many nodes before as there are but one: the coefficients of a block of
-    /// columns.
+    /// The matrix's diagonals, the lowest first, each as the coefficients of a block of columns, `[column][w][channel]`.
     diagonals: Vec<Vec<f32>>,
 }
 
