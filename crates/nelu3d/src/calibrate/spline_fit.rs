@@ -35,6 +35,7 @@ const OF_FEW: Schedule = Schedule { coarse: &[(4, 4), (8, 10), (16, 30)], ..OF_M
 /// 0.15 dB.
 const OF_MANY_IN_CAMERA: Schedule =
     Schedule { coarse: &[(4, 10), (8, 20), (16, 60)], steps: 8, joined: 4, anew: [80, 20] };
+/// The schedule of few positions in the camera's frame: of such coarse levels more steps, as of [`OF_FEW`].
 const OF_FEW_IN_CAMERA: Schedule = Schedule { coarse: &[(4, 30), (8, 100), (16, 300)], steps: 10, ..OF_MANY_IN_CAMERA };
 
 impl Schedule {

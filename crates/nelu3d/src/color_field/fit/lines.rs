@@ -13,6 +13,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::modes::Modes;
+use super::penalty::stencil;
 use super::smoothness::Smoothness;
 
 /// Values of a row of nodes whose lines along b are solved together: with their factors they stay in the second cache.
@@ -171,15 +172,6 @@ fn in_blocks(values: &mut [f32], row: usize) -> Vec<Vec<&mut [f32]>> {
     blocks
 }
 
-/// Returns what DᵀD has of node `i` of a chain of `n`, of the one before it, and of the one before that, where D has the
-/// second differences about every inner node.
-fn second_differences(i: usize, n: usize) -> [f32; 3] {
-    let inner = |mid: usize| if (1..n.saturating_sub(1)).contains(&mid) { 1.0 } else { 0.0 };
-    let before = if i > 0 { inner(i - 1) } else { 0.0 };
-    let own = before + 4.0 * inner(i) + inner(i + 1);
-    [own, if i > 0 { -2.0 * (before + inner(i)) } else { 0.0 }, if i > 1 { before } else { 0.0 }]
-}
-
 /// D of lines side by side, node after node.
 struct Factor<'a> {
     /// The matrix's diagonal without the penalty along the lines, `[node][value]`; becomes D.
@@ -197,8 +189,8 @@ impl WithSimd for Factor<'_> {
         let n = d.len();
         // The recursion goes in double precision: its errors grow along a line as those of what it solves do.
         let mut before = vec![Before { d: [1.0; 2], first: 0.0 }; strengths.len()];
-        for (i, d) in d.iter_mut().enumerate() {
-            let [own, one, two] = second_differences(i, n).map(f64::from);
+        for (d, penalty) in d.iter_mut().zip(stencil(n, 1.0)) {
+            let [two, one, own, ..] = penalty.map(f64::from);
             for ((d, before), s) in d.iter_mut().zip(&mut before).zip(strengths) {
                 let (Before { d: [d1, d2], first }, s) = (*before, f64::from(*s));
                 let second = s * two / d2;
@@ -247,8 +239,8 @@ impl WithSimd for Solve<'_> {
         let inverse = |i: usize| part(inverse, i * stride, width);
         first.clear();
         first.resize(n * width, 0.0);
-        for i in 1..n {
-            let [_, one, two] = second_differences(i, n);
+        for (i, penalty) in stencil(n, 1.0).into_iter().enumerate().skip(1) {
+            let [two, one, ..] = penalty;
             let ((done, z), (l_done, l)) = (z.split_at_mut(i), first.split_at_mut(i * width));
             let (z, z1) = (&mut z[0][..width], &done[i - 1][..width]);
             let (l, l1) = (&mut l[..width], &l_done[(i - 1) * width..][..width]);

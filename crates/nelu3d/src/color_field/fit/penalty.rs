@@ -24,8 +24,9 @@ pub struct Penalty {
     along: [Vec<f32>; 5],
 }
 
-/// Returns the rows of DᵀD for a chain of `n` nodes, where D has a row per inner node.
-fn stencil(n: usize, strength: f32) -> Vec<[f32; 5]> {
+/// Returns the rows of DᵀD for a chain of `n` nodes, where D has a row per inner node: what a node takes of itself and of
+/// the two before and after it.
+pub(super) fn stencil(n: usize, strength: f32) -> Vec<[f32; 5]> {
     let mut rows = vec![[0.0; 5]; n];
     for mid in 1..n.saturating_sub(1) {
         let d = [1.0, -2.0, 1.0];
