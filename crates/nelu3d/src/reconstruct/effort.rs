@@ -48,7 +48,7 @@ impl Effort {
                 EffortSettings { decoded_pixels: 30_000, steps: 5, fine_steps: 0, gathers: 2, patches: 1000 }
             }
             Effort::Normal => {
-                EffortSettings { decoded_pixels: 400_000, steps: 24, fine_steps: 8, gathers: 6, patches: 4000 }
+                EffortSettings { decoded_pixels: 400_000, steps: 20, fine_steps: 8, gathers: 6, patches: 4000 }
             }
             Effort::Best => {
                 EffortSettings { decoded_pixels: 400_000, steps: 48, fine_steps: 0, gathers: 16, patches: 4000 }

@@ -76,6 +76,7 @@ impl FastSettings {
             patches,
             settled: 0.01,
             loosened: 4.0,
+            roughness_measurements: 2,
             first_gather: 0,
             ..self.refine
         };

@@ -42,6 +42,11 @@ impl WindowDemand {
         self.of(3.0 * (2.0 * BOX_MEAN[0] + 20.0), 3.0 * (2.0 * BOX_MEAN[1] + 6.0))
     }
 
+    /// The surface's roughness: means over squares of ten maps, and of two for each of three differences and four squares.
+    pub(super) fn roughness(&self) -> Demand {
+        self.of(34.0 * BOX_MEAN[0] + 60.0, 34.0 * BOX_MEAN[1] + 60.0)
+    }
+
     /// The uncertainty: means over squares of the maps of every channel, and of eight others.
     pub(super) fn sigma(&self) -> Demand {
         let k = self.k as f64;

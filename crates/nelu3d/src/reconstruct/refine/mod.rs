@@ -135,6 +135,9 @@ impl Steps<'_, '_> {
             progress.measure("bands", || ((), r.render(&slopes, settings.width_mm(step))));
             progress.measure("light fractions", || (r.update_fractions(&slopes, step), demand.fractions()));
             self.losses.push(progress.measure("data term", || (r.linearize(), demand.data_term())));
+            if settings.measures_roughness_at(step) {
+                progress.measure("roughness", || (r.measure_roughness(), demand.roughness()));
+            }
             progress.measure("prior", || (r.reweight(step), demand.prior()));
             let change = progress.measure("solver", || {
                 let swept = r.gauss_newton_step(step);

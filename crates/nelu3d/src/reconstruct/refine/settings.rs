@@ -2,6 +2,9 @@
 
 use serde::Serialize;
 
+/// Steps at which the surface's roughness is measured, as parts of all.
+const ROUGHNESS_MEASURED: [f32; 3] = [1.0 / 3.0, 0.6, 0.8];
+
 /// Settings of the narrow-band refinement. Depths are solved for as inverse depths in units of the spacing of depth
 /// hypotheses ("steps of depth" below), about 0.7 px of disparity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -32,9 +35,11 @@ pub struct RefineSettings {
     pub first_gather: usize,
     /// Divisor of the image's width that gives the radius over which light fractions are smooth, at least 2 px.
     pub ambient_radius_divisor: usize,
-    /// Minimum roughness of the surface: standard deviation of second differences between neighboring pixels, steps of
-    /// depth. Smaller is smoother.
+    /// Least roughness of the surface that the prior allows: standard deviation of second differences between
+    /// neighboring pixels, steps of depth. Smaller is smoother. Where the surface proves smoother, that counts.
     pub roughness: f32,
+    /// Number of times that the surface's own roughness is measured, at most three.
+    pub roughness_measurements: usize,
     /// Second difference, steps of depth, beyond which there is a crease or jump and the prior breaks.
     pub crease: f32,
     /// Half side of the square over which a surface's local roughness is pooled, px.
@@ -64,6 +69,7 @@ impl Default for RefineSettings {
             first_gather: 2,
             ambient_radius_divisor: 80,
             roughness: 0.2,
+            roughness_measurements: ROUGHNESS_MEASURED.len(),
             crease: 0.5,
             roughness_radius: 3,
             solver_reduction: 1e-2,
@@ -93,8 +99,17 @@ impl RefineSettings {
         (0..self.gathers).any(|g| step == first + g * (self.steps - first) / self.gathers)
     }
 
-    /// Returns whether from this step on the surface alone changes: it has its last width, and no gathering follows.
+    /// Returns whether the surface's roughness is measured at this step: when it has lost the decoder's noise, and again,
+    /// since it is told apart from noise the better, the nearer the prior is to it.
+    pub(super) fn measures_roughness_at(&self, step: usize) -> bool {
+        let mut at = ROUGHNESS_MEASURED.iter().take(self.roughness_measurements);
+        step > 0 && at.any(|part| step == (part * self.steps as f32).round() as usize)
+    }
+
+    /// Returns whether from this step on the surface alone changes: it has its last width, no gathering follows, nor a
+    /// measurement of its roughness.
     pub(super) fn is_final(&self, step: usize) -> bool {
-        self.width_mm(step) <= self.last_width_mm && (step + 1..self.steps).all(|later| !self.gathers_at(later))
+        let changes = |later: usize| self.gathers_at(later) || self.measures_roughness_at(later);
+        self.width_mm(step) <= self.last_width_mm && !(step + 1..self.steps).any(changes)
     }
 }

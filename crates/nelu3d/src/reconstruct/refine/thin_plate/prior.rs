@@ -22,7 +22,15 @@ pub struct ThinPlatePrior {
     /// Weight of the mixed difference over the 2 × 2 cell whose top-left pixel this is (counted twice, as in the thin
     /// plate).
     pub(super) wxy: Vec<f32>,
+    /// Part of the floor's variance that counts at each pixel, [`LEAST_PART`] to 1.
+    floor_part: Vec<f32>,
 }
+
+/// The least part of the floor's variance: second differences of a tenth. Systems of stiffer plates take long to solve,
+/// and depths gain nothing by them.
+const LEAST_PART: f32 = 0.01;
+/// Largest factor by which a part changes at a time: where noise explains all that is seen, it may explain too much.
+const MAX_CHANGE: f32 = 10.0;
 
 impl ThinPlatePrior {
     /// A prior without weights.
@@ -35,7 +43,15 @@ impl ThinPlatePrior {
         assert_eq!(active.len(), n);
         let ring = |i: usize| [0, width - 1].contains(&(i % width)) || [0, height - 1].contains(&(i / width));
         assert!((0..n).all(|i| !(active[i] && ring(i))), "the outermost ring of the prior must be free");
-        Self { width, height, active, wxx: vec![0.0; n], wyy: vec![0.0; n], wxy: vec![0.0; n] }
+        Self {
+            width,
+            height,
+            active,
+            wxx: vec![0.0; n],
+            wyy: vec![0.0; n],
+            wxy: vec![0.0; n],
+            floor_part: vec![1.0; n],
+        }
     }
 
     /// Returns the prior of some rows of its window, as if there were no others: the first and the last of them take no
@@ -54,7 +70,8 @@ impl ThinPlatePrior {
         };
         let (wxx, wyy) = (weights(&self.wxx, 1, h - 1), weights(&self.wyy, 2, h.saturating_sub(2)));
         let wxy = weights(&self.wxy, 1, h.saturating_sub(2));
-        Self { width: w, height: h, active, wxx, wyy, wxy }
+        let floor_part = self.floor_part[start..start + w * h].to_vec();
+        Self { width: w, height: h, active, wxx, wyy, wxy, floor_part }
     }
 
     /// Returns which of the three second differences exist at pixel `i`.
@@ -79,9 +96,9 @@ impl ThinPlatePrior {
     }
 
     /// Sets the weights of all differences from their values in `x`. A surface is smooth to a degree that varies from
-    /// place to place: the weight is one over `floor²` plus the local mean of squared differences (over a square of the
-    /// given radius, each direction for itself). Differences beyond `crease` are creases or jumps: they do not count as
-    /// roughness of their surroundings, and the prior breaks there.
+    /// place to place: the weight is one over `floor²`, or the part of it that [`Self::scale_floor`] left, plus the local
+    /// mean of squared differences (over a square of the given radius, each direction for itself). Differences beyond
+    /// `crease` are creases or jumps: they do not count as roughness of their surroundings, and the prior breaks there.
     pub fn reweight(&mut self, x: &[f32], floor: f32, crease: f32, radius: usize) {
         let (w, h) = (self.width, self.height);
         let this = &*self;
@@ -106,7 +123,7 @@ impl ThinPlatePrior {
                         let mean = if count[i] > 0.0 { sum[i] / count[i] } else { 0.0 };
                         let d = this.difference(x, i, direction);
                         let broken = 1.0 + d * d / (crease * crease);
-                        multiplicity / ((floor * floor + mean) * broken * broken)
+                        multiplicity / ((floor * floor * this.floor_part[i] + mean) * broken * broken)
                     } else {
                         0.0
                     };
@@ -117,9 +134,16 @@ impl ThinPlatePrior {
         [self.wxx, self.wyy, self.wxy] = weights.try_into().expect("three directions");
     }
 
+    /// Scales the variance of the floor at each pixel, by [`MAX_CHANGE`] at most; it never exceeds that of the whole floor.
+    pub fn scale_floor(&mut self, scale: &[f32]) {
+        for (part, scale) in self.floor_part.iter_mut().zip(scale) {
+            *part = (*part * scale.clamp(1.0 / MAX_CHANGE, MAX_CHANGE)).clamp(LEAST_PART, 1.0);
+        }
+    }
+
     /// Returns the linear system of the change of a surface whose data have information `h` and gradient `g` there.
     pub fn system<'a>(&'a self, h: &'a [f32], g: &'a [f32]) -> PlateSystem<'a> {
-        let Self { width, height, active, wxx, wyy, wxy } = self;
+        let Self { width, height, active, wxx, wyy, wxy, .. } = self;
         PlateSystem { width: *width, height: *height, active, xx: wxx, yy: wyy, xy: wxy, h, g }
     }
 

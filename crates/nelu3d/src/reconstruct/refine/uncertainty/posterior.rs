@@ -98,15 +98,20 @@ impl Posterior {
     ///
     /// With H the data's information, Q = DᵀWD and Σ = (H + Q)⁻¹, the solution for a true surface of covariance γ Q⁻¹
     /// has the expected energy E = f tr(QΣHΣ) + γ tr(HΣHΣ), where f, `noise_ratio`, is the noise's variance over that
-    /// of its model. That is solved for γ. Away from edges of the surface, all of this is taken of second differences
+    /// of its model. That is solved for γ, at least 0. Away from edges of the surface, all of this is taken of second differences
     /// less their mean over [`square()`]: what does not change within it is not smoothed away. Beside a silhouette, where
     /// surfaces bend out of sight, it does change.
-    pub(super) fn prior_scale(&self, prior: &ThinPlatePrior, x: &[f32], noise_ratio: &[f32]) -> Vec<f32> {
+    ///
+    /// So many independent differences that are as the prior allows are `assumed` beside those of the square: under a stiff
+    /// prior it has few, which chance makes large or small.
+    pub fn prior_scale(&self, prior: &ThinPlatePrior, x: &[f32], noise_ratio: &[f32], assumed: f32) -> Vec<f32> {
         let zones = Zones::new(&prior.active, [prior.width, prior.height], ROUGHNESS_RADIUS);
         let inner = zones.innermost();
+        let assumed = assumed / (2.0 * ROUGHNESS_RADIUS as f32 + 1.0).powi(2);
         let scales = |found: &[f32], expected: &Energies| -> Vec<f32> {
             let [found, noise, surface] = [found, &expected.noise, &expected.surface].map(|map| zones.mean(map));
-            let scale = |i: usize| ((found[i] - noise_ratio[i] * noise[i]) / surface[i]).clamp(0.0, 1.0);
+            let beside_noise = |i: usize| found[i] - noise_ratio[i] * noise[i];
+            let scale = |i: usize| ((beside_noise(i) + assumed) / (surface[i] + assumed)).max(0.0);
             (0..found.len()).map(|i| if surface[i] > 0.0 { scale(i) } else { 1.0 }).collect()
         };
         let no_mean = vec![0.0; x.len()];
@@ -118,11 +123,18 @@ impl Posterior {
     /// Returns the mean of second differences around each of some pixels, over [`square()`], each by its weight: where
     /// the prior breaks they tell nothing. 0 at the other pixels.
     fn means(&self, prior: &ThinPlatePrior, some: &[bool], differences: &[f32], weights: &[f32]) -> Vec<f32> {
-        let weighted: Vec<f32> = differences.iter().zip(weights).map(|(d, w)| d * w).collect();
-        let mean = |map: &[f32], radius| masked_mean(map, some, prior.width, prior.height, radius);
-        let means = RADII.map(|radius| {
-            let (sum, weight) = (mean(&weighted, radius), mean(weights, radius));
-            sum.iter().zip(&weight).map(|(s, w)| if *w > 0.0 { s / w } else { 0.0 }).collect::<Vec<f32>>()
+        let [w, h] = [prior.width, prior.height];
+        let of_some = |i: usize, v: f32| if some[i] { v } else { 0.0 };
+        // Not the smallest: square() is larger.
+        let means: [Vec<f32>; RADII.len()] = std::array::from_fn(|level| {
+            if level == 0 {
+                return Vec::new();
+            }
+            let mut sum: Vec<f32> = (0..some.len()).map(|i| of_some(i, differences[i] * weights[i])).collect();
+            let mut weight: Vec<f32> = weights.iter().enumerate().map(|(i, w)| of_some(i, *w)).collect();
+            box_mean(&mut sum, w, h, RADII[level]);
+            box_mean(&mut weight, w, h, RADII[level]);
+            sum.iter().zip(&weight).map(|(s, w)| if *w > 0.0 { s / w } else { 0.0 }).collect()
         });
         let mean = |i: usize| over(square(self.pixels[i]).powi(2), |level| means[level][i]);
         (0..some.len()).map(|i| if some[i] { mean(i) } else { 0.0 }).collect()

@@ -47,7 +47,7 @@ pub fn sigma(
         factors[i] = factor(i, posterior.pixels[i]);
         noise_ratio[i] *= systematic.unshared[i] * factors[i];
     }
-    let scale = posterior.prior_scale(prior, x, &noise_ratio);
+    let scale = posterior.prior_scale(prior, x, &noise_ratio, 0.0);
     (0..n)
         .into_par_iter()
         .with_min_len(w)
@@ -57,7 +57,7 @@ pub fn sigma(
             }
             let of_noise = noise[i] * noise_ratio[i] / factors[i];
             let more = (noise[i] * noise_ratio[i] - of_noise).max(systematic.variance[i]);
-            (of_noise + more + scale[i] * smoothing[i]).sqrt()
+            (of_noise + more + scale[i].min(1.0) * smoothing[i]).sqrt()
         })
         .collect()
 }

@@ -276,6 +276,55 @@ fn sigma_is_that_of_the_errors_whatever_the_roughness() {
     }
 }
 
+/// For surfaces of known roughness under known noise, the prior's floor becomes what the surface has, and depths of those
+/// that are smoother than it allows come to be better; it is never raised.
+#[test]
+fn the_floor_becomes_the_roughness_of_the_surface() {
+    let (w, h, floor) = (120, 100, 0.1);
+    let (n, active) = (w * h, window(120, 100));
+    let inner: Vec<usize> =
+        (0..n).filter(|i| (10..w - 10).contains(&(i % w)) && (10..h - 10).contains(&(i / w))).collect();
+    let info: Vec<Information> = active.iter().map(|a| Information::plain(if *a { 5.0 } else { 0.0 }, 1.0)).collect();
+    let data: Vec<f32> = info.iter().map(|i| i.h).collect();
+    for (case, rough) in [3.0f32, 1.0, 0.3, 0.0].into_iter().enumerate() {
+        let mut prior = ThinPlatePrior::new(w, h, active.clone());
+        prior.reweight(&vec![0.0; n], floor, 0.5, 3);
+        let solution = |prior: &ThinPlatePrior, h: &[f32], b: &[f32]| -> Vec<f32> {
+            let g: Vec<f32> = b.iter().map(|b| -b).collect();
+            let until = PlateStop { reduction: 1e-6, settled: 0.0, iterations: 4000 };
+            solve(&prior.system(h, &g), &vec![0.0; n], until).0.into_iter().map(|v| v as f32).collect()
+        };
+        let mut draws = normals(3 * n, 17 + case as u64).into_iter();
+        let b: Vec<f32> = prior_noise(&prior, || draws.next().unwrap()).into_iter().map(|v| rough * v).collect();
+        let truth = solution(&prior, &vec![1e-4; n], &b);
+        let noise = normals(n, 41 + case as u64);
+        let b: Vec<f32> = (0..n).map(|i| data[i] * truth[i] + data[i].sqrt() * noise[i]).collect();
+        let error = |x: &[f32]| inner.iter().map(|i| (x[*i] - truth[*i]).powi(2)).sum::<f32>();
+        let mut errors = Vec::new();
+        for _ in 0..4 {
+            let x = solution(&prior, &data, &b);
+            errors.push(error(&x));
+            let scale = Posterior::new(&prior, &info).prior_scale(&prior, &x, &vec![1.0; n], 1.0);
+            prior.scale_floor(&scale);
+            // Of a plane: the floor alone.
+            prior.reweight(&vec![0.0; n], floor, 0.5, 3);
+        }
+        let weights = prior.system(&data, &b).xx;
+        let mut parts: Vec<f32> = inner.iter().map(|i| 1.0 / (weights[*i] * floor * floor)).collect();
+        parts.sort_by(f32::total_cmp);
+        let part = parts[parts.len() / 2];
+        let better = errors[3] / errors[0];
+        let (expected, at_most) = match case {
+            0 => (1.0..1.001, 1.001),
+            // Told from a few patches around each pixel, and only ever less.
+            1 => (0.6..1.001, 1.1),
+            2 => (0.06..0.15, 0.8),
+            _ => (0.0..0.06, 0.3),
+        };
+        assert!(expected.contains(&part) && better < at_most, "{rough}: {part}, {better}");
+    }
+}
+
 /// Where information lies in stripes, as under few patterns, the variance from noise is that of solutions for random
 /// noise on them and between them.
 #[test]

@@ -1,6 +1,8 @@
 //! The state of the refinement and its steps.
 
-use std::ops::Range;
+mod give_back;
+mod roughness;
+mod strip;
 
 use nelu3d_field::bench::Demand;
 use nelu3d_field::plate::{PlateStop, Sweep, sweep};
@@ -15,9 +17,7 @@ use super::scene_light::SceneLight;
 use super::seen::Seen;
 use super::settings::RefineSettings;
 use super::slopes::{cosine, slopes};
-use super::smoothed_away::smoothed_away;
 use super::thin_plate::ThinPlatePrior;
-use super::uncertainty::{self, Information, Nuisances, Posterior, systematic};
 use super::window::Window;
 use crate::color_field::frame::Center;
 use crate::color_field::{ColorField, SplineEvaluator};
@@ -28,11 +28,6 @@ use crate::surface::MAX_SLOPE;
 
 /// Largest change of a pixel in a step, steps of depth.
 const MAX_CHANGE: f32 = 2.0;
-
-/// Rows of pixels whose uncertainties are found at a time: what that takes is more than anything else.
-const STRIP: usize = 512;
-/// Rows beside them that their uncertainties depend on.
-const STRIP_MARGIN: usize = 40;
 
 /// The data term at the present depth, per pixel: the normal equation of its step, and its χ²; 0 where there is no
 /// surface.
@@ -267,77 +262,6 @@ impl<'a> Refinement<'a> {
             PlateStop { reduction: s.solver_reduction, settled: s.solver_settled, iterations: s.solver_iterations };
         let system = self.prior.system(&self.data.h, &self.data.g);
         sweep(&system, &mut self.x, step, MAX_CHANGE, until)
-    }
-
-    /// Gives back what the prior took from the surface, and returns one standard deviation of the unknown per pixel of
-    /// the window.
-    fn give_back(&mut self) -> Vec<f32> {
-        let [w, height] = [self.window.w, self.window.h];
-        let mut sigma = Vec::with_capacity(self.x.len());
-        let mut change = Vec::with_capacity(self.x.len());
-        for first in (0..height).step_by(STRIP) {
-            let end = (first + STRIP).min(height);
-            let rows = first.saturating_sub(STRIP_MARGIN)..(end + STRIP_MARGIN).min(height);
-            let skip = (first - rows.start) * w;
-            let of_rows = self.give_back_to_rows(rows);
-            for (all, some) in [&mut sigma, &mut change].into_iter().zip(of_rows) {
-                all.extend_from_slice(&some[skip..skip + (end - first) * w]);
-            }
-        }
-        self.x.iter_mut().zip(change).for_each(|(x, change)| *x += change);
-        sigma
-    }
-
-    /// Returns one standard deviation of the unknown per pixel of some rows of the window, as if there were no others, and
-    /// by how much it changes where what the prior took is given back.
-    fn give_back_to_rows(&self, rows: Range<usize>) -> [Vec<f32>; 2] {
-        let (m, k, w) = (&self.scene.measurements, self.scene.measurements.k, self.window.w);
-        let prior = self.prior.of_rows(rows.clone());
-        let (start, n) = (rows.start * w, prior.active.len());
-        let mut information = vec![Information::default(); n];
-        let (mut whitened, mut slopes) = (vec![0.0f32; n * k], vec![0.0f32; n * k]);
-        let (mut offset, mut gain) = (vec![0.0f32; n * k], vec![0.0f32; n * k]);
-        for at in (0..n).filter(|at| prior.active[*at]) {
-            let i = start + at;
-            let px = self.window.at(i);
-            // Both beside the noise model that the normal equations were set up with.
-            let (of, over_cut) = (m.independent_at(px), self.data.chi2[i] / self.robust_cut());
-            information[at] = Information::robust(self.data.h[i], self.trust * self.data.chi2[i] / of, over_cut, of);
-            for j in 0..k {
-                let weight = m.inv_var[px * k + j].sqrt();
-                whitened[at * k + j] = weight * self.residual(i, px, j);
-                slopes[at * k + j] = weight * self.rendered[i * 2 * k + k + j];
-                offset[at * k + j] = weight;
-                gain[at * k + j] = weight * self.rendered[i * 2 * k + j];
-            }
-        }
-        let nuisances = Nuisances { offset: &offset, gain: &gain, patterns: k / self.channels };
-        let posterior = Posterior::new(&prior, &information);
-        let systematic =
-            systematic(&whitened, &slopes, &nuisances, k, &prior.active, [w, rows.len()], &posterior.pixels);
-        let factor = |at: usize, pixels: f32| self.depth_noise_factor(start + at, pixels);
-        let x = &self.x[start..start + n];
-        let mut sigma = uncertainty::sigma(&prior, &posterior, x, &information, &systematic, factor);
-        // What neighbors share of errors is no shape either, and as much of it is smoothed away as of noise.
-        let ratio = uncertainty::noise_ratio(&prior, &information);
-        let error = |i: usize| {
-            let noise = ratio[i] * factor(i, posterior.pixels[i]) * posterior.noise[i];
-            posterior.smoothed_away[i] * (noise + systematic.variance[i]) / posterior.noise[i]
-        };
-        let noise: Vec<f32> = (0..n).map(|i| if prior.active[i] { error(i) } else { 0.0 }).collect();
-        // By the information that the last step was solved with: that of the robust loss may be negative.
-        let h: Vec<f32> = (0..n).map(|at| if prior.active[at] { self.data.h[start + at] } else { 0.0 }).collect();
-        let away = smoothed_away(&prior, &h, x, &noise);
-        sigma.iter_mut().zip(&away.variance).for_each(|(s, variance)| *s = (*s * *s + variance).sqrt());
-        [sigma, away.change]
-    }
-
-    /// Returns the factor of the noise's variance at a pixel of the window, for a depth that averages over so many.
-    fn depth_noise_factor(&self, i: usize, pixels: f32) -> f32 {
-        let (px, field) = (self.window.at(i), &self.scene.field);
-        let distance = f64::from(1.0 / (self.inv_z(i) * self.scene.rays.dir_z(px)));
-        let positions = field.validity.fewest_positions_at(self.scene.rays.in_frame(px).at(distance).q);
-        field.metadata.depth_noise_factor(pixels, positions)
     }
 
     /// Returns the maps of the refined surface.
