@@ -81,6 +81,7 @@ pub(crate) fn refine(
         fine_steps: 0,
         first_width_mm: settings.last_width_mm,
         loosened: 1.0,
+        roughness_measurements: settings.roughness_measurements.min(FINE_MEASUREMENTS),
         gathers: settings.gathers.min(FINE_GATHERS),
         first_gather: 0,
         ..*settings
@@ -92,6 +93,8 @@ pub(crate) fn refine(
 
 /// Number of times that interreflection is gathered after the refinement of a reduced image.
 const FINE_GATHERS: usize = 2;
+/// Number of times that the surface's roughness is measured after it.
+const FINE_MEASUREMENTS: usize = 2;
 
 /// The steps of a refinement, in one image or two.
 struct Steps<'a, 'b> {

@@ -5,6 +5,8 @@
 //! expectation and maximization for the variance of a Gaussian prior (MacKay, *Bayesian interpolation*, 1992), place by
 //! place. Never above what was asked for: errors that neighbors share, as those of interreflection, look like shape.
 
+use rayon::prelude::*;
+
 use super::Refinement;
 use crate::reconstruct::refine::uncertainty::noise_ratio;
 
@@ -17,9 +19,11 @@ impl Refinement<'_> {
         let mut scale = Vec::with_capacity(self.x.len());
         for strip in self.strips() {
             let mut noise = noise_ratio(&strip.prior, &strip.information);
-            for i in (0..noise.len()).filter(|i| strip.prior.active[*i]) {
-                noise[i] *= self.depth_noise_factor(strip.start + i, strip.posterior.pixels[i]);
-            }
+            noise.par_iter_mut().enumerate().with_min_len(self.window.w).for_each(|(i, noise)| {
+                if strip.prior.active[i] {
+                    *noise *= self.depth_noise_factor(strip.start + i, strip.posterior.pixels[i]);
+                }
+            });
             let x = &self.x[strip.start..strip.start + noise.len()];
             scale.extend_from_slice(strip.own(&strip.posterior.prior_scale(&strip.prior, x, &noise, ASSUMED)));
         }

@@ -1,6 +1,7 @@
 //! Variances that noise and prior leave in the solution of the linear system.
 
 use nelu3d_scan::image::box_mean;
+use rayon::prelude::*;
 
 use super::information::Information;
 use super::masked_mean::masked_mean;
@@ -72,17 +73,22 @@ impl Posterior {
             whole: energies(),
             rest: energies(),
         };
-        for i in (0..n).filter(|i| prior.active[*i]) {
+        let of_pixel = |i: usize| -> (FrequencyMeans, f32) {
+            if !prior.active[i] {
+                return Default::default();
+            }
             let weight = if has_weight[i] > 1e-6 { weight[i].exp() } else { 0.0 };
             // A pixel that measures nothing has a hundredth of the information around it.
             let information_of =
                 |pixels: f32| over(pixels, |level| information[level][i]).max(0.01 * far[i]).max(1e-12);
             let mut h = information_of(1.0);
-            let mut means = FrequencyMeans::at(weight / h);
             for _ in 0..ROUNDS {
-                h = information_of(1.0 / means.noise.max(1e-6));
-                means = FrequencyMeans::at(weight / h);
+                h = information_of(1.0 / FrequencyMeans::noise_at(weight / h).max(1e-6));
             }
+            (FrequencyMeans::at(weight / h), h)
+        };
+        let of_pixels: Vec<(FrequencyMeans, f32)> = (0..n).into_par_iter().with_min_len(w).map(of_pixel).collect();
+        for (i, (means, h)) in of_pixels.into_iter().enumerate().filter(|(i, _)| prior.active[*i]) {
             let edge = 1.0 + EDGE * (2.0 * (1.0 - support[i]).max(0.0)).sqrt();
             out.noise[i] = edge * means.noise / h;
             out.prior[i] = edge * means.prior / h;

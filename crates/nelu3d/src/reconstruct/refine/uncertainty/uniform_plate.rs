@@ -81,9 +81,7 @@ static MEANS: LazyLock<Vec<FrequencyMeans>> = LazyLock::new(|| {
 impl FrequencyMeans {
     /// Interpolates the means for a ratio ρ.
     pub(super) fn at(ratio: f32) -> Self {
-        let position = (ratio.max(f32::MIN_POSITIVE).ln() - RATIOS[0] as f32) * STEPS as f32;
-        let position = position.clamp(0.0, (MEANS.len() - 1) as f32 - 1e-3);
-        let (a, b, t) = (MEANS[position as usize], MEANS[position as usize + 1], position.fract());
+        let (a, b, t) = Self::around(ratio);
         let between = |a: f32, b: f32| a + t * (b - a);
         Self {
             noise: between(a.noise, b.noise),
@@ -92,6 +90,19 @@ impl FrequencyMeans {
             noise_energy: between(a.noise_energy, b.noise_energy),
             smoothed_away: between(a.smoothed_away, b.smoothed_away),
         }
+    }
+
+    /// Interpolates [`Self::noise`] alone.
+    pub(super) fn noise_at(ratio: f32) -> f32 {
+        let (a, b, t) = Self::around(ratio);
+        a.noise + t * (b.noise - a.noise)
+    }
+
+    /// Returns the entries of the table around a ratio, and how far it lies from the first towards the second.
+    fn around(ratio: f32) -> (&'static Self, &'static Self, f32) {
+        let position = (ratio.max(f32::MIN_POSITIVE).ln() - RATIOS[0] as f32) * STEPS as f32;
+        let position = position.clamp(0.0, (MEANS.len() - 1) as f32 - 1e-3);
+        (&MEANS[position as usize], &MEANS[position as usize + 1], position.fract())
     }
 }
 
