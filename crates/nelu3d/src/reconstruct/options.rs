@@ -50,8 +50,8 @@ pub struct ReconstructionOptions {
     /// Maximum number of depth hypotheses of the cost volume
     #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::default().max_labels))]
     pub max_labels: usize,
-    /// Minimum roughness of the surface: typical second difference between neighboring pixels, in px of disparity;
-    /// smaller is smoother
+    /// Roughness that any surface is allowed: typical second difference between neighboring pixels, in px of disparity;
+    /// where it proves smoother, that counts
     #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::default().roughness))]
     pub roughness: f32,
     /// Smallest connected component of the surface that is valid, px

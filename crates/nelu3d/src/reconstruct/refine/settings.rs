@@ -35,8 +35,8 @@ pub struct RefineSettings {
     pub first_gather: usize,
     /// Divisor of the image's width that gives the radius over which light fractions are smooth, at least 2 px.
     pub ambient_radius_divisor: usize,
-    /// Least roughness of the surface that the prior allows: standard deviation of second differences between
-    /// neighboring pixels, steps of depth. Smaller is smoother. Where the surface proves smoother, that counts.
+    /// Roughness that the prior allows any surface: standard deviation of second differences between neighboring pixels,
+    /// steps of depth. Where the surface proves smoother, that counts.
     pub roughness: f32,
     /// Number of times that the surface's own roughness is measured, at most three.
     pub roughness_measurements: usize,
