@@ -42,9 +42,9 @@ impl WindowDemand {
         self.of(3.0 * (2.0 * BOX_MEAN[0] + 20.0), 3.0 * (2.0 * BOX_MEAN[1] + 6.0))
     }
 
-    /// The surface's roughness: means over squares of ten maps, and of two for each of three differences and four squares.
+    /// The surface's roughness: means over squares of 40 maps, and of two for each of three differences and three squares.
     pub(super) fn roughness(&self) -> Demand {
-        self.of(34.0 * BOX_MEAN[0] + 60.0, 34.0 * BOX_MEAN[1] + 60.0)
+        self.of(58.0 * BOX_MEAN[0] + 100.0, 58.0 * BOX_MEAN[1] + 120.0)
     }
 
     /// The uncertainty: means over squares of the maps of every channel, and of eight others.

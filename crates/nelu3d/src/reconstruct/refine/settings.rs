@@ -57,7 +57,7 @@ pub struct RefineSettings {
 impl Default for RefineSettings {
     fn default() -> Self {
         Self {
-            steps: 24,
+            steps: 20,
             fine_steps: 8,
             settled: 0.0,
             first_width_mm: 0.7,

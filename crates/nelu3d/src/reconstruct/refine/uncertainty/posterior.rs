@@ -104,12 +104,12 @@ impl Posterior {
     ///
     /// With H the data's information, Q = DᵀWD and Σ = (H + Q)⁻¹, the solution for a true surface of covariance γ Q⁻¹
     /// has the expected energy E = f tr(QΣHΣ) + γ tr(HΣHΣ), where f, `noise_ratio`, is the noise's variance over that
-    /// of its model. That is solved for γ, at least 0. Away from edges of the surface, all of this is taken of second differences
-    /// less their mean over [`square()`]: what does not change within it is not smoothed away. Beside a silhouette, where
-    /// surfaces bend out of sight, it does change.
+    /// of its model. That is solved for γ, which is 0 at least. Away from edges of the surface, all of this is taken of
+    /// second differences less their mean over [`square()`]: what does not change within it is not smoothed away. Beside a
+    /// silhouette, where surfaces bend out of sight, it does change.
     ///
-    /// So many independent differences that are as the prior allows are `assumed` beside those of the square: under a stiff
-    /// prior it has few, which chance makes large or small.
+    /// So many independent differences that are as the prior allows are `assumed` beside those of the square: under a
+    /// stiff prior it has few, which chance makes large or small.
     pub fn prior_scale(&self, prior: &ThinPlatePrior, x: &[f32], noise_ratio: &[f32], assumed: f32) -> Vec<f32> {
         let zones = Zones::new(&prior.active, [prior.width, prior.height], ROUGHNESS_RADIUS);
         let inner = zones.innermost();
