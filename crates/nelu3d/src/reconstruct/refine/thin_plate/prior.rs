@@ -26,8 +26,7 @@ pub struct ThinPlatePrior {
     floor_part: Vec<f32>,
 }
 
-/// The least part of the floor's variance: second differences of a tenth. Systems of stiffer plates take long to solve,
-/// and depths gain nothing by them.
+/// The least part of the floor's variance: second differences of a tenth. Depths gain nothing by stiffer plates.
 const LEAST_PART: f32 = 0.01;
 /// Largest factor by which a part changes at a time: where noise explains all that is seen, it may explain too much.
 const MAX_CHANGE: f32 = 10.0;
