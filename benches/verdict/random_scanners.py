@@ -234,7 +234,8 @@ def row(scene, answer):
     """What a scan's answer says, as cells, and whether it is silent."""
     metrics = (answer.get("summary") or {}).get("metrics")
     said = answer["verdict"] + "".join(f" `{w['code']}`" for w in answer["warnings"])
-    if not metrics or not metrics["body"]["sigma"]:
+    # Nothing may be left of the body, or nothing of what has a 1σ.
+    if not metrics or (metrics["body"]["sigma"] or {}).get("median_mm") is None:
         return ["–"] * 6 + [said], False
     whole, body = metrics["whole"], metrics["body"]
     error, sigma, within = body["depth_mm"]["median"], body["sigma"]["median_mm"], body["sigma"]["within_1"]

@@ -140,6 +140,16 @@ impl ThinPlatePrior {
         }
     }
 
+    /// Returns the part of the floor's variance that counts at a pixel.
+    pub(in crate::reconstruct::refine) fn floor_part(&self, i: usize) -> f32 {
+        self.floor_part[i]
+    }
+
+    /// Returns whether the floor at a pixel is what the surface's roughness makes it, not one of its bounds.
+    pub(in crate::reconstruct::refine) fn floor_follows(&self, i: usize) -> bool {
+        (1.01 * LEAST_PART..0.99).contains(&self.floor_part[i])
+    }
+
     /// Returns the linear system of the change of a surface whose data have information `h` and gradient `g` there.
     pub fn system<'a>(&'a self, h: &'a [f32], g: &'a [f32]) -> PlateSystem<'a> {
         let Self { width, height, active, wxx, wyy, wxy, .. } = self;

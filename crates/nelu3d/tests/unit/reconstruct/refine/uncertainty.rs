@@ -325,6 +325,57 @@ fn the_floor_becomes_the_roughness_of_the_surface() {
     }
 }
 
+/// Scans of one surface that differ by their noise alone differ by more than a plate whose floor stands still lets them
+/// where the floor is set to what each of them finds; where it ends at its least, they do not. So says σ.
+#[test]
+fn noise_is_larger_where_the_floor_follows_the_surface() {
+    let (w, h, floor, scans) = (90, 80, 0.1, 5);
+    let (n, active) = (w * h, window(90, 80));
+    let inner: Vec<usize> =
+        (0..n).filter(|i| (10..w - 10).contains(&(i % w)) && (10..h - 10).contains(&(i / w))).collect();
+    let info: Vec<Information> = active.iter().map(|a| Information::plain(if *a { 5.0 } else { 0.0 }, 1.0)).collect();
+    let data: Vec<f32> = info.iter().map(|i| i.h).collect();
+    let none = Systematic { variance: vec![0.0; n], unshared: vec![1.0; n] };
+    let solution = |prior: &ThinPlatePrior, h: &[f32], b: &[f32]| -> Vec<f32> {
+        let g: Vec<f32> = b.iter().map(|b| -b).collect();
+        let until = PlateStop { reduction: 1e-5, settled: 0.0, iterations: 4000 };
+        solve(&prior.system(h, &g), &vec![0.0; n], until).0.into_iter().map(|v| v as f32).collect()
+    };
+    for (depth, expected, part) in [(40.0f32, 1.15..1.7, 0.683), (0.0, 0.8..1.15, 0.74)] {
+        let of_ball = |i: usize| {
+            let (x, y) = ((i % w) as f32 - 45.0, (i / w) as f32 - 40.0);
+            depth * (1.0 - (x * x + y * y) / 4900.0).sqrt()
+        };
+        let truth: Vec<f32> = (0..n).map(|i| if active[i] { of_ball(i) } else { 0.0 }).collect();
+        let (mut found, mut claimed, mut within) = (Vec::new(), 0.0f64, 0usize);
+        for scan in 0..scans {
+            let noise = normals(n, 41 + scan);
+            let b: Vec<f32> = (0..n).map(|i| data[i] * truth[i] + data[i].sqrt() * noise[i]).collect();
+            let mut prior = ThinPlatePrior::new(w, h, active.clone());
+            prior.reweight(&truth, floor, 0.5, 3);
+            for _ in 0..4 {
+                let x = solution(&prior, &data, &b);
+                let scale = Posterior::new(&prior, &info).prior_scale(&prior, &x, &vec![1.0; n], 1.0);
+                prior.scale_floor(&scale);
+                prior.reweight(&x, floor, 0.5, 3);
+            }
+            let (x, posterior) = (solution(&prior, &data, &b), Posterior::new(&prior, &info));
+            let s = sigma(&prior, &posterior, &x, &info, &none, |_, _| 1.0);
+            within += inner.iter().filter(|i| (x[**i] - truth[**i]).abs() <= s[**i]).count();
+            claimed += inner.iter().map(|i| f64::from(posterior.noise[*i])).sum::<f64>() / scans as f64;
+            found.push(x);
+        }
+        let variance = |i: usize| {
+            let mean = found.iter().map(|x| x[i]).sum::<f32>() / scans as f32;
+            found.iter().map(|x| f64::from(x[i] - mean).powi(2)).sum::<f64>() / (scans - 1) as f64
+        };
+        let ratio = inner.iter().map(|i| variance(*i)).sum::<f64>() / claimed;
+        let fraction = within as f64 / (inner.len() * scans as usize) as f64;
+        assert!(expected.contains(&ratio), "{depth}: {ratio}");
+        assert!((fraction - part).abs() < 0.06, "{depth}: {fraction}");
+    }
+}
+
 /// Where information lies in stripes, as under few patterns, the variance from noise is that of solutions for random
 /// noise on them and between them.
 #[test]
