@@ -33,6 +33,8 @@ pub struct Posterior {
     pub prior: Vec<f32>,
     /// Number of pixels that the solution averages over.
     pub pixels: Vec<f32>,
+    /// Where roughness is compared with the prior's.
+    zones: Zones,
     /// Variance from noise of what is found to be smoothed away.
     pub smoothed_away: Vec<f32>,
     /// Energies in the solution, of noise and of a surface that is as rough as the prior allows.
@@ -69,6 +71,7 @@ impl Posterior {
             noise: zero(),
             prior: zero(),
             pixels: zero(),
+            zones: Zones::new(&prior.active, [w, h], ROUGHNESS_RADIUS),
             smoothed_away: zero(),
             whole: energies(),
             rest: energies(),
@@ -111,8 +114,7 @@ impl Posterior {
     /// So many independent differences that are as the prior allows are `assumed` beside those of the square: under a
     /// stiff prior it has few, which chance makes large or small.
     pub fn prior_scale(&self, prior: &ThinPlatePrior, x: &[f32], noise_ratio: &[f32], assumed: f32) -> Vec<f32> {
-        let zones = Zones::new(&prior.active, [prior.width, prior.height], ROUGHNESS_RADIUS);
-        let inner = zones.innermost();
+        let (zones, inner) = (&self.zones, self.zones.innermost());
         let assumed = assumed / (2.0 * ROUGHNESS_RADIUS as f32 + 1.0).powi(2);
         let scales = |found: &[f32], expected: &Energies| -> Vec<f32> {
             let [found, noise, surface] = [found, &expected.noise, &expected.surface].map(|map| zones.mean(map));
@@ -124,6 +126,11 @@ impl Posterior {
         let whole = scales(&prior.energy(x, |_, _| no_mean.clone()), &self.whole);
         let rest = scales(&prior.energy(x, |d, weights| self.means(prior, inner, d, weights)), &self.rest);
         (0..x.len()).map(|i| if inner[i] { rest[i] } else { whole[i] }).collect()
+    }
+
+    /// Returns whether a pixel lies beside an edge of the surface.
+    pub fn is_beside_edge(&self, i: usize) -> bool {
+        self.zones.is_outermost(i)
     }
 
     /// Returns the mean of second differences around each of some pixels, over [`square()`], each by its weight: where

@@ -25,6 +25,10 @@ const FOLLOWING: f32 = 1.4;
 /// times the prior's variance there, 0.5 and more where the floor is at its highest.
 const SMOOTH: f32 = 0.3;
 
+/// Largest ratio of a surface's roughness to the prior's that is believed beside an edge of the surface, where bodies bend
+/// out of sight. Farther in it is 1: what neighbors share of errors looks like shape.
+const MOST_AT_EDGE: f32 = 16.0;
+
 /// Returns the ratio of the noise's variance around each pixel to that of its model, as residuals show it.
 pub fn noise_ratio(prior: &ThinPlatePrior, information: &[Information]) -> Vec<f32> {
     let mean = |of: fn(&Information) -> f32| {
@@ -73,7 +77,8 @@ pub fn sigma(
             let by_boards = noise[i] * noise_ratio[i] - of_noise;
             let more = by_boards.max(systematic.variance[i]).max((following[i] - 1.0) * of_noise);
             let white = SMOOTH + (1.0 - SMOOTH) * prior.floor_part(i);
-            (of_noise + more + scale[i].min(1.0) * white * smoothing[i]).sqrt()
+            let most = if posterior.is_beside_edge(i) { MOST_AT_EDGE } else { 1.0 };
+            (of_noise + more + scale[i].min(most) * white * smoothing[i]).sqrt()
         })
         .collect()
 }

@@ -47,6 +47,11 @@ impl Zones {
         &self.within[BEGIN.len() - 1].0
     }
 
+    /// Returns whether a pixel is in no zone but the outermost.
+    pub(super) fn is_outermost(&self, i: usize) -> bool {
+        !self.within[1].0[i]
+    }
+
     /// Returns the mean of a map around every pixel of the surface, over those of the square that are no nearer to an
     /// edge than its zone; 0 outside of the surface.
     pub(super) fn mean(&self, v: &[f32]) -> Vec<f32> {
