@@ -17,7 +17,7 @@ mod marker_frame;
 pub mod print;
 
 pub use artwork::Artwork;
-pub use detect::Detector;
+pub use detect::{Detector, Sighting};
 pub use dictionary::Dictionary;
 pub use error::BoardError;
 

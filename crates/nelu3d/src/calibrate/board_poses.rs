@@ -6,6 +6,7 @@ use nelu3d_scan::pose::{
     Bend, Flatness, SharedCause, SharedMisfit, Trajectory, TrajectoryModel, explain_misfit, solve_pnp,
 };
 use nelu3d_scan::rig::PatternSet;
+use nelu3d_scan::statistics::median;
 use nelu3d_scan::{Camera, Image, Rig};
 
 use super::error::CalibrationError;
@@ -13,7 +14,7 @@ use super::options::{CalibrationOptions, TrajectoryKind};
 use super::placed_sweep::PlacedSweep;
 use super::sweep::Sweep;
 use crate::progress::{Progress, StageClock};
-use crate::sensor::{BlockDetector, DarkEstimator, DarkLevel};
+use crate::sensor::{BlockDetector, Blur, DarkEstimator, DarkLevel};
 
 /// A sweep with the poses of its boards.
 pub struct SweepGeometry<'a> {
@@ -71,7 +72,7 @@ pub fn solve_board_poses<'a>(
 
     clock.begin("find the boards");
     let mut sweep = Sweep::new(rig, set, shots, opts.min_contrast);
-    let (found, dark, whites) = find_boards(&sweep, &detector, opts, progress)?;
+    let Boards { found, blur, dark, whites } = find_boards(&sweep, &detector, opts, progress)?;
 
     clock.begin("solve the board poses");
     let trajectory = if rig.poses.is_empty() {
@@ -96,7 +97,7 @@ pub fn solve_board_poses<'a>(
     if progress.cancelled() {
         return Err(CalibrationError::Cancelled);
     }
-    let placed = PlacedSweep::new(sweep, &poses, board.extent_mm, trajectory.bend().copied());
+    let placed = PlacedSweep::new(sweep, &poses, board.extent_mm, trajectory.bend().copied(), blur);
     let misfit = shared_misfit(&found, &trajectory, &rig.camera);
     let facts = SweepFacts { misfit, clipped: whites.clipped_share(), blocks: whites.blocks };
     Ok(SweepGeometry { placed, trajectory, dark, facts })
@@ -105,28 +106,46 @@ pub fn solve_board_poses<'a>(
 /// The detected corners of each position, or why there are none.
 type DetectedCorners = Vec<(String, Result<Vec<Corner>, String>)>;
 
-/// Detects the board in every white image, and estimates the dark level.
+/// What white and black images of the sweep show.
+struct Boards {
+    found: DetectedCorners,
+    /// Blur of the sensor's pixels.
+    blur: Blur,
+    /// Dark level per channel.
+    dark: Vec<DarkLevel>,
+    whites: WhiteImages,
+}
+
+/// Blur of the camera beyond a pixel's own area where no board was found (all poses are known then), px: that of a sharp
+/// lens.
+const TYPICAL_BLUR_PX: f64 = 0.4;
+
+/// Detects the board in every white image, and estimates the dark level and the blur of the camera: the median over
+/// positions of what edges of the board show.
 fn find_boards(
     sweep: &Sweep<'_>,
     detector: &Detector,
     opts: &CalibrationOptions,
     progress: &Progress,
-) -> Result<(DetectedCorners, Vec<DarkLevel>, WhiteImages), CalibrationError> {
+) -> Result<Boards, CalibrationError> {
     let parts = sweep.map_white_black(progress, |shot, white, black| {
-        let corners = detector.detect(&white.to_gray(), white.width, white.height).map_err(|e| e.to_string());
+        let sighting = detector.sight(&white.to_gray(), white.width, white.height).map_err(|e| e.to_string());
         let mut dark = DarkEstimator::default();
         dark.add(white, black, opts.min_contrast);
-        ((shot.name.clone(), corners), dark, WhiteImages::of(white, black, opts.min_contrast))
+        ((shot.name.clone(), sighting), dark, WhiteImages::of(white, black, opts.min_contrast))
     })?;
     let mut all = DarkEstimator::default();
     let mut found = DetectedCorners::with_capacity(parts.len());
-    let mut whites = WhiteImages::default();
-    for (corners, dark, white) in parts {
+    let (mut whites, mut blurs) = (WhiteImages::default(), Vec::with_capacity(parts.len()));
+    for ((name, sighting), dark, white) in parts {
         all.merge(&dark);
         whites.merge(&white);
-        found.push(corners);
+        blurs.extend(sighting.as_ref().ok().map(|sighting| sighting.blur_px));
+        found.push((name, sighting.map(|sighting| sighting.corners)));
     }
-    Ok((found, all.finish(), whites))
+    let blur = Blur::of_optics(median(&mut blurs).unwrap_or(TYPICAL_BLUR_PX) as f32);
+    tracing::debug!(?blur, "blur of the camera, square pixels");
+    Ok(Boards { found, blur, dark: all.finish(), whites })
 }
 
 /// Counts over the white images of a sweep.

@@ -3,8 +3,6 @@
 
 #[doc(hidden)]
 pub mod binning;
-#[doc(hidden)]
-pub mod blur;
 mod board_poses;
 mod board_samples;
 mod candidate;
@@ -127,7 +125,7 @@ pub fn calibrate(
         source: "sweep".into(),
         camera: camera_key(&rig.camera),
         noise: placed.sensor_noise(),
-        blur: Some(placed.sensor_blur()),
+        blur: Some(placed.sensor_blur),
         dark: geometry.dark,
         crosstalk: None,
         cells_per_pixel: best.cells_per_pixel,

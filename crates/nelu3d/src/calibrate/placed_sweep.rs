@@ -25,8 +25,10 @@ pub struct PlacedSweep<'a> {
     ///
     /// [`NoiseEstimator::growth`]: crate::sensor::NoiseEstimator::growth
     pub noise_growth: Option<f64>,
-    /// Blur of these pixels.
-    pub(super) blur: Blur,
+    /// Blur of the sensor's pixels.
+    pub(super) sensor_blur: Blur,
+    /// Blur of the pixels that are read.
+    blur: Blur,
     /// Unit ray direction per pixel.
     pub dirs: Vec<Vector3<f64>>,
     /// Blocks of each position's image that are not used; none where all are.
@@ -141,8 +143,14 @@ impl BoardPlane {
 }
 
 impl<'a> PlacedSweep<'a> {
-    /// Joins a sweep with the poses of its boards.
-    pub fn new(sweep: Sweep<'a>, poses: &[Isometry3<f64>], extent_mm: [f64; 4], bend: Option<Bend>) -> Self {
+    /// Joins a sweep with the poses of its boards, and the blur of the sensor's pixels.
+    pub fn new(
+        sweep: Sweep<'a>,
+        poses: &[Isometry3<f64>],
+        extent_mm: [f64; 4],
+        bend: Option<Bend>,
+        sensor_blur: Blur,
+    ) -> Self {
         assert_eq!(sweep.shots.len(), poses.len());
         let camera = sweep.camera();
         let w = camera.width;
@@ -151,19 +159,14 @@ impl<'a> PlacedSweep<'a> {
         let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, extent_mm, bend)).collect();
         let (excluded, drawn) = (vec![None; boards.len()], vec![None; boards.len()]);
         let noise = NoiseModel { read: 0.0, gain: 0.0, darkest: None };
-        let blur = Blur::new(0.0);
-        Self { sweep, boards, camera, noise, noise_growth: None, blur, dirs, excluded, drawn }
+        let blur = sensor_blur.of_blocks(sweep.binning);
+        Self { sweep, boards, camera, noise, noise_growth: None, sensor_blur, blur, dirs, excluded, drawn }
     }
 
     /// Returns the noise of the sensor's pixels.
     pub(super) fn sensor_noise(&self) -> NoiseModel {
         let pixels = self.sweep.binning.pow(2) as f32;
         NoiseModel { read: self.noise.read * pixels, gain: self.noise.gain * pixels, ..self.noise }
-    }
-
-    /// Returns the blur of the sensor's pixels.
-    pub(super) fn sensor_blur(&self) -> Blur {
-        Blur::new(self.blur.variance() * self.sweep.binning.pow(2) as f32)
     }
 
     /// Returns whether the outline of any board is in the image, lit or not.

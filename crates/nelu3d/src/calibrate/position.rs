@@ -87,17 +87,11 @@ impl Position {
 
     /// Returns the mean of the channels' contrast at a sample.
     #[inline]
-    pub(super) fn mean_contrast_at(&self, i: usize) -> f32 {
+    fn mean_contrast_at(&self, i: usize) -> f32 {
         match self.channels {
             1 => self.contrast[i],
             c => self.contrast[i * c..(i + 1) * c].iter().sum::<f32>() / c as f32,
         }
-    }
-
-    /// Returns whether all values of a sample are usable.
-    #[inline]
-    pub(super) fn is_wholly_usable(&self, i: usize) -> bool {
-        self.contrast[i * self.channels..][..self.channels].iter().all(|c| *c > 0.0)
     }
 
     /// Returns the gradient of the logarithm of the contrast at a sample, per sample along x and y: 0 along an axis where

@@ -5,7 +5,6 @@ use nalgebra::Vector3;
 use nelu3d_scan::{Camera, Image, Rig};
 use rayon::prelude::*;
 
-use super::blur::BlurEstimator;
 use super::drawn::{self, Drawn};
 use super::error::CalibrationError;
 use super::held_out::well_lit;
@@ -167,7 +166,7 @@ pub(super) fn estimate_noise(
     let mut placed_at = Vec::new();
     let block = finest.as_ref().map(|v| v.block);
     let (boards, dirs) = (&placed.boards, &placed.dirs);
-    let (mut noise, mut blur, mut kept) = (NoiseEstimator::default(), BlurEstimator::default(), Vec::new());
+    let (mut noise, mut kept) = (NoiseEstimator::default(), Vec::new());
     let n_images = which.len() * placed.sweep.n_images();
     let darkest = darkest_intensity(rig.black_level, rig.saturation);
     let gather = |(noise, fingerprint): &mut (NoiseEstimator, Fingerprint), image: &Image| {
@@ -182,14 +181,11 @@ pub(super) fn estimate_noise(
         let view = block.map(|block| (p, boards[p], smoothed(position, on_board, block)));
         let lit = well_lit(&position.contrast);
         let drawn = judged.contains(&p).then(|| (p, Drawn::of(position, fingerprint, lit, judged.len())));
-        let mut blur = BlurEstimator::default();
-        blur.add(position, on_board);
-        (noise, blur, drawn, view)
+        (noise, drawn, view)
     };
     let take = |wave: Vec<_>| {
-        for (n, b, drawn, view) in wave {
+        for (n, drawn, view) in wave {
             noise.merge(&n);
-            blur.merge(&b);
             kept.extend(drawn);
             if let (Some(finest), Some((p, board, image))) = (&mut finest, view) {
                 placed_at.push((p, board));
@@ -204,7 +200,6 @@ pub(super) fn estimate_noise(
     let of_pixels = noise.finish(step, Some(darkest));
     (placed.noise, placed.noise_growth) = (of_pixels.of_mean(pixels), noise.growth(step));
     placed.sweep.noise = Some(placed.noise);
-    placed.blur = blur.finish();
     let middle = placed.mean_point().normalize();
     Ok(finest.map(|finest| Views::new(k, placed_at, finest, &middle)))
 }

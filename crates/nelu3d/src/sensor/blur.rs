@@ -11,6 +11,9 @@ use serde::{Deserialize, Serialize};
 /// Longest shift, standard deviations of the blur: light from farther away is little.
 const LONGEST: f32 = 1.5;
 
+/// Variance of a pixel's own area along each axis, square pixels.
+const AREA: f32 = 1.0 / 12.0;
+
 /// Variance of a camera's blur along each axis of the image, square pixels (or blocks of them), the pixel's own area
 /// included.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,6 +24,16 @@ impl Blur {
     /// A blur of a variance.
     pub fn new(variance: f32) -> Self {
         Self(variance)
+    }
+
+    /// The blur of optics that blur by a Gaussian of a standard deviation, px, and of a pixel's own area.
+    pub fn of_optics(sigma: f32) -> Self {
+        Self(sigma * sigma + AREA)
+    }
+
+    /// Returns the blur of blocks of `side` × `side` pixels, square blocks.
+    pub fn of_blocks(self, side: usize) -> Self {
+        Self((self.0 - AREA) / (side * side) as f32 + AREA)
     }
 
     /// Returns the variance, square pixels.

@@ -39,6 +39,16 @@ pub struct Detector {
     matcher: Option<Matcher>,
 }
 
+/// A board in an image.
+#[derive(Clone, Debug)]
+pub struct Sighting {
+    /// Its corners.
+    pub corners: Vec<Corner>,
+    /// Standard deviation of the image's blur beyond a pixel's own area, px: that of a Gaussian, the median over what the
+    /// corners' edges show.
+    pub blur_px: f64,
+}
+
 /// Images are reduced to about this many pixels for the coarse step; the final one works at full resolution.
 const COARSE_PIXELS: usize = 1_500_000;
 
@@ -76,6 +86,11 @@ impl Detector {
     /// Fails when the board is not there; finds at least four corners otherwise. Corners hidden, clipped or outside the
     /// image are rejected.
     pub fn detect(&self, gray: &[f32], width: usize, height: usize) -> Result<Vec<Corner>, BoardError> {
+        self.sight(gray, width, height).map(|sighting| sighting.corners)
+    }
+
+    /// Does what [`Self::detect`] does, and tells the blur of the image as well.
+    pub fn sight(&self, gray: &[f32], width: usize, height: usize) -> Result<Sighting, BoardError> {
         if width == 0 || height == 0 || gray.len() != width * height {
             return Err(BoardError::ImageSize { width, height, len: gray.len() });
         }
@@ -111,7 +126,7 @@ impl Detector {
     }
 
     /// Localizes every corner of the board to a small part of a pixel.
-    fn localize(&self, pixels: &Pixels, pairs: &[Pair]) -> Result<Vec<Corner>, BoardError> {
+    fn localize(&self, pixels: &Pixels, pairs: &[Pair]) -> Result<Sighting, BoardError> {
         let camera = self.camera.as_ref();
         let lost = || BoardError::not_found(format!("the {} points seen lie on no plane", pairs.len()));
         let mut warp = Warp::fit(pairs, camera, pixels).ok_or_else(lost)?;
@@ -145,7 +160,8 @@ impl Detector {
         }
         let [sx, sy] = self.layout.scale;
         let real = |c: Corner| Corner { board_mm: [c.board_mm[0] * sx, c.board_mm[1] * sy], ..c };
-        Ok(found.into_iter().map(|c| real(c.corner)).collect())
+        let blur_px = refine::blur(&found).expect("corners were found");
+        Ok(Sighting { corners: found.into_iter().map(|c| real(c.corner)).collect(), blur_px })
     }
 }
 

@@ -51,9 +51,13 @@ pub(super) fn corners(image: &Pixels, specs: &[CornerSpec], warp: &Warp, known: 
 
 /// Returns blur and light of the image, from the corners of a pass.
 pub(super) fn conditions(image: &Pixels, found: &[Localized]) -> Option<Conditions> {
-    let mut blurs: Vec<f64> = found.iter().map(|c| c.blur).collect();
     let levels: Vec<([f64; 2], f64)> = found.iter().map(|c| (c.corner.px, c.bright)).collect();
-    Some(Conditions { blur: median(&mut blurs)?, light: Light::fit(image, &levels) })
+    Some(Conditions { blur: blur(found)?, light: Light::fit(image, &levels) })
+}
+
+/// Returns the median of the blur at corners, px.
+pub(super) fn blur(found: &[Localized]) -> Option<f64> {
+    median(&mut found.iter().map(|c| c.blur).collect::<Vec<f64>>())
 }
 
 fn corner(image: &Pixels, spec: &CornerSpec, warp: &Warp, known: Option<&Conditions>) -> Option<Localized> {

@@ -3,7 +3,7 @@ pub(crate) mod render;
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use nelu3d_scan::Camera;
-use nelu3d_scan::board::{Artwork, Board, BoardError, BoardKind, Corner, Detector, Dictionary, Marker};
+use nelu3d_scan::board::{Artwork, Board, BoardError, BoardKind, Corner, Detector, Dictionary, Marker, Sighting};
 use nelu3d_scan::camera::Distortion;
 use nelu3d_scan::pose::solve_pnp;
 
@@ -80,7 +80,8 @@ fn seen(board: &Board, camera: &Camera, pose: &Isometry3<f64>, detector: &Detect
         codes: 4095.0,
         seed: 1,
     };
-    let corners = detector.detect(&view.render(), camera.width, camera.height).unwrap();
+    let Sighting { corners, blur_px } = detector.sight(&view.render(), camera.width, camera.height).unwrap();
+    assert!((blur_px - 0.6).abs() < 0.06, "{blur_px}");
     let errors: Vec<f64> = corners
         .iter()
         .map(|c| {

@@ -1,5 +1,4 @@
 mod binning;
-mod blur;
 mod depth_noise;
 mod drawn;
 mod fringes;
