@@ -3,9 +3,6 @@
 //! A codeword is that of the surface seen there (see [`crate::sensor::Blur`]): at an outline the surface farther in, at
 //! an edge of the texture that on its bright side. Its inverse depth is that in the pixel's middle, and its slope times
 //! the distance.
-//!
-//! At the outline of a round body light falls off as √d and depth as −√d, d being the distance from the outline: there
-//! the surface's bend within the blur, ½ s² z″, takes half of slope times distance back.
 
 use rayon::prelude::*;
 
@@ -14,9 +11,6 @@ use crate::sensor::{Blur, Measurements, NoiseModel};
 
 /// Times the variance that noise gives it which the square of a gradient has to exceed.
 const NOISE: f32 = 3.0;
-/// Width of an outline, px, and the part of the way to where light comes from that counts there.
-const OUTLINE: usize = 3;
-const AT_OUTLINES: f32 = 0.5;
 
 /// How far beside the middles of pixels their light comes from.
 pub struct Seen {
@@ -34,8 +28,7 @@ impl Seen {
             }
             let ([x, y], variance) = m.log_gradient(window.at(i), noise);
             let above_noise = 1.0 - NOISE * variance / (x * x + y * y).max(f32::MIN_POSITIVE);
-            let part = if is_at_outline(i, window, active) { AT_OUTLINES } else { 1.0 };
-            blur.shift([x, y]).map(|s| part * s * above_noise.max(0.0))
+            blur.shift([x, y]).map(|s| s * above_noise.max(0.0))
         };
         Self { shifts: (0..active.len()).into_par_iter().with_min_len(window.w).map(shift).collect() }
     }
@@ -54,12 +47,4 @@ impl Seen {
         };
         (0..x.len()).map(of).collect()
     }
-}
-
-/// Whether a pixel of a window lies at an outline of the active ones.
-fn is_at_outline(i: usize, window: &Window, active: &[bool]) -> bool {
-    let [x, y] = [i % window.w, i / window.w];
-    let rows = y.saturating_sub(OUTLINE)..(y + OUTLINE + 1).min(window.h);
-    let columns = x.saturating_sub(OUTLINE)..(x + OUTLINE + 1).min(window.w);
-    rows.into_iter().any(|y| active[y * window.w..][columns.clone()].iter().any(|a| !a))
 }
