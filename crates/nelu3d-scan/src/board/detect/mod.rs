@@ -42,7 +42,7 @@ pub struct Detector {
 /// A board in an image.
 #[derive(Clone, Debug)]
 pub struct Sighting {
-    /// Its corners.
+    /// The corners of the board that were found.
     pub corners: Vec<Corner>,
     /// Standard deviation of the image's blur beyond a pixel's own area, px: that of a Gaussian, the median over what the
     /// corners' edges show.

@@ -128,7 +128,7 @@ impl Posterior {
         (0..x.len()).map(|i| if inner[i] { rest[i] } else { whole[i] }).collect()
     }
 
-    /// Returns whether a pixel lies beside an edge of the surface.
+    /// Returns whether a pixel lies within 3 px of an edge of the surface.
     pub fn is_beside_edge(&self, i: usize) -> bool {
         self.zones.is_outermost(i)
     }
