@@ -73,7 +73,7 @@ pub(crate) fn filter(
         let inside = refined.inv_z[i] >= first && refined.inv_z[i] <= last;
         if !(inside && rays.is_calibrated(i, rays.in_frame(i).at(f64::from(t)).q, &field.validity)) {
             m.status[i] = PixelStatus::OutsideVolume;
-        } else if chi2[i] > max_chi2 {
+        } else if chi2[i] > max_chi2 || refined.ambient[i] > settings.max_indirect {
             m.status[i] = PixelStatus::Ambiguous;
         } else {
             continue;

@@ -11,6 +11,9 @@ pub struct FilterSettings {
     /// That limit as a multiple of the χ² below which a fifth of the scene's pixels are: much of a picture may be a
     /// room outside the volume.
     pub chi2_over_good: f32,
+    /// Fraction of a pixel's light that did not come directly from the light source above which too little did: sides in
+    /// shadow are lit by what stands beside them, and explained by that at any depth.
+    pub max_indirect: f32,
     /// χ² per measurement of a pixel at a depth discontinuity above which its codeword is a mixture of two surfaces.
     pub max_edge_chi2: f32,
     /// White − black of a pixel at an outline, as a fraction of that behind it, below which the surface covers too
@@ -73,6 +76,7 @@ impl Default for FilterSettings {
         Self {
             max_chi2: [10.0, 40.0],
             chi2_over_good: 20.0,
+            max_indirect: 0.4,
             max_edge_chi2: 9.0,
             least_covered: 0.5,
             max_component_chi2: 8.75,
