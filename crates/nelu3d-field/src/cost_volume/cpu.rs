@@ -14,7 +14,8 @@ pub(super) fn winners(problem: &Problem<'_>) -> Vec<Winner> {
     let stride = problem.hypotheses.count.next_multiple_of(CHUNK);
     // No path costs more than its last pixel and a jump.
     let scale = MAX_PATH / (problem.saturation + problem.jump);
-    let mut costs = vec![OUTSIDE; problem.pixels.len() * stride];
+    // Memory that is only asked for is mapped by the tasks that write it.
+    let mut costs = vec![0u16; problem.pixels.len() * stride];
     let slots = compute_costs(problem, scale, stride, &mut costs);
     let stored = |cost: f32| (cost * scale).round() as u16;
     let aggregation = Aggregation {
@@ -36,6 +37,8 @@ pub(super) fn winners(problem: &Problem<'_>) -> Vec<Winner> {
             Arch::new().dispatch(SomeWinners { sums, costs, stride, count: problem.hypotheses.count, scale, out });
         },
     );
+    // To give a volume back takes as long as to map it.
+    rayon::join(|| drop(first), || rayon::join(|| drop(second), || drop(costs)));
     out
 }
 
@@ -77,6 +80,7 @@ impl WithSimd for SomePixels<'_> {
         for ((pixel, row), inside) in
             self.pixels.iter().zip(self.costs.chunks_exact_mut(self.stride)).zip(self.is_inside)
         {
+            row.fill(OUTSIDE);
             *inside = of.of_pixel::<S>(*pixel, row, self.scratch);
         }
     }

@@ -1,6 +1,7 @@
 //! Is the board flat? Its bend, estimated together with the poses of a sweep.
 
 use nalgebra::{Isometry3, Matrix6, SMatrix, SVector, Translation3, UnitQuaternion, Vector3, Vector6};
+use rayon::prelude::*;
 
 use super::bend::{Bend, Flatness, by_quadratic};
 use super::pnp::{norms, solve_pnp};
@@ -45,7 +46,7 @@ impl Flatness {
     ) -> Result<Trajectory, PoseError> {
         let mut trajectory = Trajectory::fit(detections, camera, model)?;
         let views: Vec<View<'_>> =
-            trajectory.positions.iter().filter_map(|p| View::of(&p.position, detections, camera)).collect();
+            trajectory.positions.par_iter().filter_map(|p| View::of(&p.position, detections, camera)).collect();
         let Some(flatness) = Self::of_views(&views, camera, extent_mm) else { return Ok(trajectory) };
         if let Some(bend) = &flatness.bend {
             // Flattening depends on the pose through a small term only: each round gains two digits and more.

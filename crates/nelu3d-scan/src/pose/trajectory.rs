@@ -1,6 +1,7 @@
 //! The board poses of a whole sweep.
 
 use nalgebra::Isometry3;
+use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 
 use super::pnp::norms;
@@ -274,13 +275,14 @@ fn free_views(
     camera: &Camera,
     rejected: &mut Vec<Rejected>,
 ) -> Vec<View> {
+    let solve = |(_, found): &(String, Result<Vec<Corner>, String>)| match found {
+        Ok(corners) => solve_pnp(corners, camera).map_err(|e| e.to_string()),
+        Err(reason) => Err(reason.clone()),
+    };
+    let solved: Vec<Result<PoseFit, String>> = detections.par_iter().map(solve).collect();
     let mut views = Vec::new();
-    for (number, (name, found)) in detections.iter().enumerate() {
-        let solved = match found {
-            Ok(corners) => solve_pnp(corners, camera).map(|fit| (corners, fit)).map_err(|e| e.to_string()),
-            Err(reason) => Err(reason.clone()),
-        };
-        match solved {
+    for (number, ((name, found), solved)) in detections.iter().zip(solved).enumerate() {
+        match found.as_ref().map_err(Clone::clone).and_then(|corners| Ok((corners, solved?))) {
             Ok((corners, fit)) => {
                 let corners = corners.iter().zip(&fit.used).filter(|(_, u)| **u).map(|(c, _)| *c).collect();
                 views.push(View { number, name: name.clone(), corners, fit });

@@ -8,6 +8,7 @@ use nelu3d_scan::pose::{
 use nelu3d_scan::rig::PatternSet;
 use nelu3d_scan::statistics::median;
 use nelu3d_scan::{Camera, Image, Rig};
+use rayon::prelude::*;
 
 use super::error::CalibrationError;
 use super::options::{CalibrationOptions, TrajectoryKind};
@@ -200,19 +201,17 @@ fn misfit_of(
     bend: Option<&Bend>,
 ) -> Option<SharedMisfit> {
     let is_used = |name: &str| trajectory.positions.iter().any(|p| p.position == name);
-    let mut views = Vec::new();
-    for (_, corners) in found.iter().filter(|(name, _)| is_used(name)) {
-        let Ok(corners) = corners else { continue };
-        let Ok(mut fit) = solve_pnp(corners, camera) else { continue };
-        let mut corners = corners.clone();
+    let view = |(_, corners): &(String, Result<Vec<Corner>, String>)| {
+        let mut corners = corners.as_ref().ok()?.clone();
+        let mut fit = solve_pnp(&corners, camera).ok()?;
         if let Some(bend) = bend {
             corners = bend.flattened(&corners, camera, &fit.cam_from_board);
-            let Ok(better) = solve_pnp(&corners, camera) else { continue };
-            fit = better;
+            fit = solve_pnp(&corners, camera).ok()?;
         }
         let used: Vec<Corner> = corners.iter().zip(&fit.used).filter(|(_, used)| **used).map(|(c, _)| *c).collect();
-        views.push((used, fit.cam_from_board));
-    }
+        Some((used, fit.cam_from_board))
+    };
+    let views: Vec<_> = found.par_iter().filter(|(name, _)| is_used(name)).filter_map(view).collect();
     let views: Vec<_> = views.iter().map(|(corners, pose)| (corners.as_slice(), *pose)).collect();
     explain_misfit(&views, camera)
 }

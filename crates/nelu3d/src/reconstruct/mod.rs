@@ -38,6 +38,7 @@ use std::borrow::Cow;
 use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
 use nelu3d_scan::statistics::median;
 use nelu3d_scan::{Camera, Rig};
+use rayon::prelude::*;
 
 use crate::color_field::{ColorField, check_field, check_mono};
 use crate::drift::check_capture;
@@ -180,8 +181,11 @@ fn fast(
     cx.observe(Stage::Result, 1, || depth.clone());
     cx.clock.begin("build the surface");
     let diagnostics = diagnose(&initial, &refined, &depth, settings);
-    let judgment = judge(&scene, &depth, Some(&refined.chi2), unsupported);
-    let surface = progress.measure("mesh", || (build_surface(scene, refined, depth), demand::mesh(n)));
+    let (judgment, sigma) = rayon::join(
+        || judge(&scene, &depth, Some(&refined.chi2), unsupported),
+        || sigma_mm(&scene, &refined.sigma, &depth),
+    );
+    let surface = progress.measure("mesh", || (build_surface(scene, refined, depth, sigma), demand::mesh(n)));
     let surface = match white {
         Some(white) => part.surface(surface, white.into_owned()),
         None => surface,
@@ -212,19 +216,23 @@ fn diagnose(initial: &Initial, refined: &Refined, depth: &[f32], fast: FastSetti
     }
 }
 
-/// Links, normals and mesh of the valid depths.
-fn build_surface(scene: Scene<'_>, refined: Refined, depth: Vec<f32>) -> Surface {
-    // From 1/z to z; what neighbors share; and where in its pixel a depth was measured.
+/// Returns 1σ of every depth, mm (NaN where there is none): `of_inverse` in 1/mm, what poses of the boards are off by,
+/// and where in its pixel a depth was measured.
+fn sigma_mm(scene: &Scene<'_>, of_inverse: &[f32], depth: &[f32]) -> Vec<f32> {
     let pose = |i: usize, z: f32| {
         let q = scene.rays.in_frame(i).at(f64::from(z / scene.rays.dir_z(i))).q;
         scene.field.pose_sigma_mm(scene.rays.plane[i], q)
     };
-    let place = sigma_of_place(&depth, &Links::new(&depth, scene.camera, MAX_SLOPE), scene.camera.width);
+    let place = sigma_of_place(depth, &Links::new(depth, scene.camera, MAX_SLOPE), scene.camera.width);
     let sigma = |(i, (z, s)): (usize, (&f32, &f32))| match z.is_finite() {
         true => (s * z * z).hypot(pose(i, *z)).hypot(place[i]),
         false => f32::NAN,
     };
-    let sigma = depth.iter().zip(&refined.sigma).enumerate().map(sigma).collect();
+    depth.par_iter().zip(of_inverse).enumerate().map(sigma).collect()
+}
+
+/// Links, normals and mesh of the valid depths.
+fn build_surface(scene: Scene<'_>, refined: Refined, depth: Vec<f32>, sigma: Vec<f32>) -> Surface {
     let status = scene.measurements.status;
     let maps = SurfaceMaps { depth, sigma, status, residual: refined.residual, ambient: refined.ambient };
     assemble(maps, scene.camera, &scene.rays.plane, &scene.white)

@@ -4,6 +4,7 @@ use colorous::Gradient;
 use nelu3d_scan::Image;
 use nelu3d_scan::image::encode_rgb8;
 use nelu3d_scan::statistics::percentile;
+use rayon::prelude::*;
 
 use crate::surface::{PixelStatus, Surface};
 
@@ -24,8 +25,8 @@ pub struct Picture {
 
 impl Picture {
     /// Makes a picture from a function of the pixel's index, row by row.
-    pub fn from_fn(width: usize, height: usize, color: impl Fn(usize) -> [u8; 3]) -> Self {
-        Self { width, height, pixels: (0..width * height).map(color).collect() }
+    pub fn from_fn(width: usize, height: usize, color: impl Fn(usize) -> [u8; 3] + Sync) -> Self {
+        Self { width, height, pixels: (0..width * height).into_par_iter().map(&color).collect() }
     }
 
     /// Draws a map in the colors of `gradient`, from `range[0]` to `range[1]`; values that are not finite stay dark.
@@ -34,7 +35,7 @@ impl Picture {
     }
 
     /// Draws normals as a clay surface lit from the upper left behind the camera, times a color per pixel.
-    pub fn shaded(normals: &[[f32; 3]], width: usize, height: usize, color: impl Fn(usize) -> [u8; 3]) -> Self {
+    pub fn shaded(normals: &[[f32; 3]], width: usize, height: usize, color: impl Fn(usize) -> [u8; 3] + Sync) -> Self {
         Self::from_fn(width, height, |i| shaded(normals[i], || color(i)))
     }
 
@@ -146,7 +147,7 @@ pub fn preview(r: &Surface) -> Picture {
     // Near is bright: depth seen from the camera.
     let depth_color = |i: usize| color_at(DEPTH_COLORS, range[0] + range[1] - f64::from(r.depth[i]), range);
     let [x, y, width, height] = surroundings(r);
-    let panel = |color: &dyn Fn(usize) -> [u8; 3]| {
+    let panel = |color: &(dyn Fn(usize) -> [u8; 3] + Sync)| {
         Picture::from_fn(width, height, |i| color((y + i / width) * r.width + x + i % width)).at_most(640)
     };
     Picture::beside(&[

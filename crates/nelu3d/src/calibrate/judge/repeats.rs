@@ -4,6 +4,7 @@
 //! compared, each with itself at every other depth.
 
 use nelu3d_scan::Camera;
+use rayon::prelude::*;
 
 use crate::color_field::{CameraRays, ColorField};
 use crate::verdict::{Code, Finding, Verdict};
@@ -56,12 +57,12 @@ fn repeats(field: &ColorField, camera: &Camera) -> (f64, usize, f64) {
         .flat_map(|[x, y]| (0..PIXELS).map(move |i| [x + i % 3 * reach - reach, y + i / 3 * reach - reach]))
         .collect();
     let rays = CameraRays::of_pixels(camera, field, &pixels);
-    let (mut tried, mut found, mut apart) = (0usize, 0usize, Vec::new());
-    for first in (0..pixels.len()).step_by(PIXELS) {
+    // Of a patch that can be tried, the distance of a double, if it has one.
+    let double_of = |first: usize| {
         let patch = first..first + PIXELS;
         let [near, far] = rays.range[first + PIXELS / 2];
         if !patch.clone().all(|i| rays.range[i][0] < rays.range[i][1]) {
-            continue;
+            return None;
         }
         let at = |n: usize| f64::from(near) + f64::from(far - near) * n as f64 / (DEPTHS - 1) as f64;
         let mut words = vec![0.0f32; DEPTHS * PIXELS * k];
@@ -73,19 +74,19 @@ fn repeats(field: &ColorField, camera: &Camera) -> (f64, usize, f64) {
                 grid.eval(on.q, &mut words[(n * PIXELS + i - first) * k..][..k]);
             }
         }
-        tried += 1;
         let size = PIXELS * k;
         let difference = |a: usize, b: usize| {
             let (a, b) = (&words[a * size..][..size], &words[b * size..][..size]);
             a.iter().zip(b).map(|(a, b)| f64::from((a - b) * (a - b))).sum::<f64>() / size as f64 / variance
         };
-        if let Some((a, b)) = double(&lit, difference) {
-            found += 1;
-            apart.push(at(b) - at(a));
-        }
-    }
+        Some(double(&lit, difference).map(|(a, b)| at(b) - at(a)))
+    };
+    let patches: Vec<Option<f64>> =
+        (0..pixels.len() / PIXELS).into_par_iter().filter_map(|patch| double_of(patch * PIXELS)).collect();
+    let mut apart: Vec<f64> = patches.iter().flatten().copied().collect();
     apart.sort_by(f64::total_cmp);
-    (found as f64 / tried.max(1) as f64, tried, apart.get(apart.len() / 2).copied().unwrap_or(0.0))
+    let share = apart.len() as f64 / patches.len().max(1) as f64;
+    (share, patches.len(), apart.get(apart.len() / 2).copied().unwrap_or(0.0))
 }
 
 /// Two depths that look the same although what lies between does not.

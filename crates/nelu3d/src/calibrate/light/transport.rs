@@ -3,6 +3,7 @@
 use nalgebra::{Matrix2x3, Point3, Vector3};
 use nelu3d_field::prefetch::prefetch;
 use nelu3d_scan::Camera;
+use rayon::prelude::*;
 
 use super::super::views::{Level, Views};
 use super::center::{Chart, HOME, LightCenter, Slope, State};
@@ -41,8 +42,8 @@ pub struct Seed {
 pub fn seeds(camera: &Camera, views: &Views, level: &Level, n: usize) -> Vec<Seed> {
     let per_view = (n / views.count()).max(200);
     let k = views.k;
-    let mut out = Vec::new();
-    for (view, (normal, offset)) in views.planes.iter().enumerate() {
+    let of_view = |(view, (normal, offset)): (usize, &(Vector3<f64>, f64))| {
+        let mut out = Vec::new();
         let usable = level.images[view].chunks_exact(k + 1).filter(|s| s[k] >= level.min_validity).count();
         let area = (4 * usable).min(level.width * level.height);
         let stride = ((area / per_view) as f64).sqrt().max(1.0) as usize;
@@ -61,8 +62,10 @@ pub fn seeds(camera: &Camera, views: &Views, level: &Level, n: usize) -> Vec<See
                 }
             }
         }
-    }
-    out
+        out
+    };
+    let of_views: Vec<Vec<Seed>> = views.planes.par_iter().enumerate().map(of_view).collect();
+    of_views.concat()
 }
 
 /// A number that looks random, the same for the same seed.

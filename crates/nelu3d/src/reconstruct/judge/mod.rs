@@ -9,6 +9,7 @@ pub mod odd_pattern;
 pub mod response;
 
 use nelu3d_scan::statistics::median;
+use rayon::prelude::*;
 
 use super::scene::Scene;
 use crate::color_field::LightMotion;
@@ -66,10 +67,10 @@ fn expected(scene: &Scene<'_>, pixels: &[usize], depth: &[f32]) -> Option<Codewo
     let is_found = found.len() as f64 > FOUND * pixels.len() as f64;
     let step = (pixels.len() / MAX_PIXELS).max(1);
     let codewords = if is_found {
-        let at_surface = found.into_iter().step_by(step).flat_map(|i| {
+        let at_surface = found.par_iter().step_by(step).flat_map_iter(|i| {
             let mut c = vec![0.0; scene.measurements.k];
-            let t = f64::from(depth[i] / scene.rays.dir_z(i));
-            scene.grid.eval(scene.rays.in_frame(i).at(t).q, &mut c);
+            let t = f64::from(depth[*i] / scene.rays.dir_z(*i));
+            scene.grid.eval(scene.rays.in_frame(*i).at(t).q, &mut c);
             c
         });
         at_surface.collect()

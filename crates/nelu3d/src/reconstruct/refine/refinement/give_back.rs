@@ -1,5 +1,7 @@
 //! What the prior took from the surface, and the uncertainty of what is left.
 
+use rayon::prelude::*;
+
 use super::Refinement;
 use super::strip::Strip;
 use crate::reconstruct::refine::smoothed_away::smoothed_away;
@@ -29,17 +31,23 @@ impl Refinement<'_> {
         let (start, n) = (*start, prior.active.len());
         let (mut whitened, mut slopes) = (vec![0.0f32; n * k], vec![0.0f32; n * k]);
         let (mut offset, mut gain) = (vec![0.0f32; n * k], vec![0.0f32; n * k]);
-        for at in (0..n).filter(|at| prior.active[*at]) {
-            let i = start + at;
-            let px = self.window.at(i);
-            for j in 0..k {
-                let weight = m.inv_var[px * k + j].sqrt();
-                whitened[at * k + j] = weight * self.residual(i, px, j);
-                slopes[at * k + j] = weight * self.rendered[i * 2 * k + k + j];
-                offset[at * k + j] = weight;
-                gain[at * k + j] = weight * self.rendered[i * 2 * k + j];
-            }
-        }
+        whitened
+            .par_chunks_exact_mut(k)
+            .zip(slopes.par_chunks_exact_mut(k))
+            .zip(offset.par_chunks_exact_mut(k).zip(gain.par_chunks_exact_mut(k)))
+            .enumerate()
+            .filter(|(at, _)| prior.active[*at])
+            .for_each(|(at, ((whitened, slopes), (offset, gain)))| {
+                let i = start + at;
+                let px = self.window.at(i);
+                for j in 0..k {
+                    let weight = m.inv_var[px * k + j].sqrt();
+                    whitened[j] = weight * self.residual(i, px, j);
+                    slopes[j] = weight * self.rendered[i * 2 * k + k + j];
+                    offset[j] = weight;
+                    gain[j] = weight * self.rendered[i * 2 * k + j];
+                }
+            });
         let nuisances = Nuisances { offset: &offset, gain: &gain, patterns: k / self.channels };
         let systematic =
             systematic(&whitened, &slopes, &nuisances, k, &prior.active, [w, rows.len()], &posterior.pixels);
@@ -52,7 +60,7 @@ impl Refinement<'_> {
             let noise = ratio[i] * factor(i, posterior.pixels[i]) * posterior.noise[i];
             posterior.smoothed_away[i] * (noise + systematic.variance[i]) / posterior.noise[i]
         };
-        let noise: Vec<f32> = (0..n).map(|i| if prior.active[i] { error(i) } else { 0.0 }).collect();
+        let noise: Vec<f32> = (0..n).into_par_iter().map(|i| if prior.active[i] { error(i) } else { 0.0 }).collect();
         // By the information that the last step was solved with: that of the robust loss may be negative.
         let h: Vec<f32> = (0..n).map(|at| if prior.active[at] { self.data.h[start + at] } else { 0.0 }).collect();
         let away = smoothed_away(prior, &h, x, &noise);

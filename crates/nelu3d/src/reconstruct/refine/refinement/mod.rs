@@ -273,20 +273,24 @@ impl<'a> Refinement<'a> {
         let sigma = self.give_back();
         let mut out = Refined::empty(m.n(), losses, self.fractions.albedo.clone());
         (out.flash_offset_mm, out.crosstalk) = (self.scene_light.flash_offset_mm(), self.scene_light.crosstalk());
-        let mut residuals = Vec::with_capacity(k);
-        for i in (0..self.x.len()).filter(|i| self.active[*i]) {
+        let residuals_of = |i: usize| {
             let px = self.window.at(i);
+            let usable = (0..k).filter(|j| m.inv_var[px * k + j] > 0.0);
+            let mut residuals: Vec<f32> = usable.map(|j| self.residual(i, px, j).abs()).collect();
+            let squares = residuals.iter().map(|r| r * r).sum::<f32>() / residuals.len().max(1) as f32;
+            (squares.sqrt(), median(&mut residuals).unwrap_or(0.0))
+        };
+        let pixels: Vec<usize> = (0..self.x.len()).filter(|i| self.active[*i]).collect();
+        let residuals: Vec<(f32, f32)> = pixels.par_iter().map(|i| residuals_of(*i)).collect();
+        for (i, residuals) in pixels.into_iter().zip(residuals) {
+            let px = self.window.at(i);
+            (out.residual[px], out.abs_residual[px]) = residuals;
             out.inv_z[px] = self.inv_z(i);
             out.sigma[px] = sigma[i] * self.unit;
             let fractions = &self.fractions.of_pixels[i * channels..(i + 1) * channels];
             out.ambient[px] = fractions.iter().map(|f| f.sum()).sum::<f32>() / channels as f32;
             out.unseen[px] = fractions.iter().map(|f| f.ambient + f.unseen).sum::<f32>() / channels as f32;
             out.chi2[px] = self.data.chi2[i] / m.independent_at(px);
-            residuals.clear();
-            let usable = (0..k).filter(|j| m.inv_var[px * k + j] > 0.0);
-            residuals.extend(usable.map(|j| self.residual(i, px, j).abs()));
-            out.residual[px] = (residuals.iter().map(|r| r * r).sum::<f32>() / residuals.len().max(1) as f32).sqrt();
-            out.abs_residual[px] = median(&mut residuals).unwrap_or(0.0);
         }
         out
     }

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use super::Refinement;
 use crate::reconstruct::refine::thin_plate::ThinPlatePrior;
 use crate::reconstruct::refine::uncertainty::{Information, Posterior};
@@ -43,7 +45,7 @@ impl Refinement<'_> {
             let of_pixel = |(at, active): (usize, &bool)| {
                 if *active { self.information(start + at) } else { Information::default() }
             };
-            let information: Vec<Information> = prior.active.iter().enumerate().map(of_pixel).collect();
+            let information: Vec<Information> = prior.active.par_iter().enumerate().map(of_pixel).collect();
             let posterior = Posterior::new(&prior, &information);
             Strip { rows, own, start, prior, information, posterior }
         })

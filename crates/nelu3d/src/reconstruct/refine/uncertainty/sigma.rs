@@ -51,16 +51,16 @@ pub fn sigma(
     x: &[f32],
     information: &[Information],
     systematic: &Systematic,
-    factor: impl Fn(usize, f32) -> f32,
+    factor: impl Fn(usize, f32) -> f32 + Sync,
 ) -> Vec<f32> {
     let (w, h, n) = (prior.width, prior.height, information.len());
     let pooled = |v: &[f32]| masked_mean(v, &prior.active, w, h, POOL_RADIUS);
     let (noise, smoothing) = (pooled(&posterior.noise), pooled(&posterior.prior));
     let mut noise_ratio = noise_ratio(prior, information);
-    let mut factors = vec![1.0; n];
+    let factor = |i: usize| if prior.active[i] { factor(i, posterior.pixels[i]) } else { 1.0 };
+    let factors: Vec<f32> = (0..n).into_par_iter().map(factor).collect();
     let mut following = vec![1.0; n];
     for i in (0..n).filter(|i| prior.active[*i]) {
-        factors[i] = factor(i, posterior.pixels[i]);
         following[i] = if prior.floor_follows(i) { FOLLOWING } else { 1.0 };
         noise_ratio[i] *= systematic.unshared[i] * factors[i];
     }
