@@ -23,7 +23,7 @@ const ROUNDS: usize = 2;
 /// Sweeps over the tiles of a system: what a pixel changes by depends on a few pixels around it.
 const SWEEPS: usize = 2;
 /// Criterion of the solver in a tile.
-const STOP: PlateStop = PlateStop { reduction: 1e-2, settled: 0.0, iterations: 120 };
+const STOP: PlateStop = PlateStop { reduction: 3e-2, settled: 0.0, iterations: 120 };
 /// Radius over which the change's mean square is compared with that of errors, px.
 const RADIUS: usize = 3;
 /// Mean square over that of errors below which there is nothing else. Neighbors are nearly the same, so that a mean over

@@ -116,15 +116,16 @@ impl Posterior {
     pub fn prior_scale(&self, prior: &ThinPlatePrior, x: &[f32], noise_ratio: &[f32], assumed: f32) -> Vec<f32> {
         let (zones, inner) = (&self.zones, self.zones.innermost());
         let assumed = assumed / (2.0 * ROUGHNESS_RADIUS as f32 + 1.0).powi(2);
-        let scales = |found: &[f32], expected: &Energies| -> Vec<f32> {
-            let [found, noise, surface] = [found, &expected.noise, &expected.surface].map(|map| zones.mean(map));
+        let scales = |found: &[f32], expected: &Energies, of_inner: bool| -> Vec<f32> {
+            let mean = |map: &[f32]| zones.mean_at(map, |i| inner[i] == of_inner);
+            let [found, noise, surface] = [found, &expected.noise, &expected.surface].map(mean);
             let beside_noise = |i: usize| found[i] - noise_ratio[i] * noise[i];
             let scale = |i: usize| ((beside_noise(i) + assumed) / (surface[i] + assumed)).max(0.0);
             (0..found.len()).map(|i| if surface[i] > 0.0 { scale(i) } else { 1.0 }).collect()
         };
         let no_mean = vec![0.0; x.len()];
-        let whole = scales(&prior.energy(x, |_, _| no_mean.clone()), &self.whole);
-        let rest = scales(&prior.energy(x, |d, weights| self.means(prior, inner, d, weights)), &self.rest);
+        let whole = scales(&prior.energy(x, |_, _| no_mean.clone()), &self.whole, false);
+        let rest = scales(&prior.energy(x, |d, weights| self.means(prior, inner, d, weights)), &self.rest, true);
         (0..x.len()).map(|i| if inner[i] { rest[i] } else { whole[i] }).collect()
     }
 

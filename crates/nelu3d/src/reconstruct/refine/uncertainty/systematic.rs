@@ -72,7 +72,7 @@ pub fn systematic(
     }
     let parts = Parts::new(residuals, slopes, nuisances, k, active);
     let zones = Zones::new(active, [w, h], SYSTEMATIC_RADIUS);
-    let visible: Vec<Vec<f32>> = (0..k).map(|j| zones.mean(&channel(&parts.visible, j, k))).collect();
+    let around = Around::new(&parts, &zones, nuisances.are_taken(), k);
     let mut out = Systematic { variance: vec![0.0; n], unshared: vec![0.0; n] };
     for (level, radius) in RADII.into_iter().enumerate() {
         // Between two radii, means of both.
@@ -81,8 +81,7 @@ pub fn systematic(
         if !(0..n).any(|i| wanted(&i)) {
             continue;
         }
-        let found =
-            of_squares(&parts, &visible, nuisances.are_taken(), k, &Shared::new(active, [w, h], &zones, radius));
+        let found = of_squares(&parts, &around, k, &Shared::new(active, [w, h], &zones, radius));
         for i in (0..n).filter(wanted) {
             out.variance[i] += part(i) * found.variance[i];
             out.unshared[i] += part(i) * found.unshared[i];
@@ -108,23 +107,46 @@ fn channel(map: &[f32], j: usize, k: usize) -> Vec<f32> {
     map[j..].iter().step_by(k).map(|v| v.clamp(-10.0, 10.0)).collect()
 }
 
-/// What squares of one size share. `visible` is, per channel, the part of the noise that is seen around each pixel;
-/// `apart` tells whether offset and gain were taken out.
-fn of_squares(parts: &Parts, visible: &[Vec<f32>], apart: bool, k: usize, shared: &Shared<'_>) -> Systematic {
+/// Means around every pixel, the same for squares of all sizes.
+struct Around {
+    /// Per channel, the part of the noise that is seen.
+    visible: Vec<Vec<f32>>,
+    /// Per channel, the square of the residuals across the slopes.
+    across: Vec<Vec<f32>>,
+    /// The square of the change by offset and gain; `None` where these are not taken out.
+    moved: Option<Vec<f32>>,
+}
+
+impl Around {
+    fn new(parts: &Parts, zones: &Zones, apart: bool, k: usize) -> Self {
+        let square = |map: &[f32]| zones.mean(&map.iter().map(|v| v * v).collect::<Vec<_>>());
+        Self {
+            visible: (0..k).map(|j| zones.mean(&channel(&parts.visible, j, k))).collect(),
+            across: (0..k).map(|j| square(&channel(&parts.across, j, k))).collect(),
+            moved: apart.then(|| square(&parts.moved)),
+        }
+    }
+}
+
+/// What squares of one size share.
+fn of_squares(parts: &Parts, around: &Around, k: usize, shared: &Shared<'_>) -> Systematic {
     let n = shared.active.len();
-    let moved = shared.square(&parts.moved);
-    let mut variance: Vec<f32> =
-        moved.shared.iter().zip(&moved.all).map(|(s, all)| (s - shared.chance * all).max(0.0)).collect();
+    let mut variance = vec![0.0f32; n];
+    if let Some(all) = &around.moved {
+        let beyond =
+            shared.square(&parts.moved).into_iter().zip(all).map(|(s, all)| (s - shared.chance * all).max(0.0));
+        variance.iter_mut().zip(beyond).for_each(|(variance, beyond)| *variance = beyond);
+    }
     // Of all channels: what is shared, and all.
     let (mut shared_square, mut all_squares) = (vec![0.0f32; n], vec![0.0f32; n]);
-    for (j, visible) in visible.iter().enumerate() {
+    for j in 0..k {
         let across = shared.square(&channel(&parts.across, j, k));
-        let of_rest = apart.then(|| shared.square(&channel(&parts.rest, j, k)));
+        let of_rest = around.moved.as_ref().map(|_| shared.square(&channel(&parts.rest, j, k)));
         let rest = of_rest.as_ref().unwrap_or(&across);
         for i in (0..n).filter(|i| shared.active[*i]) {
-            shared_square[i] += across.shared[i];
-            all_squares[i] += across.all[i];
-            let size = (rest.shared[i] / visible[i].max(0.05) - shared.chance).max(0.0);
+            shared_square[i] += across[i];
+            all_squares[i] += around.across[j][i];
+            let size = (rest[i] / around.visible[j][i].max(0.05) - shared.chance).max(0.0);
             variance[i] += size * parts.moves[i * k + j].powi(2);
         }
     }
@@ -231,12 +253,6 @@ struct Shared<'a> {
     chance: f32,
 }
 
-/// Means around every pixel, of what squares of pixels share beyond chance and of all.
-struct SharedSquares {
-    shared: Vec<f32>,
-    all: Vec<f32>,
-}
-
 impl<'a> Shared<'a> {
     /// Prepares squares of one radius in a window of a size.
     fn new(active: &'a [bool], size: [usize; 2], zones: &'a Zones, radius: usize) -> Self {
@@ -249,20 +265,20 @@ impl<'a> Shared<'a> {
         Self { active, size, zones, radius, near, chance: 0.5 * (2.0 / squares).sqrt() / (side * side) }
     }
 
-    /// Returns the mean squares of a map around every pixel.
-    fn square(&self, own: &[f32]) -> SharedSquares {
+    /// Returns the mean around every pixel of the squares of what squares of a map share, beyond what noise has of it
+    /// by chance.
+    fn square(&self, own: &[f32]) -> Vec<f32> {
         let ([w, h], side) = (self.size, (2 * self.radius + 1) as f32);
         let mut mean = own.to_vec();
         box_mean(&mut mean, w, h, self.radius);
-        let mut out = SharedSquares { shared: vec![0.0; own.len()], all: vec![0.0; own.len()] };
+        let mut out = vec![0.0; own.len()];
         for i in (0..own.len()).filter(|i| self.active[*i]) {
             let shared = (mean[i] / self.near[i]).powi(2);
             // Variance of the mean from noise, by the residuals' own spread: a wrong noise level does not look
             // systematic.
             let pixels = self.near[i] * side * side;
-            out.all[i] = own[i] * own[i];
-            out.shared[i] = shared - (out.all[i] - shared) / (pixels - 1.0).max(1.0);
+            out[i] = shared - (own[i] * own[i] - shared) / (pixels - 1.0).max(1.0);
         }
-        SharedSquares { shared: self.zones.mean(&out.shared), all: self.zones.mean(&out.all) }
+        self.zones.mean(&out)
     }
 }

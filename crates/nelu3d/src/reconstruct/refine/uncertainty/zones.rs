@@ -55,9 +55,14 @@ impl Zones {
     /// Returns the mean of a map around every pixel of the surface, over those of the square that are no nearer to an
     /// edge than its zone; 0 outside of the surface.
     pub(super) fn mean(&self, v: &[f32]) -> Vec<f32> {
+        self.mean_at(v, |_| true)
+    }
+
+    /// Returns the means of [`Self::mean`] at the pixels that are `wanted`, and any or 0 at others.
+    pub(super) fn mean_at(&self, v: &[f32], wanted: impl Fn(usize) -> bool) -> Vec<f32> {
         let mut out = vec![0.0; v.len()];
         for (zone, (mask, part)) in self.within.iter().enumerate() {
-            if !self.zone.contains(&zone) {
+            if !(0..v.len()).any(|i| self.zone[i] == zone && wanted(i)) {
                 continue;
             }
             let mut mean: Vec<f32> = v.iter().zip(mask).map(|(v, is_in)| if *is_in { *v } else { 0.0 }).collect();
