@@ -215,6 +215,22 @@ fn a_wall_behind_the_boards_is_not_on_a_wrong_period() {
     hold("chessboards", &answer["summary"]["metrics"], &bounds);
 }
 
+/// A code that repeats explains a wall far behind the boards at depths where these were. It has no depth where the
+/// light's rays, continued, show that it is behind: with or without an object before it.
+#[test]
+fn a_wall_behind_the_boards_is_behind_them() {
+    let spec: Spec = toml::from_str(include_str!("wall.toml")).unwrap();
+    let (_folder, rig) = simulated(&spec);
+    let rig = rig.to_str().unwrap();
+    ok(&["calibrate", rig]);
+    let answer = ok(&["reconstruct", rig, "before", "--truth", &format!("{rig}/scenes/before/truth")]);
+    let bounds = Bounds { body_median_mm: 0.35, whole_mae_mm: 0.6, coverage: 0.065, outliers: 0.13, outside: 0.001 };
+    hold("before a wall", &answer["summary"]["metrics"], &bounds);
+    let alone = nelu3d(&["reconstruct", rig, "alone", "--quiet"]);
+    let why = stderr(&alone);
+    assert!(!alone.status.success() && why.contains("put the object where the board was swept"), "{why}");
+}
+
 /// Boards whose poses are off by a millimeter and a quarter of a degree, one this way and the next that way, are moved
 /// to where the codewords of the others say that they are.
 #[test]

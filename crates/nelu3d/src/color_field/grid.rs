@@ -63,6 +63,24 @@ impl Grid {
         self.with_taps(cells, Tap::of_finer_node)
     }
 
+    /// Returns the function on a grid with other cells along w, smoothed a little there: `unit` gives the coordinate of this
+    /// grid at one of that grid. Beyond its ends it is what it is there.
+    pub(super) fn along_w(&self, cells: usize, unit: impl Fn(f64) -> f64) -> Self {
+        let mut out = Self::new([self.cells[0], self.cells[1], cells], self.k);
+        let (from, to, k) = (self.cells[2], out.nodes()[2], self.k);
+        let tap = |node: usize| {
+            let u = unit((node as f64 - 1.0) / cells as f64).clamp(0.0, 1.0) as f32;
+            let (cell, position) = lattice::locate([from; 3], [u; 3]);
+            Tap { first: cell[0], weights: lattice::weights(position[0]).to_vec() }
+        };
+        let taps: Vec<Tap> = (0..to).map(tap).collect();
+        out.coeffs
+            .par_chunks_exact_mut(to * k)
+            .zip(self.coeffs.par_chunks_exact((from + 3) * k))
+            .for_each(|(out, column)| out.chunks_exact_mut(k).zip(&taps).for_each(|(out, tap)| tap.sum(column, out)));
+        out
+    }
+
     /// Returns a grid whose coefficients are sums of this one's: along an axis of `from` cells, of `to` cells then, node
     /// n has `tap(from, to, n)`.
     fn with_taps(&self, cells: [usize; 3], tap: impl Fn(usize, usize, usize) -> Tap) -> Self {

@@ -11,6 +11,7 @@ pub mod bins;
 mod camera_rays;
 pub mod checkpoint;
 mod compatibility;
+mod continued;
 mod depth_noise;
 mod field;
 pub mod fit;

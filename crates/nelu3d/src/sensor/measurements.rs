@@ -202,6 +202,11 @@ impl Measurements {
         if f == 1 {
             return self.clone();
         }
+        self.reduced_of(f, |i| self.status[i] == PixelStatus::Valid)
+    }
+
+    /// Returns the means like [`Self::reduced`], of those pixels that are `usable`, whatever their status.
+    pub(crate) fn reduced_of(&self, f: usize, usable: impl Fn(usize) -> bool) -> Self {
         let (w, h, k) = (self.width / f, self.height / f, self.k);
         let channels = self.light.len() / self.n().max(1);
         let mut out = Self {
@@ -225,7 +230,7 @@ impl Measurements {
                 for dy in 0..f {
                     for dx in 0..f {
                         let i = (y * f + dy) * self.width + x * f + dx;
-                        if self.status[i] != PixelStatus::Valid {
+                        if !usable(i) {
                             continue;
                         }
                         n_valid += 1;

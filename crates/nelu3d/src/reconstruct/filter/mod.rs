@@ -12,6 +12,7 @@ pub mod facing_away;
 pub mod fading;
 #[doc(hidden)]
 pub mod judgement;
+mod outside;
 #[doc(hidden)]
 pub mod partly_covered;
 #[doc(hidden)]
@@ -35,6 +36,7 @@ use continuation::reject_continuations;
 use facing_away::reject_facing_away;
 use fading::reject_fading;
 use judgement::Alternatives;
+use outside::reject_outside;
 use partly_covered::reject_partly_covered;
 pub use settings::FilterSettings;
 
@@ -113,6 +115,7 @@ pub(crate) fn filter(
     let by_chance = |pixels: &[usize]| explained_as_well(pixels).map(|[share, _]| share);
     let unsupported = reject_fading(&mut depth, &mut status, scene, refined, prior, settings, by_chance);
     reject_continuations(&mut depth, &mut status, scene, refined, prior, step, settings.min_component);
+    reject_outside(&mut depth, &mut status, scene, refined, prior, settings, cx);
     scene.measurements.status = status;
     let Scene { camera, rays, field, measurements: m, .. } = scene;
     // After whole components: what is left of one whose worst part is gone may look better than all of it did.

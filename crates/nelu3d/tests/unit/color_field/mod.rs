@@ -1,6 +1,7 @@
 mod bins;
 pub(crate) mod camera_rays;
 mod checkpoint;
+mod continued;
 mod depth_noise;
 mod fit;
 mod frame;

@@ -16,7 +16,7 @@ use nelu3d::sensor::NoiseModel;
 use nelu3d_scan::Camera;
 
 /// A field of two channels for a camera of 20 × 12 px.
-fn field(form: Form) -> ColorField {
+pub(crate) fn field(form: Form) -> ColorField {
     let mut frame = FieldFrame::around(Point3::new(200.0, 0.0, 0.0), Point3::new(0.0, 0.0, 700.0), Vector3::x());
     frame.enclose(&Point3::new(-50.0, -40.0, 650.0));
     frame.enclose(&Point3::new(50.0, 40.0, 750.0));
