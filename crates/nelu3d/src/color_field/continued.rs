@@ -13,8 +13,8 @@ use super::validity::{Validity, ValidityShape};
 
 /// The axis along the light.
 const ALONG: usize = 2;
-/// Fewest and most cells along the light.
-const CELLS: [f64; 2] = [4.0, 8.0];
+/// Cells along the light: defocus changes slowly.
+const CELLS: usize = 4;
 /// Distance from the light down to which the field is continued, as a part of that of its box.
 const NEAREST: f64 = 0.4;
 /// Coordinate along the light up to which it is continued, as a part of that of infinity.
@@ -31,8 +31,7 @@ impl ColorField {
         let frame = self.frame_around(camera, [near, far]);
         let span = |frame: &FieldFrame| frame.hi[ALONG] - frame.lo[ALONG];
         let own_unit = |unit: f64| (frame.lo[ALONG] + unit * span(&frame) - self.frame.lo[ALONG]) / span(&self.frame);
-        let cells = (span(&frame) / span(&self.frame) * grid.cells[ALONG] as f64).ceil().clamp(CELLS[0], CELLS[1]);
-        let form = Form::Grid(grid.along_w(cells as usize, own_unit));
+        let form = Form::Grid(grid.along_w(CELLS, own_unit));
         let Validity { shape, t_range, lit, .. } = &self.validity;
         let [ca, cb, cw] = shape.cells;
         let validity = Validity {

@@ -24,7 +24,7 @@ use crate::surface::{Links, MAX_SLOPE, PixelStatus};
 /// Distances that are tried: from this part of the nearest calibrated one to this multiple of the farthest.
 const DISTANCES: [f32; 2] = [0.4, 4.0];
 /// Most pixels that are decoded, and most of their channels.
-const DECODED: [usize; 2] = [40_000, 200_000];
+const DECODED: [usize; 2] = [40_000, 400_000];
 /// Hypotheses between two depths from which they are not the same.
 const APART: f32 = 4.0;
 /// χ² per measurement, after aggregation, by which all other depths have to be worse, in the median of a region: of wrong
