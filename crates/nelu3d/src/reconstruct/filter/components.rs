@@ -24,7 +24,7 @@ use crate::surface::{Links, MAX_SLOPE, PixelStatus};
 /// [`PixelStatus::Ambiguous`], and those that are explained outside the calibrated volume, as
 /// [`PixelStatus::OutsideVolume`]. `refined` comes with the white − black of every pixel; `noise_is_known` says whether
 /// χ² is one of noise, and not of a field that is further off than its noise. `alternatives` tells what other
-/// explanations the codewords of some pixels have.
+/// explanations the codewords of some pixels have, `is_elsewhere` whether a pixel is explained outside the volume.
 pub fn reject_unexplained_components(
     depth: &mut [f32],
     status: &mut [PixelStatus],
@@ -32,7 +32,7 @@ pub fn reject_unexplained_components(
     (refined, light): (&Refined, &[f32]),
     settings: &FilterSettings,
     noise_is_known: bool,
-    alternatives: impl Fn(&[usize]) -> Alternatives,
+    (alternatives, is_elsewhere): (impl Fn(&[usize]) -> Alternatives, impl Fn(usize) -> bool),
 ) {
     let judge = |(component, sizes): (Vec<u32>, Vec<u32>)| {
         let members = members(&component, &sizes);
@@ -44,15 +44,17 @@ pub fn reject_unexplained_components(
     let mut judgement = judge(links.components(depth, camera.width));
     let is_lost = |s: &&PixelStatus| [PixelStatus::Ambiguous, PixelStatus::OutsideVolume].contains(*s);
     let lost = status.iter().filter(is_lost).count();
-    let [nowhere, all] = [judgement.unexplained(), judgement.decoded].map(|n| (n + lost) as f32);
-    if noise_is_known && nowhere > settings.in_pieces * all {
+    let [nowhere, all] = [judgement.decoded - judgement.explained, judgement.decoded].map(|n| (n + lost) as f32);
+    let much_is_nowhere = noise_is_known && nowhere > settings.in_pieces * all;
+    if much_is_nowhere {
         let of_pixel = |(chi2, unseen): (&f32, &f32)| settings.clear(*chi2, *unseen);
         let misfit: Vec<f32> = refined.chi2.iter().zip(&refined.unseen).map(of_pixel).collect();
         judgement = judge(pieces(links, depth, light, &misfit, camera));
     }
     let Judgement { limit, max_chi2, explained, decoded, .. } = judgement;
-    let ambiguous = status.iter().filter(|s| **s == PixelStatus::Ambiguous).count();
-    let unexplained = judgement.unexplained() + ambiguous;
+    let ambiguous = (0..status.len()).filter(|i| status[*i] == PixelStatus::Ambiguous);
+    let is_nowhere = |i: &usize| !(much_is_nowhere && is_elsewhere(*i));
+    let unexplained = judgement.unexplained().copied().chain(ambiguous).filter(is_nowhere).count();
     tracing::debug!(limit, ?max_chi2, explained, decoded, unexplained, "components");
     // How often chance explains as many pixels as a component has, of all that are explained nowhere.
     let tries = |s: &Score, n: usize| s.by_chance * unexplained as f32 / n as f32;

@@ -58,9 +58,8 @@ impl Judgement {
         let typical = weighted_median(candidates.map(|(pixels, s)| (s.chi2, pixels.len())).collect());
         let max_chi2 =
             settings.chi2_over_typical.map(|times| settings.clear_chi2.max(times * typical.unwrap_or(f32::INFINITY)));
-        let is_explained = |s: &Score| s.score < 1.0 && s.fits(max_chi2) && !s.is_beyond;
         let decoded: usize = members.iter().map(Vec::len).sum();
-        let of_component = |(p, s): (&Vec<usize>, &Score)| if is_explained(s) { p.len() } else { 0 };
+        let of_component = |(p, s): (&Vec<usize>, &Score)| if s.is_explained(max_chi2) { p.len() } else { 0 };
         let explained: usize = members.iter().zip(&scores).map(of_component).sum();
         // Where next to nothing is explained, what is left was found by chance, too.
         let share = (explained as f32 / decoded.max(1) as f32 / settings.explained).min(1.0);
@@ -68,9 +67,10 @@ impl Judgement {
         Self { members, scores, limit, max_chi2, explained, decoded }
     }
 
-    /// Returns the number of pixels in components that are not explained.
-    pub(super) fn unexplained(&self) -> usize {
-        self.decoded - self.explained
+    /// Returns the pixels of components that are not explained.
+    pub(super) fn unexplained(&self) -> impl Iterator<Item = &usize> {
+        let of_all = self.members.iter().zip(&self.scores);
+        of_all.filter(|(_, score)| !score.is_explained(self.max_chi2)).flat_map(|(pixels, _)| pixels)
     }
 }
 
@@ -113,6 +113,11 @@ impl Score {
             clear,
             by_chance: other.and_then(|o| o.by_chance).unwrap_or(0.0),
         }
+    }
+
+    /// Returns whether the component is explained, with these limits of [`Self::fits`].
+    fn is_explained(&self, max_chi2: [f32; 2]) -> bool {
+        self.score < 1.0 && self.fits(max_chi2) && !self.is_beyond
     }
 
     /// Returns whether χ² is no larger than that of any explained component, or of one that is unique.

@@ -19,6 +19,8 @@ pub mod partly_covered;
 pub mod pieces;
 mod settings;
 
+use std::cell::OnceCell;
+
 use crate::reconstruct::context::Context;
 use crate::reconstruct::error::Failure;
 use crate::reconstruct::judge::disagreeing;
@@ -36,7 +38,7 @@ use continuation::reject_continuations;
 use facing_away::reject_facing_away;
 use fading::reject_fading;
 use judgement::Alternatives;
-use outside::reject_outside;
+use outside::{Continued, reject_outside};
 use partly_covered::reject_partly_covered;
 pub use settings::FilterSettings;
 
@@ -101,6 +103,11 @@ pub(crate) fn filter(
         let beyond = explained_beyond(pixels, scene, refined, prior, step, chance);
         Alternatives { by_chance, foreign_chi2, beyond }
     };
+    let is_lit: Vec<bool> =
+        status.iter().map(|s| !matches!(s, PixelStatus::Underexposed | PixelStatus::Saturated)).collect();
+    let decoded = OnceCell::new();
+    let continued = || decoded.get_or_init(|| Continued::decode(|i| is_lit[i], scene, prior, cx)).as_ref();
+    let is_elsewhere = |i: usize| continued().is_some_and(|continued| continued.explains(i, scene));
     let camera = scene.camera;
     let light = &scene.measurements.contrast;
     reject_unexplained_components(
@@ -110,12 +117,12 @@ pub(crate) fn filter(
         (refined, light),
         settings,
         noise_is_known,
-        alternatives,
+        (alternatives, is_elsewhere),
     );
     let by_chance = |pixels: &[usize]| explained_as_well(pixels).map(|[share, _]| share);
     let unsupported = reject_fading(&mut depth, &mut status, scene, refined, prior, settings, by_chance);
     reject_continuations(&mut depth, &mut status, scene, refined, prior, step, settings.min_component);
-    reject_outside(&mut depth, &mut status, scene, refined, prior, settings, cx);
+    reject_outside(&mut depth, &mut status, scene, refined, settings, continued);
     scene.measurements.status = status;
     let Scene { camera, rays, field, measurements: m, .. } = scene;
     // After whole components: what is left of one whose worst part is gone may look better than all of it did.

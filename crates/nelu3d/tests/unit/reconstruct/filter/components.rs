@@ -48,7 +48,15 @@ fn statuses(
         }
     };
     let explained = (&refined, &vec![0.5; n][..]);
-    reject_unexplained_components(&mut depth, &mut status, &camera, explained, &settings, noise_is_known, alternatives);
+    reject_unexplained_components(
+        &mut depth,
+        &mut status,
+        &camera,
+        explained,
+        &settings,
+        noise_is_known,
+        (alternatives, |_| false),
+    );
     for i in 0..n {
         assert_eq!(depth[i].is_finite(), piece(i).is_some() && status[i] == PixelStatus::Valid);
     }
