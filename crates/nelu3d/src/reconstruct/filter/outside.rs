@@ -34,7 +34,7 @@ const MIN_MARGIN: f32 = 0.5;
 /// χ² per measurement below which something outside explains a pixel: how focus changes there is not known.
 const CLEAR_CHI2: f32 = 3.0;
 /// Fraction of a region between edges of brightness from which the rest goes with what is outside.
-const MOST: f32 = 0.25;
+const MOST: f32 = 0.4;
 
 /// The picture, decoded in the field as it goes on before and behind the calibrated volume, in a reduced image.
 pub(super) struct Continued {
