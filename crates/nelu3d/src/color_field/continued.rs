@@ -1,8 +1,8 @@
 //! A color field, continued along the rays of light before and behind what was calibrated.
 //!
-//! Light travels in straight lines: what a ray of light carries in the calibrated volume it carries before and behind it,
-//! but for defocus, which nobody has measured there. That is not enough to measure a surface by, but enough to tell that
-//! there is one.
+//! Light travels in straight lines: what a ray of light carries in the calibrated volume it carries before and behind
+//! it, but for defocus, which nobody has measured there. That is not enough to measure a surface by, but enough to tell
+//! that there is one.
 
 use nelu3d_scan::Camera;
 
@@ -21,9 +21,9 @@ const NEAREST: f64 = 0.4;
 const FARTHEST: f64 = 0.999;
 
 impl ColorField {
-    /// Returns the field, of which `grid` is the spline, continued to all that `camera` sees at distances from `near` to
-    /// `far`, mm along its rays, with the codewords that it has at the ends of its box: a column of cells is lit there if
-    /// it is lit anywhere. `None` where the field is not centered on the light.
+    /// Returns the field, of which `grid` is the spline, continued to all that `camera` sees at distances from `near`
+    /// to `far`, mm along its rays, with the codewords that it has at the ends of its box: a column of cells is lit
+    /// there if it is lit anywhere. `None` where the field is not centered on the light.
     pub fn continued(&self, grid: &Grid, camera: &Camera, [near, far]: [f32; 2]) -> Option<Self> {
         if self.metadata.center != Center::Light {
             return None;

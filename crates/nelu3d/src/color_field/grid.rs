@@ -63,16 +63,12 @@ impl Grid {
         self.with_taps(cells, Tap::of_finer_node)
     }
 
-    /// Returns the function on a grid with other cells along w, smoothed a little there: `unit` gives the coordinate of this
-    /// grid at one of that grid. Beyond its ends it is what it is there.
+    /// Returns the function on a grid with other cells along w, smoothed a little there: `unit` gives the coordinate of
+    /// this grid at one of that grid. Beyond its ends it is what it is there.
     pub(super) fn along_w(&self, cells: usize, unit: impl Fn(f64) -> f64) -> Self {
         let mut out = Self::new([self.cells[0], self.cells[1], cells], self.k);
         let (from, to, k) = (self.cells[2], out.nodes()[2], self.k);
-        let tap = |node: usize| {
-            let u = unit((node as f64 - 1.0) / cells as f64).clamp(0.0, 1.0) as f32;
-            let (cell, position) = lattice::locate([from; 3], [u; 3]);
-            Tap { first: cell[0], weights: lattice::weights(position[0]).to_vec() }
-        };
+        let tap = |node: usize| Tap::of_value(from, unit((node as f64 - 1.0) / cells as f64) as f32);
         let taps: Vec<Tap> = (0..to).map(tap).collect();
         out.coeffs
             .par_chunks_exact_mut(to * k)
@@ -111,7 +107,12 @@ struct Tap {
 impl Tap {
     /// The value of a spline of `from` cells at one of its nodes, or at its end for one beyond.
     fn of_own_node(from: usize, _: usize, node: usize) -> Self {
-        let (cell, position) = lattice::locate([from; 3], [(node as f32 - 1.0) / from as f32; 3]);
+        Self::of_value(from, (node as f32 - 1.0) / from as f32)
+    }
+
+    /// The value of a spline of `from` cells at a unit coordinate, or at its end beyond.
+    fn of_value(from: usize, unit: f32) -> Self {
+        let (cell, position) = lattice::locate([from; 3], [unit; 3]);
         Self { first: cell[0], weights: lattice::weights(position[0]).to_vec() }
     }
 

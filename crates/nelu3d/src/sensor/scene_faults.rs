@@ -58,8 +58,7 @@ impl CodewordStatistics {
 
     /// Makes the statistics of the lit pixels of a scene that are not clipped, and returns these pixels.
     pub fn of_scene(m: &Measurements, status: &[PixelStatus]) -> (Self, Vec<usize>) {
-        let is_lit = |i: &usize| !matches!(status[*i], PixelStatus::Underexposed | PixelStatus::Saturated);
-        let lit: Vec<usize> = (0..m.n()).filter(is_lit).collect();
+        let lit: Vec<usize> = (0..m.n()).filter(|i| status[*i].is_measured()).collect();
         let pixels: Vec<usize> = lit.iter().copied().step_by((lit.len() / MAX_PIXELS).max(1)).collect();
         let value = |j: usize| if m.inv_var[j] > 0.0 { m.p[j] } else { f32::NAN };
         let codewords: Vec<f32> = pixels.iter().flat_map(|i| (i * m.k..(i + 1) * m.k).map(value)).collect();
@@ -148,8 +147,7 @@ pub fn judge_explained(status: &[PixelStatus], surface: Option<SurfaceEvidence>)
 /// `images` are the names of the patterns.
 pub fn judge_capture(capture: &Capture, status: &[PixelStatus], images: &[String]) -> Vec<Finding> {
     let c = capture.white.channels;
-    let is_lit = |i: &usize| !matches!(status[*i], PixelStatus::Underexposed | PixelStatus::Saturated);
-    let lit: Vec<usize> = (0..status.len()).filter(is_lit).collect();
+    let lit: Vec<usize> = (0..status.len()).filter(|i| status[*i].is_measured()).collect();
     let pixels = lit.iter().step_by((lit.len() / MAX_PIXELS).max(1));
     let codeword = |i: &usize| {
         let own = i * c..(i + 1) * c;

@@ -33,6 +33,11 @@ impl PixelStatus {
         PixelStatus::DepthDiscontinuity,
     ];
 
+    /// Returns whether the pixel's images are neither too dark nor clipped.
+    pub fn is_measured(self) -> bool {
+        !matches!(self, PixelStatus::Underexposed | PixelStatus::Saturated)
+    }
+
     /// Returns the status's key in `result.json`, which is stable.
     pub fn key(self) -> &'static str {
         match self {

@@ -103,8 +103,7 @@ pub(crate) fn filter(
         let beyond = explained_beyond(pixels, scene, refined, prior, step, chance);
         Alternatives { by_chance, foreign_chi2, beyond }
     };
-    let is_lit: Vec<bool> =
-        status.iter().map(|s| !matches!(s, PixelStatus::Underexposed | PixelStatus::Saturated)).collect();
+    let is_lit: Vec<bool> = status.iter().map(|status| status.is_measured()).collect();
     let decoded = OnceCell::new();
     let continued = || decoded.get_or_init(|| Continued::decode(|i| is_lit[i], scene, prior, cx)).as_ref();
     let is_elsewhere = |i: usize| continued().is_some_and(|continued| continued.explains(i, scene));

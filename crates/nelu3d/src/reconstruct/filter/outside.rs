@@ -28,13 +28,14 @@ const DISTANCES: [f32; 2] = [0.4, 4.0];
 const DECODED: [usize; 2] = [40_000, 400_000];
 /// Hypotheses between two depths from which they are not the same.
 const APART: f32 = 4.0;
-/// χ² per measurement, after aggregation, by which all other depths have to be worse, in the median of a region: of wrong
-/// ones it is 1 to 10, of right ones that are claimed 2.4 at most, where not their neighbors tell.
+/// χ² per measurement, after aggregation, by which all other depths have to be worse, in the median of a region: of
+/// wrong ones it is 1 to 10, of right ones that are claimed 2.4 at most, where not their neighbors tell.
 const MIN_MARGIN: f32 = 0.5;
 /// χ² per measurement below which something outside explains a pixel: how focus changes there is not known.
 const CLEAR_CHI2: f32 = 3.0;
-/// Fraction of a region between edges of brightness from which the rest goes with what is outside.
-const MOST: f32 = 0.4;
+/// Claimed fraction of a region between edges of brightness from which the rest of it goes along: a wall alone had 0.49,
+/// a plate with strips of a wall on it between a quarter and 0.4.
+const TAKES_REST: f32 = 0.4;
 
 /// The picture, decoded in the field as it goes on before and behind the calibrated volume, in a reduced image.
 pub(super) struct Continued {
@@ -102,15 +103,16 @@ impl Continued {
         (distance.is_finite() && !(near..=far).contains(&distance)).then_some(at)
     }
 
-    /// Returns whether something outside the calibrated volume explains a pixel of the scene about as well as noise lets
-    /// it.
+    /// Returns whether something outside the calibrated volume explains a pixel of the scene about as well as noise
+    /// lets it.
     pub(super) fn explains(&self, i: usize, scene: &Scene<'_>) -> bool {
         self.outside(i, scene).is_some_and(|at| self.chi2[at] < CLEAR_CHI2)
     }
 }
 
-/// Rejects the pixels of a depth map (camera z, mm; NaN: none) whose codewords, with those around them, belong before or
-/// behind the calibrated volume, as [`PixelStatus::OutsideVolume`]: where much of the picture is explained nowhere in it.
+/// Rejects the pixels of a depth map (camera z, mm; NaN: none) whose codewords, with those around them, belong before
+/// or behind the calibrated volume, as [`PixelStatus::OutsideVolume`]: where much of the picture is explained nowhere
+/// in it.
 /// `continued` decodes the picture there.
 pub(super) fn reject_outside<'a>(
     depth: &mut [f32],
@@ -126,7 +128,7 @@ pub(super) fn reject_outside<'a>(
         return;
     }
     let Some(continued) = continued() else { return };
-    let is_lit = |i: usize| !matches!(status[i], PixelStatus::Underexposed | PixelStatus::Saturated);
+    let is_lit = |i: usize| status[i].is_measured();
     let claims = Claims::of(continued, depth, scene, refined);
     let outside = claims.granted(depth, is_lit, &scene.measurements.contrast, scene.camera);
     tracing::debug!(outside = outside.len(), kept, lost, "explained outside the volume, with what is around");
@@ -155,9 +157,9 @@ impl Claims {
         claims
     }
 
-    /// Returns the pixels of a depth map that lie outside: regions that are claimed with a clear margin, if they have more
-    /// neighbors without a depth than with one; and all that is connected, between edges of brightness, if most of it is.
-    /// `light` is white − black.
+    /// Returns the pixels of a depth map that lie outside: regions that are claimed with a clear margin, if they have no
+    /// fewer lit neighbors without a depth than with one; and all that is connected, between edges of brightness, if
+    /// much of it is claimed so. `light` is white − black.
     fn granted(&self, depth: &[f32], is_lit: impl Fn(usize) -> bool, light: &[f32], camera: &Camera) -> Vec<usize> {
         let (mut is_clear, mut is_outside) = (vec![false; depth.len()], vec![false; depth.len()]);
         let (region, sizes) = Links::new(&self.depth, camera, MAX_SLOPE).components(&self.depth, camera.width);
@@ -188,7 +190,7 @@ impl Claims {
         let (region, sizes) = links.components(depth, camera.width);
         for pixels in members(&region, &sizes) {
             let clear = pixels.iter().filter(|i| is_clear[**i]).count();
-            if clear as f32 > MOST * pixels.len() as f32 {
+            if clear as f32 > TAKES_REST * pixels.len() as f32 {
                 pixels.iter().for_each(|i| is_outside[*i] = true);
             }
         }

@@ -11,8 +11,8 @@ pub struct FilterSettings {
     /// That limit as a multiple of the χ² below which a fifth of the scene's pixels are: much of a picture may be a
     /// room outside the volume.
     pub chi2_over_good: f32,
-    /// Fraction of a pixel's light that did not come directly from the light source above which too little did: sides in
-    /// shadow are lit by what stands beside them, and explained by that at any depth.
+    /// Fraction of a pixel's light that did not come directly from the light source above which too little did: sides
+    /// in shadow are lit by what stands beside them, and explained by that at any depth.
     pub max_indirect: f32,
     /// χ² per measurement of a pixel at a depth discontinuity above which its codeword is a mixture of two surfaces.
     pub max_edge_chi2: f32,

@@ -4,7 +4,6 @@ use super::along_rays::along_rays;
 use super::odd_pattern::OddPattern;
 use crate::reconstruct::scene::Scene;
 use crate::sensor::{Measurements, PatternStatistics, edges, judge_patterns};
-use crate::surface::PixelStatus;
 use crate::verdict::Finding;
 
 /// Most pixels whose patterns are compared with each other.
@@ -18,7 +17,7 @@ pub(in crate::reconstruct) fn disagreeing(scene: &Scene<'_>, has_depth: impl Fn(
     let (m, images) = (&scene.measurements, &scene.field.metadata.images);
     let is_seen = |i: usize| {
         let [near, far] = scene.rays.range[i];
-        near < far && !matches!(m.status[i], PixelStatus::Underexposed | PixelStatus::Saturated)
+        near < far && m.status[i].is_measured()
     };
     let seen: Vec<usize> = (0..m.n()).filter(|i| is_seen(*i)).collect();
     let pixels: Vec<usize> = seen.iter().copied().step_by(seen.len().div_ceil(MAX_PIXELS).max(1)).collect();

@@ -16,9 +16,9 @@ const NOISE_RADIUS: usize = 8;
 const MIN_SLOPE: f32 = 0.1;
 
 /// The noise's variance over that of a plate whose floor stands still, where the floor was set to the roughness of the
-/// surface: what noise has bent makes the plate looser there. Scans of the presets' scenes that differ by their noise alone
-/// differ by 1.1 to 1.7 times the variance of a plate where the floor's is 0.012 to 0.2 of what it may be, and by 0.9 to
-/// 1.0 times that where it is at one of its bounds.
+/// surface: what noise has bent makes the plate looser there. Scans of the presets' scenes that differ by their noise
+/// alone differ by 1.1 to 1.7 times the variance of a plate where the floor's is 0.012 to 0.2 of what it may be, and by
+/// 0.9 to 1.0 times that where it is at one of its bounds.
 const FOLLOWING: f32 = 1.4;
 /// Part of what a surface of white curvature would lose to the prior that surfaces lose whose floor is at its lowest. What
 /// is as smooth as that has its curvature at lower frequencies. What the same scans have in common is off by 0.1 to 0.3
