@@ -175,14 +175,14 @@ fn fast(
     let refined = refine(&scene, &initial.depth, &settings.refine, (&settings.light_fractions, board), cx)?;
     let (progress, n, k) = (cx.progress, scene.measurements.n(), scene.measurements.k);
     let (step, prior) = (initial.depth.step, settings.light_fractions);
-    let (depth, unsupported) = progress.measure("filter", || {
+    let (depth, support) = progress.measure("filter", || {
         (filter(&mut scene, &refined, step, &settings.filter, &prior, cx), demand::filter(n, k))
     })?;
     cx.observe(Stage::Result, 1, || depth.clone());
     cx.clock.begin("build the surface");
     let diagnostics = diagnose(&initial, &refined, &depth, settings);
     let (judgment, sigma) = rayon::join(
-        || judge(&scene, &depth, Some(&refined.chi2), unsupported),
+        || judge(&scene, &depth, Some(&refined.chi2), support),
         || sigma_mm(&scene, &refined.sigma, &depth),
     );
     let surface = progress.measure("mesh", || (build_surface(scene, refined, depth, sigma), demand::mesh(n)));

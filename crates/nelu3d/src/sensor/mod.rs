@@ -21,5 +21,5 @@ pub use measurements::Measurements;
 pub use noise::{NoiseEstimator, NoiseModel, darkest_intensity, estimate_scene_noise, quantization_step};
 pub use other_pattern::{PatternStatistics, edges, judge_patterns};
 pub use scene_faults::{
-    CodewordStatistics, SurfaceEvidence, judge_capture, judge_clipping, judge_codewords, judge_explained,
+    CodewordStatistics, Support, SurfaceEvidence, judge_capture, judge_clipping, judge_codewords, judge_explained,
 };

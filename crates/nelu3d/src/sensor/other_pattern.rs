@@ -9,8 +9,13 @@ const MIN_PIXELS: usize = 200;
 const VARIES: f64 = 0.15;
 /// Mean difference of two patterns, normalized intensity, from which on they differ.
 const DIFFERENT: f64 = 0.15;
-/// Difference up to which they are the same, and part of the one that they should have.
+/// Difference up to which they are the same, and part of the one that they should have, and of what each varies by.
 const SAME: [f64; 2] = [0.05, 0.3];
+/// Difference of two values that noise hardly makes, and fraction of a scene's pixels that may have it where two patterns
+/// are the same: two that are dark but for a corner may share that by chance, not to the pixel.
+const UNLIKE: [f64; 2] = [0.25, 0.005];
+/// Standard deviation of normalized intensities from which on a pattern's variation is more than noise.
+const MORE_THAN_NOISE: f64 = 0.03;
 /// Normalized intensities up to which a stripe is dark, and from which on it is bright.
 const DARK_AND_BRIGHT: [f32; 2] = [0.3, 0.7];
 /// Fraction of values between dark and bright below which a pattern has stripes: a sinusoid has 0.26, a triangle wave 0.4.
@@ -36,6 +41,8 @@ pub struct PatternStatistics {
     pub spread: Vec<f64>,
     /// Mean absolute difference of every channel and every other one, `k × k`.
     pub apart: Vec<f64>,
+    /// Fraction of the codewords whose values in two channels are unlike, `k × k`.
+    pub unlike: Vec<f64>,
 }
 
 impl PatternStatistics {
@@ -54,16 +61,20 @@ impl PatternStatistics {
             let average = mean(&mut channel(j)) as f32;
             mean(&mut channel(j).map(|v| (v - average).powi(2))).sqrt()
         };
-        let mut apart = vec![0.0; k * k];
+        let (mut apart, mut unlike) = (vec![0.0; k * k], vec![0.0; k * k]);
         for (i, j) in (0..k).flat_map(|i| (0..i).map(move |j| (i, j))) {
-            apart[i * k + j] = mean(&mut channel(i).zip(channel(j)).map(|(a, b)| (a - b).abs()));
-            apart[j * k + i] = apart[i * k + j];
+            let differences = || channel(i).zip(channel(j)).map(|(a, b)| (a - b).abs());
+            let is_unlike = |d: f32| if d.is_finite() { f32::from(f64::from(d) > UNLIKE[0]) } else { d };
+            apart[i * k + j] = mean(&mut differences());
+            unlike[i * k + j] = mean(&mut differences().map(is_unlike));
+            (apart[j * k + i], unlike[j * k + i]) = (apart[i * k + j], unlike[i * k + j]);
         }
         Self {
             n: codewords.len() / k.max(1),
             dark_and_bright: (0..k).map(|j| [share(j, &|v| v < dark), share(j, &|v| v > bright)]).collect(),
             spread: (0..k).map(spread).collect(),
             apart,
+            unlike,
         }
     }
 
@@ -118,13 +129,18 @@ pub fn judge_patterns(
     let is_along = |j: usize, axis: usize| {
         field.has_stripes(j) && field.spread[j] > VARIES && field_edges[j][axis] > ONE_AXIS * field_edges[j][1 - axis]
     };
-    let varies = |j: usize| scene.spread[j] > VARIES && field.spread[j] > VARIES;
+    let is_one_stripe = |j: &usize| scene.dark_and_bright[*j].iter().any(|share| *share > ONE_STRIPE);
+    let varies = |j: &usize| scene.spread[*j] > MORE_THAN_NOISE;
     let of_same_color = |i: usize| (i + k / images.len()..k).step_by((k / images.len()).max(1));
     let is_same = |(i, j): &(usize, usize)| {
         let (is, should) = (scene.apart[i * k + j], field.apart[i * k + j]);
-        image(*i) != image(*j) && should > DIFFERENT && is < SAME[0].min(SAME[1] * should)
+        let varies_by = scene.spread[*i].min(scene.spread[*j]);
+        // What is dark, or bright, all over may be so in several patterns, but not to the bit.
+        let is_like = is < SAME[0].min(SAME[1] * should.min(varies_by)) && scene.unlike[i * k + j] < UNLIKE[1];
+        let is_like = is_like && !is_one_stripe(i);
+        image(*i) != image(*j) && should > DIFFERENT && (is_like || is == 0.0)
     };
-    let mut pairs = (0..k).filter(|i| varies(*i)).flat_map(|i| of_same_color(i).map(move |j| (i, j)));
+    let mut pairs = (0..k).filter(varies).flat_map(|i| of_same_color(i).map(move |j| (i, j)));
     if let Some((i, j)) = pairs.find(is_same) {
         let sentence = format!("{} shows what {} shows", images[image(j)], images[image(i)]);
         return Some(finding(j, Verdict::Bad, sentence).with("same_as", images[image(i)].as_str()));
@@ -133,7 +149,6 @@ pub fn judge_patterns(
         let of = |j: usize| scene_edges[j][way] / field_edges[j][axis];
         (0..k).filter(|j| is_along(*j, axis)).map(of).collect()
     };
-    let is_one_stripe = |j: &usize| scene.dark_and_bright[*j].iter().any(|share| *share > ONE_STRIPE);
     for axis in 0..2 {
         // The way across the image that crosses the stripes.
         let Some(mut of_code) = (0..2).map(|way| shares(axis, way)).max_by(|a, b| total(a).total_cmp(&total(b))) else {

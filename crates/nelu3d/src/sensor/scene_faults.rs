@@ -88,13 +88,25 @@ pub struct SurfaceEvidence {
     /// Fraction of the surface's pixels in pieces that end where the calibrated volume does, in the middle of what is
     /// lit.
     pub cut_by_volume: f64,
-    /// Fraction of the surface's pixels that nothing but its own fit supports; `None` where that is not known.
-    pub unsupported: Option<f64>,
+    /// Median χ² per measurement over the surface; `None` where that is not known.
+    pub chi2: Option<f64>,
+    /// What supports it beside its own fit; `None` where that is not known.
+    pub support: Option<Support>,
+}
+
+/// What supports a surface beside its own fit, where much of the picture is explained nowhere in the calibrated volume.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Support {
+    /// Fraction of the surface's pixels that nothing supports.
+    pub unsupported: f64,
+    /// Number of pixels without a depth that are explained before or behind the volume.
+    pub elsewhere: usize,
 }
 
 /// Judges how much of what is lit was explained, with what the surface tells; `None` where there is no color field.
 pub fn judge_explained(status: &[PixelStatus], surface: Option<SurfaceEvidence>) -> Option<Finding> {
-    /// Fraction of the decoded pixels below which what is left may be chance.
+    /// Fraction of the decoded pixels below which what is left may be chance. Those that are explained before or behind
+    /// the volume do not count in the next two.
     const MIN_EXPLAINED: f64 = 0.6;
     /// Fraction of the decoded pixels that have to be explained where most of the surface ends by itself: a room around
     /// an object may be out of reach.
@@ -104,6 +116,9 @@ pub fn judge_explained(status: &[PixelStatus], surface: Option<SurfaceEvidence>)
     const MIN_OF_SUPPORTED: f64 = 0.05;
     /// Fraction of the surface up to which the rest supports it.
     const MAX_UNSUPPORTED: f64 = 0.25;
+    /// Median χ² per measurement of a surface up to which outlines and chance support it: right ones before a room had
+    /// 0.99 at most, pieces of scenes whose patterns were swapped 1.4 and more.
+    const MAX_CHI2: f64 = 1.2;
     /// Fraction of the decoded pixels that have to be explained where most of the surface is cut by the volume's ends:
     /// of a mirrored scene up to 72 % is.
     const MIN_OF_CUT: f64 = 0.8;
@@ -112,14 +127,17 @@ pub fn judge_explained(status: &[PixelStatus], surface: Option<SurfaceEvidence>)
     let share = valid as f64 / (valid + ambiguous).max(1) as f64;
     tracing::debug!(share, valid, ambiguous, outside = count(PixelStatus::OutsideVolume), ?surface, "explained");
     let is_cut = surface.is_some_and(|s| s.cut_by_volume > 0.5);
-    let is_supported = surface.and_then(|s| s.unsupported).is_some_and(|part| part < MAX_UNSUPPORTED);
-    let is_doubtful = share
-        < match surface {
-            None => MIN_EXPLAINED,
-            Some(_) if is_cut => MIN_OF_CUT,
-            Some(_) if is_supported => MIN_OF_SUPPORTED,
-            Some(_) => MIN_OF_WHOLE,
-        };
+    let support = surface.and_then(|s| s.support);
+    let is_supported = support.is_some_and(|s| s.unsupported < MAX_UNSUPPORTED)
+        && surface.and_then(|s| s.chi2).is_none_or(|chi2| chi2 < MAX_CHI2);
+    let elsewhere = support.map_or(0, |s| s.elsewhere);
+    let of_explained = valid as f64 / (valid + ambiguous - elsewhere.min(ambiguous)).max(1) as f64;
+    let is_doubtful = match surface {
+        None => share < MIN_EXPLAINED,
+        Some(_) if is_cut => share < MIN_OF_CUT,
+        Some(_) if is_supported => of_explained < MIN_OF_SUPPORTED,
+        Some(_) => of_explained < MIN_OF_WHOLE,
+    };
     let is_noted = surface.is_some() && share < MIN_OF_WHOLE;
     (valid + ambiguous >= MIN_PIXELS && (is_doubtful || is_noted)).then(|| {
         let cut = if is_cut { ", and most of that ends where the volume does, not where an object does" } else { "" };
@@ -137,9 +155,11 @@ pub fn judge_explained(status: &[PixelStatus], surface: Option<SurfaceEvidence>)
         Finding::new(Code::LittleExplained, verdict, sentence, remedy)
             .with("explained_share", share)
             .with("cut_by_volume", surface.map(|s| s.cut_by_volume))
-            .with("unsupported", surface.and_then(|s| s.unsupported))
+            .with("unsupported", support.map(|s| s.unsupported))
+            .with("median_chi2", surface.and_then(|s| s.chi2))
             .with("valid_px", valid)
             .with("ambiguous_px", ambiguous)
+            .with("elsewhere_px", support.map(|s| s.elsewhere))
     })
 }
 

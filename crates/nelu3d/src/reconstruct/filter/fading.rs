@@ -118,9 +118,10 @@ fn size_of(regions: &[Region], of: impl Fn(&Region) -> bool) -> f64 {
 }
 
 /// Rejects the regions of a depth map (camera z, mm; NaN: none) that fade, as [`PixelStatus::Ambiguous`], and returns
-/// the fraction of what is left that nothing but its own fit supports: it fades, too, or chance explains as much.
-/// `None` where the captures do not tell: nearly all is explained, or χ² is not one of noise. `by_chance` tells which
-/// fraction of foreign codewords is explained as well as those of some pixels.
+/// which pixels of those that are left nothing but their own fit supports: they fade, too, or chance explains as many
+/// of what is explained nowhere. `None` where the captures do not tell: nearly all is explained, or χ² is not one of
+/// noise. `by_chance` tells which fraction of foreign codewords is explained as well as those of some pixels,
+/// `is_elsewhere` whether a pixel is explained outside the volume.
 pub(super) fn reject_fading(
     depth: &mut [f32],
     status: &mut [PixelStatus],
@@ -128,8 +129,8 @@ pub(super) fn reject_fading(
     refined: &Refined,
     prior: &LightFractionPrior,
     settings: &FilterSettings,
-    by_chance: impl Fn(&[usize]) -> Option<f32>,
-) -> Option<f64> {
+    (by_chance, is_elsewhere): (impl Fn(&[usize]) -> Option<f32>, impl Fn(usize) -> bool),
+) -> Option<Vec<bool>> {
     let lost: Vec<usize> = (0..depth.len()).filter(|i| depth[*i].is_nan() && is_lit(status[*i])).collect();
     let kept = depth.iter().filter(|z| z.is_finite()).count();
     let much_is_lost = lost.len() as f32 > settings.in_pieces * (lost.len() + kept) as f32;
@@ -154,19 +155,18 @@ pub(super) fn reject_fading(
             Region { size, fades: outline.fades(size), chi2: chi2.unwrap_or(f32::INFINITY), tries }
         })
         .collect();
-    let mut left = Vec::with_capacity(known.len());
+    let nowhere = lost.iter().filter(|i| !is_elsewhere(**i)).count() as f32 / lost.len() as f32;
+    let mut is_unsupported = vec![false; depth.len()];
     for (((pixels, _), region), rejected) in regions.iter().zip(&known).zip(rejected(&known)) {
-        tracing::debug!(?region, rejected, "region");
-        if !rejected {
-            left.push(*region);
-            continue;
-        }
+        tracing::debug!(?region, rejected, nowhere, "region");
         for &i in pixels {
-            (depth[i], status[i]) = (f32::NAN, PixelStatus::Ambiguous);
+            if rejected {
+                (depth[i], status[i]) = (f32::NAN, PixelStatus::Ambiguous);
+            }
+            is_unsupported[i] = region.fades.is_some() || region.tries * nowhere > MAX_TRIES[1];
         }
     }
-    let unsupported = size_of(&left, |r| r.fades.is_some() || r.tries > MAX_TRIES[1]);
-    Some(unsupported / size_of(&left, |_| true).max(1.0))
+    Some(is_unsupported)
 }
 
 /// Whether a pixel without depth is lit and within the camera rays of the calibrated volume.

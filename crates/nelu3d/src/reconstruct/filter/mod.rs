@@ -28,7 +28,7 @@ use crate::reconstruct::light_fractions::LightFractionPrior;
 use crate::reconstruct::maps::local_mean;
 use crate::reconstruct::refine::Refined;
 use crate::reconstruct::scene::Scene;
-use crate::sensor::{CodewordStatistics, judge_codewords};
+use crate::sensor::{CodewordStatistics, Support, judge_codewords};
 use crate::surface::{Links, MAX_SLOPE, PixelStatus, reject_small_components};
 use crate::verdict::Verdict;
 use beyond::explained_beyond;
@@ -46,8 +46,7 @@ pub use settings::FilterSettings;
 /// others are rejected: outside the calibrated volume, unexplained codeword, mixed pixel at a depth discontinuity or at
 /// an outline, turned away from the light, component too small or explained by chance. `prior` is that of light that
 /// did not come directly from the light source, `step` the spacing of the depth hypotheses in 1/z, 1/mm. With it comes
-/// the fraction of these pixels that nothing but its own fit supports, where much of the picture is explained nowhere;
-/// `None` where that cannot be told.
+/// what supports the surface where much of the picture is explained nowhere; `None` where that cannot be told.
 pub(crate) fn filter(
     scene: &mut Scene<'_>,
     refined: &Refined,
@@ -55,7 +54,7 @@ pub(crate) fn filter(
     settings: &FilterSettings,
     prior: &LightFractionPrior,
     cx: &mut Context<'_>,
-) -> Result<(Vec<f32>, Option<f64>), Failure> {
+) -> Result<(Vec<f32>, Option<Support>), Failure> {
     cx.clock.begin("filter");
     let Scene { camera, rays, field, measurements: m, .. } = scene;
     let mut depth: Vec<f32> = refined.inv_z.iter().map(|v| 1.0 / v).collect();
@@ -119,9 +118,14 @@ pub(crate) fn filter(
         (alternatives, is_elsewhere),
     );
     let by_chance = |pixels: &[usize]| explained_as_well(pixels).map(|[share, _]| share);
-    let unsupported = reject_fading(&mut depth, &mut status, scene, refined, prior, settings, by_chance);
+    let asked = (by_chance, is_elsewhere);
+    let is_unsupported = reject_fading(&mut depth, &mut status, scene, refined, prior, settings, asked);
     reject_continuations(&mut depth, &mut status, scene, refined, prior, step, settings.min_component);
     reject_outside(&mut depth, &mut status, scene, refined, settings, continued);
+    let of_surface = is_unsupported.map(|is_unsupported| {
+        let is_elsewhere = (0..status.len()).filter(|i| status[*i] == PixelStatus::Ambiguous && is_elsewhere(*i));
+        (is_unsupported, is_elsewhere.count())
+    });
     scene.measurements.status = status;
     let Scene { camera, rays, field, measurements: m, .. } = scene;
     // After whole components: what is left of one whose worst part is gone may look better than all of it did.
@@ -139,7 +143,12 @@ pub(crate) fn filter(
     if depth.iter().all(|z| z.is_nan()) {
         return Err(nothing_left(scene));
     }
-    Ok((depth, unsupported))
+    let support = of_surface.map(|(is_unsupported, elsewhere)| {
+        let kept = (0..m.n()).filter(|i| depth[*i].is_finite());
+        let unsupported = kept.clone().filter(|i| is_unsupported[*i]).count() as f64 / kept.count() as f64;
+        Support { unsupported, elsewhere }
+    });
+    Ok((depth, support))
 }
 
 /// Returns the failure of a scene in which every pixel is rejected: what its captures tell, or else what most of the

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::scene::Scene;
 use crate::color_field::LightMotion;
-use crate::sensor::{CodewordStatistics, SurfaceEvidence, judge_clipping, judge_codewords, judge_explained};
+use crate::sensor::{CodewordStatistics, Support, SurfaceEvidence, judge_clipping, judge_codewords, judge_explained};
 use crate::verdict::{Code, Finding, Judgment, Verdict};
 use along_rays::along_rays;
 pub(super) use missed_pattern::disagreeing;
@@ -22,9 +22,8 @@ pub(super) use missed_pattern::disagreeing;
 const MAX_PIXELS: usize = 6000;
 
 /// Judges a surface of `scene`: its depth (camera z, mm; NaN where there is none), and χ² per measurement where the
-/// recipe knows it. `unsupported` is the fraction of the surface that nothing but its own fit supports, where that is
-/// known. The status of every pixel is that of the scene's measurements.
-pub(super) fn judge(scene: &Scene<'_>, depth: &[f32], chi2: Option<&[f32]>, unsupported: Option<f64>) -> Judgment {
+/// recipe knows it. `support` is what supports the surface beside its own fit, where that is known. The status of every pixel is that of the scene's measurements.
+pub(super) fn judge(scene: &Scene<'_>, depth: &[f32], chi2: Option<&[f32]>, support: Option<Support>) -> Judgment {
     let (m, metadata) = (&scene.measurements, &scene.field.metadata);
     let mut judgment = Judgment::default();
     judgment.extend(judge_clipping(&m.status));
@@ -33,8 +32,9 @@ pub(super) fn judge(scene: &Scene<'_>, depth: &[f32], chi2: Option<&[f32]>, unsu
     judgment.extend(judge_codewords(&statistics, expected.as_ref(), &metadata.images));
     judgment.extend(disagreeing(scene, |i| depth[i].is_finite()));
     judgment.extend(response::judge(scene, depth));
-    judgment.extend(chi2.and_then(|chi2| residual(depth, chi2)));
-    let surface = SurfaceEvidence { cut_by_volume: ends::cut_by_volume(scene, depth), unsupported };
+    let chi2 = chi2.and_then(|chi2| median_chi2(depth, chi2));
+    judgment.extend(chi2.and_then(residual));
+    let surface = SurfaceEvidence { cut_by_volume: ends::cut_by_volume(scene, depth), chi2, support };
     judgment.extend(judge_explained(&m.status, Some(surface)));
     judgment.extend(of_field(&metadata.warnings));
     judgment.extend(of_corrected_field(&metadata.corrected));
@@ -80,21 +80,24 @@ fn expected(scene: &Scene<'_>, pixels: &[usize], depth: &[f32]) -> Option<Codewo
     (!codewords.is_empty()).then(|| CodewordStatistics::new(&codewords, scene.measurements.k))
 }
 
-/// Judges χ² per measurement over the surface: about 1 where field and noise are what they are taken for.
-pub fn residual(depth: &[f32], chi2: &[f32]) -> Option<Finding> {
+/// Returns the median χ² per measurement over the surface; `None` where there is no surface.
+pub fn median_chi2(depth: &[f32], chi2: &[f32]) -> Option<f64> {
+    let mut known: Vec<f32> = (0..depth.len()).filter(|i| depth[*i].is_finite()).map(|i| chi2[i]).collect();
+    median(&mut known).map(f64::from)
+}
+
+/// Judges the median χ² per measurement over the surface: about 1 where field and noise are what they are taken for.
+pub fn residual(median_chi2: f64) -> Option<Finding> {
     /// Median χ² per measurement that no good scene reaches.
     const MAX_CHI2: f64 = 3.0;
-    let mut known: Vec<f32> = (0..depth.len()).filter(|i| depth[*i].is_finite()).map(|i| chi2[i]).collect();
-    let median = f64::from(median(&mut known)?);
-    tracing::debug!(median, "χ² per measurement");
-    (median > MAX_CHI2).then(|| {
+    (median_chi2 > MAX_CHI2).then(|| {
         let sentence = format!(
             "the scene's codewords differ from the field's by {:.1} times what noise and field allow",
-            median.sqrt()
+            median_chi2.sqrt()
         );
         let remedy = "check that white, black and patterns are this scene's, linear, in the set's order and exposed as \
                       in the sweep, and that nothing moved";
-        Finding::new(Code::ResidualAboveNoise, Verdict::Doubtful, sentence, remedy).with("median_chi2", median)
+        Finding::new(Code::ResidualAboveNoise, Verdict::Doubtful, sentence, remedy).with("median_chi2", median_chi2)
     })
 }
 

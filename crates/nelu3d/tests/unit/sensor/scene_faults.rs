@@ -1,5 +1,5 @@
 use nelu3d::sensor::{
-    CodewordStatistics, SurfaceEvidence, judge_capture, judge_clipping, judge_codewords, judge_explained,
+    CodewordStatistics, Support, SurfaceEvidence, judge_capture, judge_clipping, judge_codewords, judge_explained,
 };
 use nelu3d::surface::PixelStatus;
 use nelu3d::verdict::{Code, Verdict};
@@ -57,7 +57,7 @@ fn a_scene_within_one_stripe_of_a_binary_code_is_doubtful() {
 
 #[test]
 fn little_that_is_explained_is_doubtful() {
-    let ends = |cut_by_volume| Some(SurfaceEvidence { cut_by_volume, unsupported: None });
+    let ends = |cut_by_volume| Some(SurfaceEvidence { cut_by_volume, ..SurfaceEvidence::default() });
     let mut status = vec![PixelStatus::Ambiguous; 1000];
     status[..100].fill(PixelStatus::Valid);
     for surface in [None, ends(0.0), ends(1.0)] {
@@ -77,17 +77,23 @@ fn little_that_is_explained_is_doubtful() {
 
 #[test]
 fn little_that_is_explained_well_is_noted() {
-    let verdict = |explained: usize, cut_by_volume, unsupported| {
+    let verdict = |explained: usize, cut_by_volume, unsupported, chi2, elsewhere| {
         let mut status = vec![PixelStatus::Ambiguous; 1000];
         status[..explained].fill(PixelStatus::Valid);
-        let surface = SurfaceEvidence { cut_by_volume, unsupported: Some(unsupported) };
-        judge_explained(&status, Some(surface)).map(|found| found.verdict)
+        let support = Some(Support { unsupported, elsewhere });
+        judge_explained(&status, Some(SurfaceEvidence { cut_by_volume, chi2, support })).map(|found| found.verdict)
     };
-    assert_eq!(verdict(200, 0.0, 0.1), Some(Verdict::Good));
-    assert_eq!(verdict(200, 0.0, 0.4), Some(Verdict::Doubtful));
-    assert_eq!(verdict(200, 0.9, 0.1), Some(Verdict::Doubtful));
-    assert_eq!(verdict(40, 0.0, 0.1), Some(Verdict::Doubtful));
-    assert_eq!(verdict(600, 0.0, 0.4), None);
+    assert_eq!(verdict(200, 0.0, 0.1, None, 0), Some(Verdict::Good));
+    assert_eq!(verdict(200, 0.0, 0.1, Some(0.9), 0), Some(Verdict::Good));
+    assert_eq!(verdict(200, 0.0, 0.4, Some(0.9), 0), Some(Verdict::Doubtful));
+    assert_eq!(verdict(200, 0.9, 0.1, Some(0.9), 0), Some(Verdict::Doubtful));
+    assert_eq!(verdict(40, 0.0, 0.1, Some(0.9), 0), Some(Verdict::Doubtful));
+    assert_eq!(verdict(600, 0.0, 0.4, Some(0.9), 0), None);
+    // What fits worse than noise lets it has been explained by mistake.
+    assert_eq!(verdict(200, 0.0, 0.1, Some(1.5), 0), Some(Verdict::Doubtful));
+    // A room that is explained where it is tells nothing against the object, if that is not cut.
+    assert_eq!(verdict(200, 0.0, 0.4, Some(0.9), 700), Some(Verdict::Good));
+    assert_eq!(verdict(200, 0.9, 0.4, Some(0.9), 700), Some(Verdict::Doubtful));
 }
 
 #[test]
