@@ -4,11 +4,12 @@
     python3 benches/verdict/wrong_scenes.py PROGRAM FOLDER [--seeds 0:10] [--threads 1]      # needs numpy and OpenCV
 
 FOLDER is that of random_scanners.py, with the rigs and color fields of these seeds. Of each scanner's scenes `seen` (an
-object where the boards were) and `before` (the object before a wall outside), images are put wrong in three ways:
-`swapped`, every pattern in the place of the next; `again`, the last but one in the place of the last, as where a trigger
-was missed; `gamma`, all images with a response of 1 / 2.2. A row per kind: how many were refused, bad, doubtful, and
-good, and of these how many are SILENT, with gross errors (off by ten times 1σ, and by 0.5 % of the depth) on more than 2
-% of what is lit. Sets of one color image are left out. Exit code 1 where a scan is silent.
+object where the boards were) and `before` (the object before a wall outside), images are put wrong in four ways:
+`swapped`, every pattern in the place of the next; `again`, the last but one in the place of the last, as where a
+trigger was missed; `dark`, black in the place of the first; `gamma`, all images with a response of 1 / 2.2. A row per
+kind: how many were refused, bad, doubtful, and good, and of these how many are SILENT, with gross errors (off by ten
+times 1σ, and by 0.5 % of the depth) on more than 2 % of what is lit. Sets of one color image are left out. Exit code 1
+where a scan is silent.
 """
 
 import argparse
@@ -22,7 +23,7 @@ import tomllib
 import cv2
 import numpy as np
 
-KINDS = ["swapped", "again", "gamma"]
+KINDS = ["swapped", "again", "dark", "gamma"]
 
 
 def write_wrong(kind, names, saturation, scene, to):
@@ -32,9 +33,13 @@ def write_wrong(kind, names, saturation, scene, to):
         taken = dict(zip(names, [*names[1:], names[0]]))
     elif kind == "again":
         taken[names[-1]] = names[-2]
+    elif kind == "dark" and (scene / "black.png").exists():
+        taken[names[0]] = "black.png"
     for name in ["white.png", "black.png", *names]:
         if (source := scene / taken.get(name, name)).exists():
             image = cv2.imread(str(source), cv2.IMREAD_UNCHANGED)
+            if kind == "dark" and name == names[0] and not (scene / "black.png").exists():
+                image *= 0
             if kind == "gamma":
                 image = (saturation * (image / saturation).clip(0, 1) ** (1 / 2.2)).round().astype(image.dtype)
             cv2.imwrite(str(to / name), image)

@@ -11,8 +11,8 @@ const VARIES: f64 = 0.15;
 const DIFFERENT: f64 = 0.15;
 /// Difference up to which they are the same, and part of the one that they should have, and of what each varies by.
 const SAME: [f64; 2] = [0.05, 0.3];
-/// Difference of two values that noise hardly makes, and fraction of a scene's pixels that may have it where two patterns
-/// are the same: two that are dark but for a corner may share that by chance, not to the pixel.
+/// Difference of two values that noise hardly makes, and fraction of a scene's pixels that may have it where two
+/// patterns are the same: two that are dark but for a corner may share that by chance, not to the pixel.
 const UNLIKE: [f64; 2] = [0.25, 0.005];
 /// Standard deviation of normalized intensities from which on a pattern's variation is more than noise.
 const MORE_THAN_NOISE: f64 = 0.03;

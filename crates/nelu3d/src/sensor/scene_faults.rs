@@ -94,6 +94,18 @@ pub struct SurfaceEvidence {
     pub support: Option<Support>,
 }
 
+impl SurfaceEvidence {
+    /// Returns whether outlines and chance support the surface, and it fits as noise lets it.
+    pub fn is_supported(&self) -> bool {
+        /// Fraction of the surface up to which the rest supports it.
+        const MAX_UNSUPPORTED: f64 = 0.25;
+        /// Median χ² per measurement: right surfaces before a room had 0.99 at most, pieces of scenes whose patterns
+        /// were swapped 1.4 and more.
+        const MAX_CHI2: f64 = 1.2;
+        self.support.is_some_and(|s| s.unsupported < MAX_UNSUPPORTED) && self.chi2.is_none_or(|chi2| chi2 < MAX_CHI2)
+    }
+}
+
 /// What supports a surface beside its own fit, where much of the picture is explained nowhere in the calibrated volume.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Support {
@@ -114,11 +126,6 @@ pub fn judge_explained(status: &[PixelStatus], surface: Option<SurfaceEvidence>)
     /// Fraction of the decoded pixels that have to be explained where outlines and chance support the surface: an object
     /// may be small before a room.
     const MIN_OF_SUPPORTED: f64 = 0.05;
-    /// Fraction of the surface up to which the rest supports it.
-    const MAX_UNSUPPORTED: f64 = 0.25;
-    /// Median χ² per measurement of a surface up to which outlines and chance support it: right ones before a room had
-    /// 0.99 at most, pieces of scenes whose patterns were swapped 1.4 and more.
-    const MAX_CHI2: f64 = 1.2;
     /// Fraction of the decoded pixels that have to be explained where most of the surface is cut by the volume's ends:
     /// of a mirrored scene up to 72 % is.
     const MIN_OF_CUT: f64 = 0.8;
@@ -128,14 +135,12 @@ pub fn judge_explained(status: &[PixelStatus], surface: Option<SurfaceEvidence>)
     tracing::debug!(share, valid, ambiguous, outside = count(PixelStatus::OutsideVolume), ?surface, "explained");
     let is_cut = surface.is_some_and(|s| s.cut_by_volume > 0.5);
     let support = surface.and_then(|s| s.support);
-    let is_supported = support.is_some_and(|s| s.unsupported < MAX_UNSUPPORTED)
-        && surface.and_then(|s| s.chi2).is_none_or(|chi2| chi2 < MAX_CHI2);
     let elsewhere = support.map_or(0, |s| s.elsewhere);
     let of_explained = valid as f64 / (valid + ambiguous - elsewhere.min(ambiguous)).max(1) as f64;
     let is_doubtful = match surface {
         None => share < MIN_EXPLAINED,
         Some(_) if is_cut => share < MIN_OF_CUT,
-        Some(_) if is_supported => of_explained < MIN_OF_SUPPORTED,
+        Some(s) if s.is_supported() => of_explained < MIN_OF_SUPPORTED,
         Some(_) => of_explained < MIN_OF_WHOLE,
     };
     let is_noted = surface.is_some() && share < MIN_OF_WHOLE;

@@ -22,19 +22,20 @@ pub(super) use missed_pattern::disagreeing;
 const MAX_PIXELS: usize = 6000;
 
 /// Judges a surface of `scene`: its depth (camera z, mm; NaN where there is none), and χ² per measurement where the
-/// recipe knows it. `support` is what supports the surface beside its own fit, where that is known. The status of every pixel is that of the scene's measurements.
+/// recipe knows it. `support` is what supports the surface beside its own fit, where that is known. The status of every
+/// pixel is that of the scene's measurements.
 pub(super) fn judge(scene: &Scene<'_>, depth: &[f32], chi2: Option<&[f32]>, support: Option<Support>) -> Judgment {
     let (m, metadata) = (&scene.measurements, &scene.field.metadata);
     let mut judgment = Judgment::default();
     judgment.extend(judge_clipping(&m.status));
     let (statistics, pixels) = CodewordStatistics::of_scene(m, &m.status);
-    let expected = expected(scene, &pixels, depth);
+    let chi2 = chi2.and_then(|chi2| median_chi2(depth, chi2));
+    let surface = SurfaceEvidence { cut_by_volume: ends::cut_by_volume(scene, depth), chi2, support };
+    let expected = expected(scene, &pixels, depth, surface.is_supported());
     judgment.extend(judge_codewords(&statistics, expected.as_ref(), &metadata.images));
     judgment.extend(disagreeing(scene, |i| depth[i].is_finite()));
     judgment.extend(response::judge(scene, depth));
-    let chi2 = chi2.and_then(|chi2| median_chi2(depth, chi2));
     judgment.extend(chi2.and_then(residual));
-    let surface = SurfaceEvidence { cut_by_volume: ends::cut_by_volume(scene, depth), chi2, support };
     judgment.extend(judge_explained(&m.status, Some(surface)));
     judgment.extend(of_field(&metadata.warnings));
     judgment.extend(of_corrected_field(&metadata.corrected));
@@ -57,14 +58,14 @@ pub(super) fn drift_not_checked(why: &str) -> Finding {
     Finding::new(Code::DriftNotChecked, Verdict::Good, sentence, remedy)
 }
 
-/// What codewords the field has where the surface was found, if it was found at most of `pixels`: an object may lie
-/// within one stripe of a coarse code. Else along their rays, at any depth. `None` where no ray meets the field's
-/// volume.
-fn expected(scene: &Scene<'_>, pixels: &[usize], depth: &[f32]) -> Option<CodewordStatistics> {
+/// What codewords the field has where the surface was found, if it was found at most of `pixels`, or is supported by
+/// more than its fit: an object may lie within one stripe of a coarse code. Else along their rays, at any depth. `None`
+/// where no ray meets the field's volume.
+fn expected(scene: &Scene<'_>, pixels: &[usize], depth: &[f32], is_supported: bool) -> Option<CodewordStatistics> {
     /// Fraction of the pixels with a depth from which the surface counts as found.
     const FOUND: f64 = 0.5;
     let found: Vec<usize> = pixels.iter().copied().filter(|i| depth[*i].is_finite()).collect();
-    let is_found = found.len() as f64 > FOUND * pixels.len() as f64;
+    let is_found = is_supported || found.len() as f64 > FOUND * pixels.len() as f64;
     let step = (pixels.len() / MAX_PIXELS).max(1);
     let codewords = if is_found {
         let at_surface = found.par_iter().step_by(step).flat_map_iter(|i| {
