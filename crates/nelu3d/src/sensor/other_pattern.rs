@@ -135,9 +135,9 @@ pub fn judge_patterns(
     let is_same = |(i, j): &(usize, usize)| {
         let (is, should) = (scene.apart[i * k + j], field.apart[i * k + j]);
         let varies_by = scene.spread[*i].min(scene.spread[*j]);
+        let most = SAME[0].min(SAME[1] * should.min(varies_by));
         // What is dark, or bright, all over may be so in several patterns, but not to the bit.
-        let is_like = is < SAME[0].min(SAME[1] * should.min(varies_by)) && scene.unlike[i * k + j] < UNLIKE[1];
-        let is_like = is_like && !is_one_stripe(i);
+        let is_like = is < most && scene.unlike[i * k + j] < UNLIKE[1] && !is_one_stripe(i);
         image(*i) != image(*j) && should > DIFFERENT && (is_like || is == 0.0)
     };
     let mut pairs = (0..k).filter(varies).flat_map(|i| of_same_color(i).map(move |j| (i, j)));

@@ -122,9 +122,9 @@ pub(crate) fn filter(
     let is_unsupported = reject_fading(&mut depth, &mut status, scene, refined, prior, settings, asked);
     reject_continuations(&mut depth, &mut status, scene, refined, prior, step, settings.min_component);
     reject_outside(&mut depth, &mut status, scene, refined, settings, continued);
-    let of_surface = is_unsupported.map(|is_unsupported| {
-        let is_elsewhere = (0..status.len()).filter(|i| status[*i] == PixelStatus::Ambiguous && is_elsewhere(*i));
-        (is_unsupported, is_elsewhere.count())
+    let evidence = is_unsupported.map(|is_unsupported| {
+        let elsewhere = (0..status.len()).filter(|i| status[*i] == PixelStatus::Ambiguous && is_elsewhere(*i)).count();
+        (is_unsupported, elsewhere)
     });
     scene.measurements.status = status;
     let Scene { camera, rays, field, measurements: m, .. } = scene;
@@ -143,7 +143,7 @@ pub(crate) fn filter(
     if depth.iter().all(|z| z.is_nan()) {
         return Err(nothing_left(scene));
     }
-    let support = of_surface.map(|(is_unsupported, elsewhere)| {
+    let support = evidence.map(|(is_unsupported, elsewhere)| {
         let kept = (0..m.n()).filter(|i| depth[*i].is_finite());
         let unsupported = kept.clone().filter(|i| is_unsupported[*i]).count() as f64 / kept.count() as f64;
         Support { unsupported, elsewhere }
