@@ -33,14 +33,13 @@ def write_wrong(kind, names, saturation, scene, to):
         taken = dict(zip(names, [*names[1:], names[0]]))
     elif kind == "again":
         taken[names[-1]] = names[-2]
-    elif kind == "dark" and (scene / "black.png").exists():
-        taken[names[0]] = "black.png"
     for name in ["white.png", "black.png", *names]:
         if (source := scene / taken.get(name, name)).exists():
             image = cv2.imread(str(source), cv2.IMREAD_UNCHANGED)
-            if kind == "dark" and name == names[0] and not (scene / "black.png").exists():
-                image *= 0
-            if kind == "gamma":
+            if kind == "dark" and name == names[0]:
+                black = cv2.imread(str(scene / "black.png"), cv2.IMREAD_UNCHANGED)
+                image = 0 * image if black is None else black
+            elif kind == "gamma":
                 image = (saturation * (image / saturation).clip(0, 1) ** (1 / 2.2)).round().astype(image.dtype)
             cv2.imwrite(str(to / name), image)
 
@@ -58,6 +57,8 @@ def scan(program, rig, field, images, kind, scene, threads):
         command = [program, "reconstruct", copy, "wrong", "--set", field.stem, "--field", field, "-o", result,
                    "--threads", threads, "--json", "--quiet", "--accept"]
         done = subprocess.run([*map(str, command)], capture_output=True, text=True)
+        if "panicked" in done.stderr:
+            sys.exit(done.stderr)
         if not (result / "depth.npy").exists():
             return "refused", 0.0
         depth, sigma = np.load(result / "depth.npy"), np.load(result / "sigma.npy")
