@@ -23,12 +23,13 @@ use crate::progress::Progress;
 pub const RATIO: f32 = 30.0;
 /// Strengths that are tried, at most: powers of [`RATIO`] below this one.
 pub const MAX_POWER: i32 = 6;
-/// What is tried in turn: more smoothness along all axes, across, and less or more along each. Most codes are stripes,
+/// What is tried in turn: more smoothness along all axes, across, and more or less along each. Most codes are stripes,
 /// along which they do not change; one whose noise asks for much smoothness along all axes may still be out of focus at
-/// one end. In the camera's frame smoothness across is not taken back: less predicts a little better there and scans
-/// worse, as slopes show noise that values hide.
+/// one end. Along the light's rays comes last: a wave that is smoothed too far across hides what it loses out of focus.
+/// In the camera's frame smoothness across is not taken back: less predicts a little better there and scans worse, as
+/// slopes show noise that values hide.
 const LINES: [[i32; 3]; 8] =
-    [[1, 1, 1], [1, 1, 0], [0, 0, -1], [0, 0, 1], [0, 1, 0], [0, -1, 0], [1, 0, 0], [-1, 0, 0]];
+    [[1, 1, 1], [1, 1, 0], [0, 1, 0], [0, -1, 0], [1, 0, 0], [-1, 0, 0], [0, 0, -1], [0, 0, 1]];
 /// Part by which the squared error has to fall for more smoothness. Noise is most of it, and what the field itself is off
 /// by counts where scenes are smooth.
 const WORTH: f64 = 1e-3;

@@ -30,6 +30,13 @@ fn the_best_strength_lies_between_those_that_are_tried() {
     // Noise that asks for smoothness along all axes does not keep that along w, where the code is out of focus.
     let [a, b, w] = found(&|[a, b, w]| 7.0 * (off(a, 3e4) + off(b, 8e5) + 0.5 * off(w, 30.0)).exp());
     assert!(near(a, 3e4) && near(b, 8e5) && near(w, 30.0), "{a} {b} {w}");
+    // A wave that is smoothed too far across does not tell how it changes along the light's rays.
+    let along = |a: f64, w: f64| {
+        let best = if a < 2000.0 { 30.0 } else { 900.0 };
+        off(w.max(900.0), 900.0) + 0.15 * off(w.min(900.0), best)
+    };
+    let [a, b, w] = found(&|[a, b, w]| 7.0 * (0.3 * (off(a, 900.0) + off(b, 8e5)) + along(a, w)).exp());
+    assert!(near(a, 900.0) && near(b, 8e5) && near(w, 30.0), "{a} {b} {w}");
     assert_eq!(found(&|f| f.iter().product()), [1.0; 3]);
     assert_eq!(found(&|f| 1.0 / f.iter().product::<f64>()), [RATIO.powi(MAX_POWER - 1); 3]);
     assert_eq!(found(&|_| 0.0), [1.0; 3]);
