@@ -87,7 +87,7 @@ fn search(t: &Transport<'_>, progress: &Progress) -> Option<Refined> {
     let scored = candidates.into_par_iter().map(|start| {
         let arms = [1, 2, 4].into_iter().filter(|arm| *arm <= last);
         let s = arms.fold(start, |s, arm| refine(t, finest.level, &finest.seeds, s, finest.steps(k, arm)).state);
-        (t.score(finest.level, &finest.seeds, s, 2.min(last), finest.by_chance, 1.0), s)
+        (t.score(finest.level, &finest.seeds, s, 2.min(last), finest.by_chance, None), s)
     });
     let scored: Vec<_> = scored.collect();
     let (score, state) = scored.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;

@@ -25,6 +25,8 @@ const MIN_SIGNAL: f64 = 0.15;
 const SEEDS: usize = 1500;
 /// Levels that are searched, the coarsest useful ones.
 const SEARCHED_LEVELS: usize = 3;
+/// Disagreement beyond which a center is not looked at further.
+const HOPELESS: f64 = 0.85;
 /// Centers that are refined at the level they were found at.
 const REFINED: usize = 64;
 /// Starts of a level that are followed down to the finest.
@@ -106,15 +108,16 @@ fn best_of(
     states: Vec<State>,
     steps: State,
 ) -> Vec<(f64, State)> {
-    let score = |s: State, n: usize| (t.score(level.level, &level.seeds[..n], s, arm, level.by_chance, 0.85), s);
+    let score =
+        |s: State, n: usize, give_up| (t.score(level.level, &level.seeds[..n], s, arm, level.by_chance, give_up), s);
     let few = level.seeds.len().min(200);
-    let mut scored: Vec<(f64, State)> = states.into_par_iter().map(|s| score(s, few)).collect();
+    let mut scored: Vec<(f64, State)> = states.into_par_iter().map(|s| score(s, few, Some(HOPELESS))).collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     scored.truncate(REFINED);
     let some = &level.seeds[..level.seeds.len().min(500)];
     let refined =
         scored.into_par_iter().map(|(_, s)| refine(t, level.level, some, s, level.steps(t.views.k, arm)).state);
-    let mut scored: Vec<(f64, State)> = refined.map(|s| score(s, level.seeds.len())).collect();
+    let mut scored: Vec<(f64, State)> = refined.map(|s| score(s, level.seeds.len(), None)).collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut best: Vec<(f64, State)> = Vec::new();
     for (score, s) in scored {

@@ -296,9 +296,9 @@ impl Transport<'_> {
     }
 
     /// Disagreement of codewords carried over `arm` steps, 0 to 1 (chance): mean truncated squared difference as a
-    /// share of `by_chance`, of few hits drawn towards what nobody knows. A score that is sure to be worse than
-    /// `give_up` is not worked out; too few hits are worse than chance. Boards that are held by hand far from each
-    /// other share few rays of light, under the right light as well.
+    /// share of `by_chance`, of few hits drawn towards what nobody knows; too few hits are worse than chance. Boards that
+    /// are held by hand far from each other, or whose ink leaves little of them, share few rays of light, under the right
+    /// light as well. Of many centers, a score that is likely to be worse than `give_up` is not worked out.
     pub(super) fn score(
         &self,
         level: &Level,
@@ -306,10 +306,10 @@ impl Transport<'_> {
         s: State,
         arm: usize,
         by_chance: f64,
-        give_up: f64,
+        give_up: Option<f64>,
     ) -> f64 {
         /// Part of the seeds that have to hit: one of so many.
-        const RARE: usize = 32;
+        const RARE: usize = 64;
         /// Hits that are made up, and their disagreement.
         const UNKNOWN: (f64, f64) = (10.0, 0.5);
         let light = self.chart.center(s);
@@ -320,7 +320,8 @@ impl Transport<'_> {
                 sum += disagreement(&r, by_chance);
                 hits += 1;
             }
-            if i == 63 && (hits * RARE < 64 || sum > (give_up + 0.15) * hits as f64) {
+            let is_hopeless = |give_up: f64| hits == 0 || sum > (give_up + 0.15) * hits as f64;
+            if i == 63 && give_up.is_some_and(is_hopeless) {
                 return 2.0;
             }
         }
