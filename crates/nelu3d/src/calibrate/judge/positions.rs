@@ -14,6 +14,8 @@ use crate::verdict::{Code, Finding, Verdict};
 
 /// Fewest positions among which one can stand out.
 const MIN_POSITIONS: usize = 5;
+/// Part of a position's samples that may be off by anything: where a hand holds the board, or beside its shadow.
+const HELD: f64 = 0.05;
 /// Ratio of a position's mean squared error to the others' median beyond which it stands out, with so many median
 /// deviations between.
 const STANDS_OUT: f64 = 4.0;
@@ -35,6 +37,8 @@ pub struct PositionSums {
     pub n: usize,
     /// Σ (v − c)² over samples and channels.
     pub error: f64,
+    /// Σ (v − c)² over channels, `[sample]`.
+    pub of_samples: Vec<f64>,
     /// Per channel: Σ c, Σ v, Σ c², Σ v², Σ (v − c)².
     pub channels: Vec<[f64; 5]>,
     /// With residuals r = v − c: Σ r_i r_j, Σ r_i v_j, Σ v_i v_j, row by row.
@@ -72,9 +76,9 @@ pub fn typical(all: &[PositionSums]) -> f64 {
 
 /// Indices of the positions whose error stands out among all.
 pub fn standing_out(all: &[PositionSums]) -> Vec<usize> {
-    let errors: Vec<f64> = all.iter().map(PositionSums::mean_square).collect();
+    let errors: Vec<f64> = all.iter().map(PositionSums::mean_square_of_most).collect();
     tracing::debug!(?errors, "mean squared error of positions");
-    let middle = typical(all);
+    let middle = median(&mut errors.clone()).unwrap_or(0.0);
     let deviation = median(&mut errors.iter().map(|e| (e - middle).abs()).collect::<Vec<_>>()).unwrap_or(0.0);
     let limit = (STANDS_OUT * middle).max(middle + DEVIATIONS * deviation).max(middle + MIN_EXCESS * MIN_EXCESS);
     // A wrong position bends the field around it, and its neighbors stand out, too.
@@ -121,6 +125,7 @@ impl PositionSums {
             p,
             n: 0,
             error: 0.0,
+            of_samples: Vec::new(),
             channels: vec![[0.0; 5]; k],
             cross: std::array::from_fn(|_| vec![0.0; k * k]),
             shift: (Matrix3::zeros(), Vector3::zeros()),
@@ -148,6 +153,7 @@ impl PositionSums {
     /// Adds a sample: measured, and predicted at its own point and at the three shifted ones.
     pub fn add(&mut self, measured: &[f32], c: &[Vec<f32>; 4]) {
         let k = measured.len();
+        let before = self.error;
         self.n += 1;
         for j in 0..k {
             let (own, v) = (f64::from(c[0][j]), f64::from(measured[j]));
@@ -168,10 +174,19 @@ impl PositionSums {
                 }
             }
         }
+        self.of_samples.push(self.error - before);
     }
 
     fn mean_square(&self) -> f64 {
         self.error / (self.n * self.channels.len()).max(1) as f64
+    }
+
+    /// Mean squared error of all but the worst samples.
+    fn mean_square_of_most(&self) -> f64 {
+        let mut errors = self.of_samples.clone();
+        errors.sort_unstable_by(f64::total_cmp);
+        let most = ((1.0 - HELD) * errors.len() as f64).ceil() as usize;
+        errors[..most].iter().sum::<f64>() / (most * self.channels.len()).max(1) as f64
     }
 
     /// Factor between measured and predicted intensity of a channel; `None` where it is dark.

@@ -14,6 +14,7 @@ fn positions(edit: impl Fn(&mut [f32], &[Vec<f32>; 4])) -> Vec<PositionSums> {
                 p,
                 n: 0,
                 error: 0.0,
+                of_samples: Vec::new(),
                 channels: vec![[0.0; 5]; 3],
                 cross: std::array::from_fn(|_| vec![0.0; 9]),
                 shift: (Matrix3::zeros(), Vector3::zeros()),
@@ -57,6 +58,24 @@ fn a_wrong_position_stands_out_and_is_explained() {
     }
     let white = found(&|v, _| v.iter_mut().for_each(|v| *v /= 1.2));
     assert!(white[0].1.sentence.contains("white is 20 % brighter"), "{}", white[0].1);
+}
+
+/// A hand over a twenty-fifth of a board, far off in all channels, does not make the position wrong; over a quarter it
+/// does.
+#[test]
+fn a_hand_at_the_edge_of_a_board_is_not_a_wrong_position() {
+    let held = |every: usize| {
+        let n = std::cell::Cell::new(0);
+        let all = positions(|v, c| {
+            n.set(n.get() + 1);
+            if n.get() % every == 0 {
+                (0..3).for_each(|j| v[j] = 1.0 - c[0][j]);
+            }
+        });
+        standing_out(&all)
+    };
+    assert!(held(25).is_empty());
+    assert_eq!(held(4), [5]);
 }
 
 #[test]
