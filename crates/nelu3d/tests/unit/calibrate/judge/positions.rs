@@ -64,11 +64,11 @@ fn a_wrong_position_stands_out_and_is_explained() {
 /// does.
 #[test]
 fn a_hand_at_the_edge_of_a_board_is_not_a_wrong_position() {
-    let held = |every: usize| {
-        let n = std::cell::Cell::new(0);
+    let held = |every: u32| {
+        let n = std::cell::Cell::new(0u32);
         let all = positions(|v, c| {
             n.set(n.get() + 1);
-            if n.get() % every == 0 {
+            if n.get().is_multiple_of(every) {
                 (0..3).for_each(|j| v[j] = 1.0 - c[0][j]);
             }
         });
