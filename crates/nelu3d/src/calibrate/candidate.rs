@@ -126,7 +126,8 @@ impl Candidate {
             || known.cloned().unwrap_or_else(|| smoothness(center, vec![[1.0; 3]; k])),
             |aside| {
                 let prepare = |bins: &Bins, cells| SplineFit::new(bins, cells, schedule);
-                aside.choose(&mut bins, cells[2], center, prepare, progress)
+                let [a, b] = [0, 1].map(|i| (frame.hi[i] - frame.lo[i]) / cells[i] as f64);
+                aside.choose(&mut bins, cells[2], (a / b).powi(2), center, prepare, progress)
             },
         );
         let (mut errors, mut by_position, mut form, mut pixels) = (HeldOutErrors::default(), Vec::new(), None, None);
@@ -244,6 +245,11 @@ impl Candidate {
             return Ok(fit_form(cx, &bins, &self.frame, self.cells, (&self.smooth, schedule)).0);
         }
         match &mut form {
+            Form::Grid(grid) if self.smooth.defocus.is_some() => {
+                let fit = SplineFit::new(&bins, self.cells, self.schedule);
+                drop(bins);
+                *grid = fit.fit_once(&self.smooth, progress);
+            }
             Form::Grid(grid) => {
                 let problem = LeastSquares::new(grid.cells, &bins);
                 // Of a large sensor they are a third of the memory.

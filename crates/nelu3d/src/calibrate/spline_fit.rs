@@ -1,6 +1,7 @@
 //! Fitting the spline from nothing, coarse to fine.
 
 use crate::color_field::bins::Bins;
+use crate::color_field::fit::defocus::DefocusEquations;
 use crate::color_field::fit::{LeastSquares, Smoothness};
 use crate::color_field::frame::Center;
 use crate::color_field::grid::Grid;
@@ -57,6 +58,12 @@ impl Schedule {
     }
 }
 
+/// Steps that follow those of all cells where patterns go out of focus in a known way: what the defocus makes of them
+/// is told by the spline without it.
+const REFOCUSED: usize = 3;
+/// Steps of the fits that tell what a spline takes over of a defocus.
+const FOLLOWED: usize = 2;
+
 /// A spline that is to be fitted to binned samples from nothing, ready for any smoothness.
 pub struct SplineFit {
     /// The coarsest level first, the one of all cells last.
@@ -91,21 +98,35 @@ impl SplineFit {
 
     /// Fits the spline.
     pub fn fit(&self, smooth: &Smoothness, progress: &Progress) -> Grid {
-        let mut grid = None;
+        let (mut grid, in_focus) = (None, smooth.in_focus());
         for level in &self.levels {
             let mut next = level.start(grid);
-            level.problem.solve(&mut next, &smooth.of_coarser(level.part), level.steps, progress);
+            level.problem.solve(&mut next, &in_focus.of_coarser(level.part), level.steps, progress);
+            if level.part == 1 && smooth.defocus.is_some() {
+                level.problem.solve(&mut next, smooth, REFOCUSED, progress);
+            }
             grid = Some(next);
         }
         grid.expect("there is a level")
     }
 
+    /// Returns the equations of how patterns go out of focus, about the spline that it fits with `smooth`, without.
+    pub fn defocus_equations(&self, aspect: f64, smooth: &Smoothness, progress: &Progress) -> DefocusEquations {
+        let level = self.levels.last().expect("there is a level");
+        level.problem.defocus_equations(&self.fit(smooth, progress), aspect, smooth, FOLLOWED, progress)
+    }
+
     /// Does what [`Self::fit`] does, in the memory that the problems take.
     pub fn fit_once(self, smooth: &Smoothness, progress: &Progress) -> Grid {
-        let mut grid = None;
+        let (mut grid, in_focus) = (None, smooth.in_focus());
         for level in self.levels {
             let mut next = level.start(grid);
-            level.problem.solve_once(&mut next, &smooth.of_coarser(level.part), level.steps, progress);
+            if level.part == 1 && smooth.defocus.is_some() {
+                level.problem.solve(&mut next, &in_focus, level.steps, progress);
+                level.problem.solve_once(&mut next, smooth, REFOCUSED, progress);
+            } else {
+                level.problem.solve_once(&mut next, &in_focus.of_coarser(level.part), level.steps, progress);
+            }
             grid = Some(next);
         }
         grid.expect("there is a level")

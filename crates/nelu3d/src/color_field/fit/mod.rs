@@ -7,6 +7,8 @@
 //! matrices reaches the objective in one or two steps where samples are dense, but is far off where they end.
 
 #[doc(hidden)]
+pub mod defocus;
+#[doc(hidden)]
 pub mod lines;
 mod modes;
 #[doc(hidden)]
@@ -20,6 +22,7 @@ use rayon::prelude::*;
 use super::bins::Bins;
 use super::grid::Grid;
 use crate::progress::Progress;
+use defocus::{Defocus, DefocusEquations, Laplacian};
 use lines::Lines;
 use normal::Normal;
 use penalty::Penalty;
@@ -56,6 +59,52 @@ impl LeastSquares {
         descend(grid, (&self.normal, diagonal, r, &self.lambda), smooth, iterations, progress);
     }
 
+    /// Returns the equations of how patterns go out of focus, about a spline that was fitted with `smooth`, without
+    /// defocus: those of β where the spline follows it as `smooth` says, by so many steps.
+    pub fn defocus_equations(
+        &self,
+        grid: &Grid,
+        aspect: f64,
+        smooth: &Smoothness,
+        iterations: usize,
+        progress: &Progress,
+    ) -> DefocusEquations {
+        let (k, n) = (grid.k, grid.coeffs.len());
+        let product = |x: &[f32]| {
+            let mut y = vec![0.0f32; n];
+            self.normal.apply(x, &mut y);
+            y
+        };
+        let residuals: Vec<f32> = {
+            let fitted = product(&grid.coeffs);
+            self.right_side.iter().zip(fitted).map(|(r, y)| r - y).collect()
+        };
+        let unit = |i: usize| {
+            let beta = std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
+            Defocus { beta, aspect, of_channels: vec![true; k] }
+        };
+        let laplacian = Laplacian::of(grid, &unit(0));
+        let columns: [(Vec<f32>, Vec<f32>); 4] = std::array::from_fn(|i| {
+            let mut own = vec![0.0f32; n];
+            laplacian.add(&unit(i), 1.0, &mut own);
+            // What is left of it where the spline follows.
+            let mut followed = Grid::new(grid.cells, k);
+            let problem = (&self.normal, self.diagonal.clone(), product(&own), &self.lambda[..]);
+            descend(&mut followed, problem, smooth, iterations, progress);
+            let left: Vec<f32> = own.iter().zip(&followed.coeffs).map(|(own, followed)| own - followed).collect();
+            (own, product(&left))
+        });
+        let dot = |a: &[f32], b: &[f32]| dots(a, b, k).into_iter().sum::<f64>();
+        let mut equations = DefocusEquations::none();
+        for i in 0..4 {
+            equations.right[i] = dot(&columns[i].0, &residuals);
+            for j in 0..4 {
+                equations.left[(i, j)] += 0.5 * (dot(&columns[i].0, &columns[j].1) + dot(&columns[j].0, &columns[i].1));
+            }
+        }
+        equations
+    }
+
     /// Does what [`Self::solve`] does, in the memory that the problem takes.
     pub fn solve_once(self, grid: &mut Grid, smooth: &Smoothness, iterations: usize, progress: &Progress) {
         let Self { normal, diagonal, right_side, lambda } = self;
@@ -63,7 +112,9 @@ impl LeastSquares {
     }
 }
 
-/// Conjugate gradients from `grid`'s coefficients. `r` is the right side, and becomes the residuals.
+/// Conjugate gradients from `grid`'s coefficients. `r` is the right side, and becomes the residuals. With a defocus,
+/// `grid` was fitted without: what the defocus makes of it is taken off the samples first, and added to the spline in
+/// the end.
 fn descend(
     grid: &mut Grid,
     (normal, diagonal, mut r, lambda): (&Normal, Vec<f32>, Vec<f32>, &[f32]),
@@ -82,6 +133,11 @@ fn descend(
         normal.apply(x, y);
     };
     let mut scratch = vec![0.0f32; grid.coeffs.len()];
+    let blurred = smooth.defocus.as_ref().map(|defocus| (defocus, Laplacian::of(grid, defocus)));
+    if let Some((defocus, laplacian)) = &blurred {
+        laplacian.add(defocus, -1.0, &mut scratch);
+        normal.apply(&scratch, &mut r);
+    }
     apply(&grid.coeffs, &mut scratch);
     r.par_iter_mut().zip(&scratch).for_each(|(r, a)| *r -= a);
     lines.solve(&r, &mut scratch);
@@ -109,6 +165,9 @@ fn descend(
             }
         });
         rz = next;
+    }
+    if let Some((defocus, laplacian)) = &blurred {
+        laplacian.add(defocus, 1.0, &mut grid.coeffs);
     }
 }
 

@@ -1,5 +1,7 @@
 //! The smoothness of the fitted spline.
 
+use super::defocus::Defocus;
+
 /// Weights of the penalties on differences of coefficients, as fractions of a typical node's sample weight: how smooth
 /// the spline is where samples do not say otherwise.
 #[derive(Clone, Debug)]
@@ -13,9 +15,17 @@ pub struct Smoothness {
     pub slope_along: f32,
     /// Factors of these weights along a, b and w, channel by channel.
     pub of_channels: Vec<[f32; 3]>,
+    /// How patterns go out of focus along w, if that is known: what is smooth is then what they are without it.
+    pub defocus: Option<Defocus>,
 }
 
 impl Smoothness {
+    /// Returns the same without defocus.
+    #[must_use]
+    pub fn in_focus(&self) -> Self {
+        Self { defocus: None, ..self.clone() }
+    }
+
     /// The smoothness of a spline with `part` times fewer cells across. Second differences across are `part`² times
     /// larger there, at `part`² times fewer nodes, each with `part`² times the samples' weight. What samples leave
     /// undetermined is smooth at all levels: the factors across do not fall below 1.

@@ -12,7 +12,7 @@ fn solves_every_channel_along_its_smoother_axis() {
         let r: Vec<f32> = (0..n).map(|i| (i * 104_729 % 1000) as f32 * 1e-3 - 0.5).collect();
         let lambda = [1.0, 2.0, 0.5, 1.0];
         let of_channels = vec![[30.0, 2.0, 1.0], [1.0, 50.0, 20.0], [3.0, 3.0, 0.0], [40.0, 1.0, 10.0]];
-        let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels };
+        let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels, defocus: None };
         let mut z = vec![f32::NAN; n];
         Lines::new(nodes, diag.clone(), &smooth, &lambda).solve(&r, &mut z);
 
@@ -46,7 +46,13 @@ fn lines_without_samples_stay_finite() {
     let nodes = [3, 1200, 4];
     let n = nodes.iter().product();
     // As strong as the smoothness of stripes along them is, with next to nothing across.
-    let smooth = Smoothness { across: 3e-4, along: 3e-3, slope_along: 3e-4, of_channels: vec![[0.5, 1.2e7, 1.2e7]] };
+    let smooth = Smoothness {
+        across: 3e-4,
+        along: 3e-3,
+        slope_along: 3e-4,
+        of_channels: vec![[0.5, 1.2e7, 1.2e7]],
+        defocus: None,
+    };
     let r: Vec<f32> = (0..n).map(|i| ((i * 104_729 % 1000) as f32 - 499.5) * 1e-3).collect();
     let mut z = vec![f32::NAN; n];
     let mut diag = vec![0.0; n];

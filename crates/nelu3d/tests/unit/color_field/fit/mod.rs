@@ -1,3 +1,4 @@
+mod defocus;
 mod lines;
 mod penalty;
 
@@ -59,7 +60,7 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
 
 /// A smoothness that leaves samples of `k` channels as they are.
 fn weak(k: usize) -> Smoothness {
-    Smoothness { across: 1e-4, along: 1e-4, slope_along: 0.0, of_channels: vec![[1.0; 3]; k] }
+    Smoothness { across: 1e-4, along: 1e-4, slope_along: 0.0, of_channels: vec![[1.0; 3]; k], defocus: None }
 }
 
 /// Samples of a steep wave, many to a bin, give the wave and not the blurred one that the bins' means are.
@@ -140,7 +141,8 @@ fn the_operator_agrees_with_its_definition() {
         };
         let (x, y) = (random(), random());
         let normal = Normal::new(x.cells, &bins);
-        let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels: vec![[1.0; 3]; k] };
+        let smooth =
+            Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels: vec![[1.0; 3]; k], defocus: None };
         let lambda: Vec<f32> = (0..k).map(|c| 1.0 + c as f32).collect();
         let mut ax = vec![0.0; x.coeffs.len()];
         Penalty::new(&x, &smooth, &lambda).apply(&x.coeffs, &mut ax);

@@ -13,7 +13,7 @@ fn is_the_sum_of_squared_differences() {
         let lambda: Vec<f32> = (0..k).map(|c| 1.0 + c as f32).collect();
         let mut y = vec![f32::NAN; grid.coeffs.len()];
         let of_channels: Vec<[f32; 3]> = (0..k).map(|c| [1.0, 2.0 + c as f32, 0.5]).collect();
-        let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels };
+        let smooth = Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels, defocus: None };
         Penalty::new(&grid, &smooth, &lambda).apply(&grid.coeffs, &mut y);
 
         let nodes @ [na, _, nw] = grid.nodes();
@@ -52,7 +52,7 @@ fn straight_functions_have_no_penalty() {
     for (i, c) in grid.coeffs.iter_mut().enumerate() {
         *c = 0.7 + 3e-3 * (i / nw % na) as f32 - 2e-3 * (i / nw / na) as f32;
     }
-    let smooth = Smoothness { across: 1e4, along: 1e4, slope_along: 0.0, of_channels: vec![[1.0; 3]] };
+    let smooth = Smoothness { across: 1e4, along: 1e4, slope_along: 0.0, of_channels: vec![[1.0; 3]], defocus: None };
     let mut y = vec![f32::NAN; grid.coeffs.len()];
     Penalty::new(&grid, &smooth, &[1.0]).apply(&grid.coeffs, &mut y);
     let exact = |x: &[f32]| -> Vec<f64> {
@@ -74,7 +74,8 @@ fn straight_functions_have_no_penalty() {
 /// sixteenth of the samples each; but a factor of 1 is not lowered.
 #[test]
 fn a_function_costs_the_same_on_a_coarser_lattice() {
-    let smooth = Smoothness { across: 0.3, along: 0.0, slope_along: 0.0, of_channels: vec![[1e5, 1e4, 1.0]] };
+    let smooth =
+        Smoothness { across: 0.3, along: 0.0, slope_along: 0.0, of_channels: vec![[1e5, 1e4, 1.0]], defocus: None };
     let cost = |cells: usize, smooth: &Smoothness| {
         let mut grid = Grid::new([cells, cells, 1], 1);
         let [na, nb, nw] = grid.nodes();

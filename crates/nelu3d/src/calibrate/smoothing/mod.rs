@@ -7,35 +7,28 @@
 //! several strengths, and every channel takes the one that predicts them best. The strips cross: an edge of a code, of
 //! which the coarsest bit of a Gray code has one, lies beside a strip that runs along it, and a channel that is flat in
 //! all that is looked at would be smoothed until its edges are blurred everywhere else.
+//!
+//! What patterns lose out of focus is found on the same strips, for all channels together, and taken for those channels
+//! that it predicts better.
+
+mod search;
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
+pub use search::{MAX_POWER, RATIO, Search};
+
 use super::spline_fit::SplineFit;
 use crate::color_field::bins::{Bins, Gathered};
 use crate::color_field::fit::Smoothness;
+use crate::color_field::fit::defocus::{Defocus, DefocusEquations};
 use crate::color_field::frame::Center;
 use crate::color_field::grid::Grid;
 use crate::progress::Progress;
 
-/// Factor between strengths that are tried.
-pub const RATIO: f32 = 30.0;
-/// Strengths that are tried, at most: powers of [`RATIO`] below this one.
-pub const MAX_POWER: i32 = 6;
-/// What is tried in turn: more smoothness along all axes, across, and more or less along each. Most codes are stripes,
-/// along which they do not change; one whose noise asks for much smoothness along all axes may still be out of focus at
-/// one end. Along the light's rays comes last: a wave that is smoothed too far across hides what it loses out of focus.
-/// In the camera's frame smoothness across is not taken back: less predicts a little better there and scans worse, as
-/// slopes show noise that values hide.
-const LINES: [[i32; 3]; 8] =
-    [[1, 1, 1], [1, 1, 0], [0, 1, 0], [0, -1, 0], [1, 0, 0], [-1, 0, 0], [0, 0, -1], [0, 0, 1]];
-/// Part by which the squared error has to fall for more smoothness. Noise is most of it, and what the field itself is off
-/// by counts where scenes are smooth.
-const WORTH: f64 = 1e-3;
-/// Part by which it may rise in a step for another one to be tried: along stripes, thirty times the strength may change
-/// nothing, and a thousand times a lot.
-const NEARLY: f64 = 0.05;
+/// Part by which a channel's squared error has to fall for it to go out of focus as all do.
+const DEFOCUS_WORTH: f64 = 5e-3;
 /// Weight of a column's samples from which they are its codeword, whatever others have: a standard deviation of 0.1; and
 /// as a fraction of what a bright column has. Ink has less, and where only ink was, nothing is predicted.
 const BRIGHT: [f32; 2] = [100.0, 0.1];
@@ -47,8 +40,8 @@ const WIDTH: usize = 32;
 /// The penalties of a frame at strength 1.
 pub fn smoothness(center: Center, of_channels: Vec<[f32; 3]>) -> Smoothness {
     match center {
-        Center::Light => Smoothness { across: 3e-4, along: 3e-3, slope_along: 3e-4, of_channels },
-        Center::Camera => Smoothness { across: 3e-3, along: 1e-4, slope_along: 0.0, of_channels },
+        Center::Light => Smoothness { across: 3e-4, along: 3e-3, slope_along: 3e-4, of_channels, defocus: None },
+        Center::Camera => Smoothness { across: 3e-3, along: 1e-4, slope_along: 0.0, of_channels, defocus: None },
     }
 }
 
@@ -104,12 +97,14 @@ impl Aside {
 
     /// Chooses the smoothness of a field that is fitted to `bins`, which have the samples that were set aside, too.
     /// `prepare` prepares to fit a spline to the bins of a strip, which has so many cells; `along` of them along w.
+    /// `aspect` is the square of the ratio of a cell's size along a to that along b.
     pub fn choose(
         &self,
         bins: &mut Bins,
         along: usize,
+        aspect: f64,
         center: Center,
-        prepare: impl Fn(&Bins, [usize; 3]) -> SplineFit,
+        prepare: impl Fn(&Bins, [usize; 3]) -> SplineFit + Copy,
         progress: &Progress,
     ) -> Smoothness {
         let mut parts = Vec::new();
@@ -122,19 +117,79 @@ impl Aside {
             }
             bins.add_all(&fold.samples);
         }
-        let k = bins.k();
-        let mut searches = vec![Search::new(center); k];
+        let mut searches = vec![Search::new(center); bins.k()];
+        let with = |searches: &[Search], defocus: Option<&Defocus>| Smoothness {
+            defocus: defocus.cloned(),
+            ..smoothness(center, searches.iter().map(Search::next).collect())
+        };
         while searches.iter().any(|s| !s.is_done()) {
-            let smooth = smoothness(center, searches.iter().map(Search::next).collect());
-            let of_part = |part: &Part<'_>| self.squared_errors(part, &part.fit.fit(&smooth, progress));
-            let of_parts: Vec<Vec<f64>> = parts.par_iter().map(of_part).collect();
-            let errors: Vec<f64> = (0..k).map(|j| of_parts.iter().map(|errors| errors[j]).sum()).collect();
-            tracing::debug!(factors = ?smooth.of_channels, ?errors, "smoothness");
+            let errors = self.errors(&parts, &with(&searches, None), progress);
             searches.iter_mut().zip(errors).for_each(|(search, error)| search.take(error));
         }
-        let of_channels: Vec<[f32; 3]> = searches.iter().map(Search::best).collect();
-        tracing::debug!(?of_channels, "smoothness");
-        smoothness(center, of_channels)
+        let found = with(&searches, None);
+        tracing::debug!(of_channels = ?found.of_channels, "smoothness");
+        if center == Center::Camera {
+            return found;
+        }
+        let Some(mut defocus) = self.defocus(bins, along, aspect, &found, prepare, progress) else { return found };
+        // Along the light's rays anew, of the channels that it explains: what is left there is smoother.
+        let mut again: Vec<Search> = searches.iter().map(Search::along_again).collect();
+        let errors = self.errors(&parts, &with(&again, Some(&defocus)), progress);
+        let of_channels = searches.iter().zip(&errors).map(|(search, e)| *e < (1.0 - DEFOCUS_WORTH) * search.least());
+        defocus.of_channels = of_channels.collect();
+        tracing::debug!(?defocus, "defocus");
+        if !defocus.of_channels.contains(&true) {
+            return found;
+        }
+        for (j, (search, error)) in again.iter_mut().zip(errors).enumerate() {
+            if defocus.of_channels[j] {
+                search.take(error);
+            } else {
+                *search = searches[j].clone();
+            }
+        }
+        while again.iter().any(|s| !s.is_done()) {
+            let errors = self.errors(&parts, &with(&again, Some(&defocus)), progress);
+            again.iter_mut().zip(errors).for_each(|(search, error)| search.take(error));
+        }
+        let found = with(&again, Some(&defocus));
+        tracing::debug!(of_channels = ?found.of_channels, "smoothness");
+        found
+    }
+
+    /// Returns how patterns go out of focus in the strips, of all samples; `found` is how smooth the field is without
+    /// that, and along the light's rays it is as stiff as can be. `None` where the samples do not tell.
+    fn defocus(
+        &self,
+        bins: &Bins,
+        along: usize,
+        aspect: f64,
+        found: &Smoothness,
+        prepare: impl Fn(&Bins, [usize; 3]) -> SplineFit,
+        progress: &Progress,
+    ) -> Option<Defocus> {
+        let stiff = RATIO.powi(MAX_POWER - 1);
+        let of_channels = found.of_channels.iter().map(|[a, b, _]| [*a, *b, stiff]).collect();
+        let stiff = Smoothness { of_channels, ..found.clone() };
+        let mut equations = DefocusEquations::none();
+        for strip in &self.strips {
+            let fit = prepare(&bins.window(strip), [strip[0].len(), strip[1].len(), along]);
+            equations.add_window(&fit.defocus_equations(aspect, &stiff, progress), strip, self.cells);
+        }
+        Some(Defocus { beta: equations.solve()?, aspect, of_channels: vec![true; bins.k()] })
+    }
+
+    /// Squared errors of what was set aside from fits of a smoothness, channel by channel.
+    fn errors(&self, parts: &[Part<'_>], smooth: &Smoothness, progress: &Progress) -> Vec<f64> {
+        let of_part = |part: &Part<'_>| {
+            let defocus = smooth.defocus.as_ref().map(|defocus| defocus.of_window(part.strip, self.cells));
+            self.squared_errors(part, &part.fit.fit(&Smoothness { defocus, ..smooth.clone() }, progress))
+        };
+        let of_parts: Vec<Vec<f64>> = parts.par_iter().map(of_part).collect();
+        let k = smooth.of_channels.len();
+        let errors: Vec<f64> = (0..k).map(|j| of_parts.iter().map(|errors| errors[j]).sum()).collect();
+        tracing::debug!(factors = ?smooth.of_channels, ?errors, "smoothness");
+        errors
     }
 
     /// Weighted squared errors of a spline of a strip at the samples that were set aside, channel by channel: in the
@@ -173,95 +228,6 @@ struct Part<'a> {
 fn place_in(strip: &[Range<usize>; 2], cells: [usize; 2], q: [f32; 3]) -> Option<[f32; 3]> {
     let [a, b] = [0, 1].map(|i| (q[i] * cells[i] as f32 - strip[i].start as f32) / strip[i].len() as f32);
     [a, b, q[2]].iter().all(|q| (0.0..1.0).contains(q)).then_some([a, b, q[2]])
-}
-
-/// The search for a channel's strengths: along each of `LINES` for as long as the error falls, or nearly so.
-#[derive(Clone, Debug, Default)]
-pub struct Search {
-    /// Where the line begins: powers of [`RATIO`] along a, b and w.
-    start: [i32; 3],
-    /// Which of [`LINES`] is searched.
-    line: usize,
-    /// Errors at the line's start and after it.
-    errors: Vec<f64>,
-    /// Lines that led to something better.
-    good: Vec<[i32; 3]>,
-    /// Whether smoothness across is taken back where less predicts better.
-    gives_back: bool,
-    /// By what the strengths differ from powers, in powers.
-    between: [f32; 3],
-}
-
-impl Search {
-    /// Begins the search in a frame.
-    pub fn new(center: Center) -> Self {
-        Self { gives_back: center == Center::Light, ..Self::default() }
-    }
-
-    /// Returns whether all lines have been searched.
-    pub fn is_done(&self) -> bool {
-        self.line == LINES.len()
-    }
-
-    /// Returns the powers of [`RATIO`] after so many steps of the line.
-    fn after(&self, steps: usize) -> [i32; 3] {
-        let line = LINES.get(self.line).copied().unwrap_or_default();
-        [0, 1, 2].map(|i| self.start[i] + line[i] * steps as i32)
-    }
-
-    /// Returns the factors to try next; the best ones where the search is done.
-    pub fn next(&self) -> [f32; 3] {
-        if self.is_done() { self.best() } else { self.after(self.errors.len()).map(|power| RATIO.powi(power)) }
-    }
-
-    /// Returns the best factors.
-    pub fn best(&self) -> [f32; 3] {
-        [0, 1, 2].map(|i| RATIO.powf(self.start[i] as f32 + self.between[i]))
-    }
-
-    /// Takes the squared error at what was tried. Where the line has its least error between others, the best strength
-    /// is that of the parabola through the three, in logarithms of both: strengths are far apart, and one that is five
-    /// times too strong for a code hardly shows where paper is bright, but bends the field where samples are dim.
-    pub fn take(&mut self, error: f64) {
-        if self.is_done() {
-            return;
-        }
-        self.errors.push(error);
-        let n = self.errors.len();
-        let best = (1..n).fold(0, |best, i| if self.errors[i] < (1.0 - WORTH) * self.errors[best] { i } else { best });
-        let goes_on = best + 1 == n || best + 2 == n && error < (1.0 + NEARLY) * self.errors[best];
-        if goes_on && self.is_tried(n) {
-            return;
-        }
-        if best > 0 && best + 1 < n && self.errors[best] > 0.0 {
-            let [before, here, after] = [best - 1, best, best + 1].map(|i| self.errors[i].max(f64::MIN_POSITIVE).ln());
-            let bend = (before - here) + (after - here);
-            let vertex = if bend > 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
-            for (between, line) in self.between.iter_mut().zip(LINES[self.line]) {
-                *between += vertex as f32 * line as f32;
-            }
-        }
-        if best > 0 {
-            self.good.push(LINES[self.line]);
-        }
-        self.start = self.after(best);
-        self.errors = vec![self.errors[best]];
-        self.line += 1;
-        // At the end of the strengths nothing is left to try, nor back along a line that was good.
-        while !self.is_done() && (!self.is_tried(1) || self.is_idle(LINES[self.line])) {
-            self.line += 1;
-        }
-    }
-
-    /// Returns whether a line leads back along one that was good, or gives back what is kept.
-    fn is_idle(&self, line: [i32; 3]) -> bool {
-        self.good.contains(&line.map(|step| -step)) || !self.gives_back && (line[0] < 0 || line[1] < 0)
-    }
-
-    /// Returns whether strengths are tried after so many steps of the line.
-    fn is_tried(&self, steps: usize) -> bool {
-        self.after(steps).into_iter().all(|power| (0..MAX_POWER).contains(&power))
-    }
 }
 
 /// Which columns of bins have bright samples.
