@@ -246,7 +246,8 @@ impl Candidate {
         }
         match &mut form {
             Form::Grid(grid) if self.smooth.defocus.is_some() => {
-                let fit = SplineFit::new(&bins, self.cells, self.schedule);
+                // From nothing: the defocus is in the spline.
+                let fit = SplineFit::new(&bins, self.cells, self.schedule.with_steps(self.final_steps));
                 drop(bins);
                 *grid = fit.fit_once(&self.smooth, progress);
             }

@@ -50,6 +50,12 @@ impl Schedule {
         }
     }
 
+    /// The same with so many steps of the fit of all cells at least.
+    #[must_use]
+    pub(super) fn with_steps(self, least: usize) -> Self {
+        Self { steps: self.steps.max(least), ..self }
+    }
+
     /// The schedule of the final fit where much is new to it: the last position that was held out in turn, or samples
     /// that were carried along the stripes. `binning` is the side of the blocks of the sensor's pixels that were read.
     #[must_use]
@@ -58,9 +64,6 @@ impl Schedule {
     }
 }
 
-/// Steps that follow those of all cells where patterns go out of focus in a known way: what the defocus makes of them
-/// is told by the spline without it.
-const REFOCUSED: usize = 3;
 /// Steps of the fits that tell what a spline takes over of a defocus.
 const FOLLOWED: usize = 2;
 
@@ -98,13 +101,10 @@ impl SplineFit {
 
     /// Fits the spline.
     pub fn fit(&self, smooth: &Smoothness, progress: &Progress) -> Grid {
-        let (mut grid, in_focus) = (None, smooth.in_focus());
+        let mut grid = None;
         for level in &self.levels {
             let mut next = level.start(grid);
-            level.problem.solve(&mut next, &in_focus.of_coarser(level.part), level.steps, progress);
-            if level.part == 1 && smooth.defocus.is_some() {
-                level.problem.solve(&mut next, smooth, REFOCUSED, progress);
-            }
+            level.problem.solve(&mut next, &smooth.of_coarser(level.part), level.steps, progress);
             grid = Some(next);
         }
         grid.expect("there is a level")
@@ -118,15 +118,10 @@ impl SplineFit {
 
     /// Does what [`Self::fit`] does, in the memory that the problems take.
     pub fn fit_once(self, smooth: &Smoothness, progress: &Progress) -> Grid {
-        let (mut grid, in_focus) = (None, smooth.in_focus());
+        let mut grid = None;
         for level in self.levels {
             let mut next = level.start(grid);
-            if level.part == 1 && smooth.defocus.is_some() {
-                level.problem.solve(&mut next, &in_focus, level.steps, progress);
-                level.problem.solve_once(&mut next, smooth, REFOCUSED, progress);
-            } else {
-                level.problem.solve_once(&mut next, &in_focus.of_coarser(level.part), level.steps, progress);
-            }
+            level.problem.solve_once(&mut next, &smooth.of_coarser(level.part), level.steps, progress);
             grid = Some(next);
         }
         grid.expect("there is a level")

@@ -112,9 +112,13 @@ impl LeastSquares {
     }
 }
 
+/// Steps that follow where patterns go out of focus in a known way: what the defocus makes of them is told by the
+/// spline without it.
+const REFOCUSED: usize = 3;
+
 /// Conjugate gradients from `grid`'s coefficients. `r` is the right side, and becomes the residuals. With a defocus,
-/// `grid` was fitted without: what the defocus makes of it is taken off the samples first, and added to the spline in
-/// the end.
+/// the spline is fitted without at first; what the defocus makes of it is taken off the samples then, what is left is
+/// fitted, and in the end it is added to the spline.
 fn descend(
     grid: &mut Grid,
     (normal, diagonal, mut r, lambda): (&Normal, Vec<f32>, Vec<f32>, &[f32]),
@@ -122,8 +126,7 @@ fn descend(
     iterations: usize,
     progress: &Progress,
 ) {
-    let k = grid.k;
-    assert_eq!(k, lambda.len());
+    assert_eq!(grid.k, lambda.len());
     let penalty = Penalty::new(grid, smooth, lambda);
     let lines = Lines::new(grid.nodes(), diagonal, smooth, lambda);
 
@@ -133,30 +136,47 @@ fn descend(
         normal.apply(x, y);
     };
     let mut scratch = vec![0.0f32; grid.coeffs.len()];
-    let blurred = smooth.defocus.as_ref().map(|defocus| (defocus, Laplacian::of(grid, defocus)));
-    if let Some((defocus, laplacian)) = &blurred {
-        laplacian.add(defocus, -1.0, &mut scratch);
-        normal.apply(&scratch, &mut r);
-    }
     apply(&grid.coeffs, &mut scratch);
     r.par_iter_mut().zip(&scratch).for_each(|(r, a)| *r -= a);
-    lines.solve(&r, &mut scratch);
-    let mut p = scratch.clone();
-    let mut rz = dots(&r, &p, k);
+    let mut p = vec![0.0f32; scratch.len()];
+    conjugate_gradients(apply, &lines, (grid, &mut r), (&mut p, &mut scratch), iterations, progress);
+    if let Some(defocus) = &smooth.defocus {
+        let laplacian = Laplacian::of(grid, defocus);
+        scratch.fill(0.0);
+        laplacian.add(defocus, -1.0, &mut scratch);
+        normal.apply(&scratch, &mut r);
+        conjugate_gradients(apply, &lines, (grid, &mut r), (&mut p, &mut scratch), REFOCUSED, progress);
+        laplacian.add(defocus, 1.0, &mut grid.coeffs);
+    }
+}
+
+/// Takes steps of conjugate gradients from a spline with residuals `r`, with room for the direction and its product.
+fn conjugate_gradients(
+    apply: impl Fn(&[f32], &mut [f32]),
+    lines: &Lines,
+    (grid, r): (&mut Grid, &mut [f32]),
+    (p, scratch): (&mut [f32], &mut [f32]),
+    iterations: usize,
+    progress: &Progress,
+) {
+    let k = grid.k;
+    lines.solve(r, scratch);
+    p.copy_from_slice(scratch);
+    let mut rz = dots(r, p, k);
     let first = rz.clone();
     for _ in 0..iterations {
         let is_solved = |c: usize| rz[c] <= 1e-9 * first[c] || rz[c] <= 0.0;
         if (0..k).all(is_solved) || progress.cancelled() {
             break;
         }
-        apply(&p, &mut scratch);
-        let curvature = dots(&p, &scratch, k);
+        apply(p, scratch);
+        let curvature = dots(p, scratch, k);
         let is_still = |c: usize| is_solved(c) || curvature[c] <= 0.0;
         let steps: Vec<f32> = (0..k).map(|c| if is_still(c) { 0.0 } else { (rz[c] / curvature[c]) as f32 }).collect();
-        step((&mut grid.coeffs, &mut r), (&p, &scratch), &steps);
-        let z = &mut scratch;
-        lines.solve(&r, z);
-        let next = dots(&r, z, k);
+        step((&mut grid.coeffs, r), (p, scratch), &steps);
+        let z = &mut *scratch;
+        lines.solve(r, z);
+        let next = dots(r, z, k);
         let betas: Vec<f32> = (0..k).map(|c| if is_solved(c) { 0.0 } else { (next[c] / rz[c]) as f32 }).collect();
         let betas = of_some_nodes(&betas);
         p.par_chunks_mut(k * BLOCK).zip(z.par_chunks(k * BLOCK)).for_each(|(p, z)| {
@@ -165,9 +185,6 @@ fn descend(
             }
         });
         rz = next;
-    }
-    if let Some((defocus, laplacian)) = &blurred {
-        laplacian.add(defocus, 1.0, &mut grid.coeffs);
     }
 }
 

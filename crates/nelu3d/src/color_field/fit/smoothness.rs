@@ -20,20 +20,16 @@ pub struct Smoothness {
 }
 
 impl Smoothness {
-    /// Returns the same without defocus.
-    #[must_use]
-    pub fn in_focus(&self) -> Self {
-        Self { defocus: None, ..self.clone() }
-    }
-
     /// The smoothness of a spline with `part` times fewer cells across. Second differences across are `part`² times
     /// larger there, at `part`² times fewer nodes, each with `part`² times the samples' weight. What samples leave
-    /// undetermined is smooth at all levels: the factors across do not fall below 1.
+    /// undetermined is smooth at all levels: the factors across do not fall below 1. Out of focus goes the finest
+    /// alone, which shows what the defocus makes of the patterns.
     #[must_use]
     pub fn of_coarser(&self, part: usize) -> Self {
         let of_part = 1.0 / (part as f32).powi(4);
         let coarser = |factor: f32| (factor * of_part).max(factor.min(1.0));
         let of_channels = self.of_channels.iter().map(|[a, b, w]| [coarser(*a), coarser(*b), *w]).collect();
-        Self { of_channels, ..self.clone() }
+        let defocus = self.defocus.clone().filter(|_| part == 1);
+        Self { of_channels, defocus, ..*self }
     }
 }
