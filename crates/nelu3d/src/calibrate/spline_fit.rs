@@ -50,7 +50,7 @@ impl Schedule {
         }
     }
 
-    /// The same with so many steps of the fit of all cells at least.
+    /// Returns the schedule with no fewer than `least` steps of the fit of all cells.
     #[must_use]
     pub(super) fn with_steps(self, least: usize) -> Self {
         Self { steps: self.steps.max(least), ..self }

@@ -22,7 +22,7 @@ use crate::color_field::grid::Grid;
 /// How blur changes over a field, in squares of its cells along a.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Defocus {
-    /// β₀ to β₃.
+    /// β₀ to β₃ of the module's formula, in squares of a cell's size along a.
     pub beta: [f64; 4],
     /// Square of the ratio of a cell's size along a to that along b.
     pub aspect: f64,
@@ -43,7 +43,7 @@ impl Defocus {
         m
     }
 
-    /// The same in the unit coordinates of a window of a field of `cells` along a and b.
+    /// Returns the defocus in the unit coordinates of a window (cells along a and b) of a field of `cells`.
     #[must_use]
     pub fn of_window(&self, window: &[Range<usize>; 2], cells: [usize; 2]) -> Self {
         Self { beta: (Self::to_window(window, cells) * Vector4::from(self.beta)).into(), ..self.clone() }
