@@ -99,7 +99,7 @@ impl LeastSquares {
         for i in 0..4 {
             equations.right[i] = dot(&columns[i].0, &residuals);
             for j in 0..4 {
-                equations.left[(i, j)] += 0.5 * (dot(&columns[i].0, &columns[j].1) + dot(&columns[j].0, &columns[i].1));
+                equations.left[(i, j)] = 0.5 * (dot(&columns[i].0, &columns[j].1) + dot(&columns[j].0, &columns[i].1));
             }
         }
         equations
