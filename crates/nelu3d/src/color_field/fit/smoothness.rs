@@ -21,8 +21,8 @@ pub struct Smoothness {
 
 impl Smoothness {
     /// Returns the smoothness of a spline with `part` times fewer cells across. Second differences across are `part`²
-    /// times larger there, at `part`² times fewer nodes, each with `part`² times the samples' weight. What samples leave
-    /// undetermined is smooth at all levels: the factors across do not fall below 1. Out of focus goes the finest
+    /// times larger there, at `part`² times fewer nodes, each with `part`² times the samples' weight. What samples
+    /// leave undetermined is smooth at all levels: the factors across do not fall below 1. Out of focus goes the finest
     /// alone, which shows what the defocus makes of the patterns.
     #[must_use]
     pub fn of_coarser(&self, part: usize) -> Self {
