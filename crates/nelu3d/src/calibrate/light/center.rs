@@ -24,7 +24,7 @@ impl LightCenter {
 }
 
 /// A point of the chart: two tangents of the direction's offsets, and `kappa · scale`.
-pub(super) type State = [f64; 3];
+pub type State = [f64; 3];
 
 /// The state of a light in the camera itself.
 pub(super) const HOME: State = [0.0, 0.0, 1.0];

@@ -299,7 +299,7 @@ impl Transport<'_> {
     /// share of `by_chance`, of few hits drawn towards what nobody knows; too few hits are worse than chance. Boards
     /// that are held by hand far from each other, or whose ink leaves little of them, share few rays of light, under
     /// the right light as well. Of many centers, a score that is likely to be worse than `give_up` is not worked out.
-    pub(super) fn score(
+    pub fn score(
         &self,
         level: &Level,
         seeds: &[Seed],
