@@ -1,6 +1,7 @@
 //! How many cells a field has.
 
 use nalgebra::Point3;
+use nelu3d_scan::Camera;
 
 use super::binning::{MAX_COEFFS, MAX_COEFFS_OF_BLOCKS};
 use super::placed_sweep::PlacedSweep;
@@ -21,7 +22,7 @@ pub(super) fn resolution(
     cells_per_pixel: usize,
 ) -> [usize; 3] {
     let n_positions = placed.n_positions();
-    let [pitch_a, pitch_b] = pitch(placed, frame);
+    let [pitch_a, pitch_b] = pitch(&placed.camera, placed.mean_point().into(), frame);
     let span = |i: usize| frame.hi[i] - frame.lo[i];
     let across =
         [(span(0) / pitch_a).ceil() as usize, (span(1) / pitch_b).ceil() as usize].map(|n| n * cells_per_pixel);
@@ -47,11 +48,10 @@ pub(super) fn spline_cells([a, b, along]: [usize; 3], k: usize) -> [usize; 3] {
 }
 
 /// Distance between neighboring pixels' samples at the middle of the volume along a and b, mm of the frame.
-pub(super) fn pitch(placed: &PlacedSweep<'_>, frame: &FieldFrame) -> [f64; 2] {
-    let mid = Point3::from(placed.mean_point());
-    let px = placed.camera.project(&mid).unwrap_or([placed.camera.cx, placed.camera.cy]);
+pub(super) fn pitch(camera: &Camera, mid: Point3<f64>, frame: &FieldFrame) -> [f64; 2] {
+    let px = camera.project(&mid).unwrap_or([camera.cx, camera.cy]);
     let at = |dx: f64, dy: f64| {
-        let dir = placed.camera.ray([px[0] + dx, px[1] + dy]).dir;
+        let dir = camera.ray([px[0] + dx, px[1] + dy]).dir;
         frame.to_abw(&Point3::from(dir * (mid.z / dir.z))).unwrap_or([0.0; 3])
     };
     let (o, r, d) = (at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0));
@@ -60,6 +60,6 @@ pub(super) fn pitch(placed: &PlacedSweep<'_>, frame: &FieldFrame) -> [f64; 2] {
 
 /// Whether the cells across are fewer than the pixels that see them.
 pub(super) fn is_limited(placed: &PlacedSweep<'_>, frame: &FieldFrame, cells: [usize; 3]) -> bool {
-    let pitch = pitch(placed, frame);
+    let pitch = pitch(&placed.camera, placed.mean_point().into(), frame);
     (0..2).any(|i| (cells[i] as f64) < 0.9 * (frame.hi[i] - frame.lo[i]) / pitch[i])
 }

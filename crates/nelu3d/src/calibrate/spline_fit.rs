@@ -1,8 +1,7 @@
 //! Fitting the spline from nothing, coarse to fine.
 
 use crate::color_field::bins::Bins;
-use crate::color_field::fit::defocus::DefocusEquations;
-use crate::color_field::fit::{LeastSquares, Smoothness};
+use crate::color_field::fit::{LeastSquares, NormalEquations, Smoothness};
 use crate::color_field::frame::Center;
 use crate::color_field::grid::Grid;
 use crate::progress::Progress;
@@ -64,7 +63,7 @@ impl Schedule {
     }
 }
 
-/// Steps of the fits that tell what a spline takes over of a defocus.
+/// Steps of the fits that tell what a spline takes over of a change.
 const FOLLOWED: usize = 2;
 
 /// A spline that is to be fitted to binned samples from nothing, ready for any smoothness.
@@ -110,10 +109,16 @@ impl SplineFit {
         grid.expect("there is a level")
     }
 
-    /// Returns the equations of how patterns go out of focus, about the spline that it fits with `smooth`, without.
-    pub fn defocus_equations(&self, aspect: f64, smooth: &Smoothness, progress: &Progress) -> DefocusEquations {
+    /// Returns the equations of how much of some `changes` there is of the spline that it fits with `smooth`.
+    pub fn equations_of<const N: usize>(
+        &self,
+        changes: impl FnOnce(&Grid) -> [Vec<f32>; N],
+        smooth: &Smoothness,
+        progress: &Progress,
+    ) -> NormalEquations<N> {
         let level = self.levels.last().expect("there is a level");
-        level.problem.defocus_equations(&self.fit(smooth, progress), aspect, smooth, FOLLOWED, progress)
+        let grid = self.fit(smooth, progress);
+        level.problem.equations_of(&grid, &changes(&grid), smooth, FOLLOWED, progress)
     }
 
     /// Does what [`Self::fit`] does, in the memory that the problems take.

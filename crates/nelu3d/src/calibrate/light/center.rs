@@ -2,6 +2,9 @@
 
 use nalgebra::{Point3, Vector3};
 
+use crate::color_field::fit::light_shift::LightShift;
+use crate::color_field::frame::FieldFrame;
+
 /// The light's center seen from the middle of the volume: a direction and an inverse distance (0 = at infinity).
 #[derive(Clone, Copy, Debug)]
 pub struct LightCenter {
@@ -20,6 +23,22 @@ impl LightCenter {
     /// Where the light is, mm; `None` at infinity.
     pub fn position(&self) -> Option<Point3<f64>> {
         (self.kappa.abs() > 1e-9).then(|| self.origin - self.along / self.kappa)
+    }
+}
+
+impl LightCenter {
+    /// Returns the center that samples of a field in the frame of this one, with so many cells across, ask for.
+    pub(in crate::calibrate) fn moved(&self, frame: &FieldFrame, cells: [usize; 3], shift: &LightShift) -> Self {
+        let size = [0, 1, 2].map(|i| frame.hi[i] - frame.lo[i]);
+        let [s1, s2, growth] = shift.cells;
+        // Rays that lean by so much, per mm along the axis, and spread by so much more, meet there.
+        let lean = |i: usize, s: f64| {
+            let middle = 0.5 * (frame.lo[i] + frame.hi[i]);
+            (s * size[i] / cells[i] as f64 - growth * middle) / size[2]
+        };
+        let [e1, e2, e3] = frame.axes.map(Vector3::from);
+        let along = (e3 - e1 * lean(0, s1) - e2 * lean(1, s2)).normalize();
+        Self { along, kappa: self.kappa - growth / size[2], ..*self }
     }
 }
 

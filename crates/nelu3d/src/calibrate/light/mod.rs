@@ -10,6 +10,7 @@
 pub mod center;
 #[doc(hidden)]
 pub mod disagreement;
+mod on_field;
 mod refine;
 #[doc(hidden)]
 pub mod search;
@@ -26,6 +27,7 @@ use crate::progress::Progress;
 pub(super) use center::LightCenter;
 use center::{Chart, HOME};
 use disagreement::disagreeing_blocks;
+use on_field::refine_on_field;
 use refine::{Held, Refined, Steps, refine};
 use search::{search_levels, starts};
 use transport::{PULL, Seed, Transport, disagreement, seeds};
@@ -71,7 +73,9 @@ pub fn find_center(mut views: Views, camera: &Camera, progress: &Progress) -> Op
     let line = undetermined(&chart, &found);
     let center = LightCenter { line, ..chart.center(found.state) };
     tracing::debug!(position = ?center.position(), scale = found.scale, ?line, "light");
-    let blocks = disagreeing_blocks(&Transport { camera, views: &views, chart: &chart }, &center);
+    let t = Transport { camera, views: &views, chart: &chart };
+    let blocks = disagreeing_blocks(&t, &center);
+    let center = refine_on_field(&t, center, &blocks, progress);
     let excluded = views.positions.iter().copied().zip(blocks).filter_map(|(p, b)| b.map(|b| (p, b))).collect();
     Some(FoundLight { center, without_consensus, excluded })
 }

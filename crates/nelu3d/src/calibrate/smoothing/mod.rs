@@ -21,8 +21,8 @@ pub use search::{MAX_POWER, RATIO, Search};
 
 use super::spline_fit::SplineFit;
 use crate::color_field::bins::{Bins, Gathered};
-use crate::color_field::fit::Smoothness;
-use crate::color_field::fit::defocus::{Defocus, DefocusEquations};
+use crate::color_field::fit::defocus::{self, Defocus};
+use crate::color_field::fit::{NormalEquations, Smoothness};
 use crate::color_field::frame::Center;
 use crate::color_field::grid::Grid;
 use crate::progress::Progress;
@@ -32,6 +32,8 @@ const DEFOCUS_WORTH: f64 = 5e-3;
 /// Weight of a column's samples from which they are its codeword, whatever others have: a standard deviation of 0.1; and
 /// as a fraction of what a bright column has. Ink has less, and where only ink was, nothing is predicted.
 const BRIGHT: [f32; 2] = [100.0, 0.1];
+/// Strength along the light's rays of a field that hardly changes there.
+pub(super) const STIFFEST: f32 = 24.3e6;
 /// One of so many positions is set aside.
 const EVERY: usize = 4;
 /// Pixels that a strip is wide.
@@ -128,7 +130,10 @@ impl Aside {
         }
         let found = with(&searches, None);
         tracing::debug!(of_channels = ?found.of_channels, "smoothness");
-        if center == Center::Camera {
+        // Many boards show what changes along the light's rays, and where nothing does, nothing goes out of focus. A few
+        // that are held out in turn have to be reached for, and do not.
+        let changes = self.folds.len() > 1 || searches.iter().any(|search| search.changes_along(DEFOCUS_WORTH));
+        if center == Center::Camera || !changes {
             return found;
         }
         let Some(mut defocus) = self.defocus(bins, along, aspect, &found, prepare, progress) else { return found };
@@ -168,15 +173,17 @@ impl Aside {
         prepare: impl Fn(&Bins, [usize; 3]) -> SplineFit,
         progress: &Progress,
     ) -> Option<Defocus> {
-        let stiff = RATIO.powi(MAX_POWER - 1);
-        let of_channels = found.of_channels.iter().map(|[a, b, _]| [*a, *b, stiff]).collect();
+        let of_channels = found.of_channels.iter().map(|[a, b, _]| [*a, *b, STIFFEST]).collect();
         let stiff = Smoothness { of_channels, ..found.clone() };
-        let mut equations = DefocusEquations::none();
+        let mut equations = NormalEquations::none();
         for strip in &self.strips {
             let fit = prepare(&bins.window(strip), [strip[0].len(), strip[1].len(), along]);
-            equations.add_window(&fit.defocus_equations(aspect, &stiff, progress), strip, self.cells);
+            let of_strip = fit.equations_of(|grid| defocus::changes(grid, aspect), &stiff, progress);
+            equations.add(&of_strip, &Defocus::to_window(strip, self.cells));
         }
-        Some(Defocus { beta: equations.solve()?, aspect, of_channels: vec![true; bins.k()] })
+        let held = 1e-9 * equations.left.diagonal();
+        let beta = equations.solve(&held)?.into();
+        Some(Defocus { beta, aspect, of_channels: vec![true; bins.k()] })
     }
 
     /// Squared errors of what was set aside from fits of a smoothness, channel by channel.

@@ -33,7 +33,7 @@ pub struct Defocus {
 impl Defocus {
     /// The numbers for a window of a field of `cells` along a and b, in the window's own unit coordinates, from those
     /// of the field: a matrix.
-    fn to_window(window: &[Range<usize>; 2], cells: [usize; 2]) -> Matrix4<f64> {
+    pub fn to_window(window: &[Range<usize>; 2], cells: [usize; 2]) -> Matrix4<f64> {
         let mut m = Matrix4::identity();
         for i in 0..2 {
             let n = cells[i] as f64;
@@ -57,34 +57,19 @@ impl Defocus {
     }
 }
 
-/// Normal equations of β.
-#[derive(Clone, Copy)]
-pub struct DefocusEquations {
-    /// Information.
-    pub left: Matrix4<f64>,
-    /// Right side.
-    pub right: Vector4<f64>,
-}
-
-impl DefocusEquations {
-    /// Equations without samples.
-    pub fn none() -> Self {
-        Self { left: Matrix4::zeros(), right: Vector4::zeros() }
-    }
-
-    /// Adds the equations of a window of a field of `cells` along a and b.
-    pub fn add_window(&mut self, of_window: &Self, window: &[Range<usize>; 2], cells: [usize; 2]) {
-        let m = Defocus::to_window(window, cells);
-        self.left += m.transpose() * of_window.left * m;
-        self.right += m.transpose() * of_window.right;
-    }
-
-    /// Solves them; `None` where the samples do not tell.
-    pub fn solve(&self) -> Option<[f64; 4]> {
-        let held = Matrix4::from_diagonal(&self.left.diagonal()) * 1e-9;
-        let beta = (self.left + held).cholesky()?.solve(&self.right);
-        beta.iter().all(|b| b.is_finite()).then(|| beta.into())
-    }
+/// What a spline becomes by each of the numbers of [`Defocus::beta`] alone, less what it is, as coefficients.
+pub fn changes(grid: &Grid, aspect: f64) -> [Vec<f32>; 4] {
+    let unit = |i: usize| Defocus {
+        beta: std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }),
+        aspect,
+        of_channels: vec![true; grid.k],
+    };
+    let laplacian = Laplacian::of(grid, &unit(0));
+    std::array::from_fn(|i| {
+        let mut change = vec![0.0f32; grid.coeffs.len()];
+        laplacian.add(&unit(i), 1.0, &mut change);
+        change
+    })
 }
 
 /// The Laplacian across of a spline, as it is in the mean along w, over coefficients that are averaged with their

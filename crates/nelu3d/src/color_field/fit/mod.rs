@@ -9,6 +9,8 @@
 #[doc(hidden)]
 pub mod defocus;
 #[doc(hidden)]
+pub mod light_shift;
+#[doc(hidden)]
 pub mod lines;
 mod modes;
 #[doc(hidden)]
@@ -17,12 +19,13 @@ pub mod normal;
 pub mod penalty;
 mod smoothness;
 
+use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
 use super::bins::Bins;
 use super::grid::Grid;
 use crate::progress::Progress;
-use defocus::{Defocus, DefocusEquations, Laplacian};
+use defocus::Laplacian;
 use lines::Lines;
 use normal::Normal;
 use penalty::Penalty;
@@ -59,19 +62,19 @@ impl LeastSquares {
         descend(grid, (&self.normal, diagonal, r, &self.lambda), smooth, iterations, progress);
     }
 
-    /// Returns the equations of how patterns go out of focus, about a spline that was fitted with `smooth`, without
-    /// defocus: those of β where the spline follows it as `smooth` says, by so many steps.
-    pub fn defocus_equations(
+    /// Returns the normal equations of how much of some `changes` of a spline there is, each given as coefficients: about
+    /// a spline that was fitted with `smooth`, and where it follows every change as `smooth` says, by so many steps.
+    pub fn equations_of<const N: usize>(
         &self,
         grid: &Grid,
-        aspect: f64,
+        changes: &[Vec<f32>; N],
         smooth: &Smoothness,
         iterations: usize,
         progress: &Progress,
-    ) -> DefocusEquations {
-        let (k, n) = (grid.k, grid.coeffs.len());
+    ) -> NormalEquations<N> {
+        let k = grid.k;
         let product = |x: &[f32]| {
-            let mut y = vec![0.0f32; n];
+            let mut y = vec![0.0f32; x.len()];
             self.normal.apply(x, &mut y);
             y
         };
@@ -79,36 +82,53 @@ impl LeastSquares {
             let fitted = product(&grid.coeffs);
             self.right_side.iter().zip(fitted).map(|(r, y)| r - y).collect()
         };
-        let unit = |i: usize| {
-            let beta = std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
-            Defocus { beta, aspect, of_channels: vec![true; k] }
-        };
-        let laplacian = Laplacian::of(grid, &unit(0));
-        let columns: [(Vec<f32>, Vec<f32>); 4] = std::array::from_fn(|i| {
-            let mut own = vec![0.0f32; n];
-            laplacian.add(&unit(i), 1.0, &mut own);
-            // What is left of it where the spline follows.
+        // What is left of a change where the spline follows it.
+        let left = changes.each_ref().map(|change| {
             let mut followed = Grid::new(grid.cells, k);
-            let problem = (&self.normal, self.diagonal.clone(), product(&own), &self.lambda[..]);
+            let problem = (&self.normal, self.diagonal.clone(), product(change), &self.lambda[..]);
             descend(&mut followed, problem, smooth, iterations, progress);
-            let left: Vec<f32> = own.iter().zip(&followed.coeffs).map(|(own, followed)| own - followed).collect();
-            (own, product(&left))
+            let left: Vec<f32> = change.iter().zip(&followed.coeffs).map(|(own, followed)| own - followed).collect();
+            product(&left)
         });
         let dot = |a: &[f32], b: &[f32]| dots(a, b, k).into_iter().sum::<f64>();
-        let mut equations = DefocusEquations::none();
-        for i in 0..4 {
-            equations.right[i] = dot(&columns[i].0, &residuals);
-            for j in 0..4 {
-                equations.left[(i, j)] = 0.5 * (dot(&columns[i].0, &columns[j].1) + dot(&columns[j].0, &columns[i].1));
-            }
+        NormalEquations {
+            left: SMatrix::from_fn(|i, j| 0.5 * (dot(&changes[i], &left[j]) + dot(&changes[j], &left[i]))),
+            right: SVector::from_fn(|i, _| dot(&changes[i], &residuals)),
         }
-        equations
     }
 
     /// Does what [`Self::solve`] does, in the memory that the problem takes.
     pub fn solve_once(self, grid: &mut Grid, smooth: &Smoothness, iterations: usize, progress: &Progress) {
         let Self { normal, diagonal, right_side, lambda } = self;
         descend(grid, (&normal, diagonal, right_side, &lambda), smooth, iterations, progress);
+    }
+}
+
+/// Normal equations of `N` numbers.
+#[derive(Clone, Copy)]
+pub struct NormalEquations<const N: usize> {
+    /// Information.
+    pub left: SMatrix<f64, N, N>,
+    /// Right side.
+    pub right: SVector<f64, N>,
+}
+
+impl<const N: usize> NormalEquations<N> {
+    /// Equations without samples.
+    pub fn none() -> Self {
+        Self { left: SMatrix::zeros(), right: SVector::zeros() }
+    }
+
+    /// Adds equations of numbers that are `m` times these.
+    pub fn add(&mut self, other: &Self, m: &SMatrix<f64, N, N>) {
+        self.left += m.transpose() * other.left * m;
+        self.right += m.transpose() * other.right;
+    }
+
+    /// Solves them, with every number held at 0 by some information; `None` where the samples do not tell.
+    pub fn solve(&self, held: &SVector<f64, N>) -> Option<SVector<f64, N>> {
+        let found = (self.left + SMatrix::from_diagonal(held)).cholesky()?.solve(&self.right);
+        found.iter().all(|v| v.is_finite()).then_some(found)
     }
 }
 

@@ -1,6 +1,7 @@
+use nalgebra::Vector4;
 use nelu3d::color_field::bins::Bins;
-use nelu3d::color_field::fit::defocus::{Defocus, DefocusEquations};
-use nelu3d::color_field::fit::{LeastSquares, Smoothness};
+use nelu3d::color_field::fit::defocus::{Defocus, changes};
+use nelu3d::color_field::fit::{LeastSquares, NormalEquations, Smoothness};
 use nelu3d::color_field::grid::Grid;
 use nelu3d::progress::Progress;
 
@@ -61,7 +62,7 @@ fn a_stiff_spline_goes_out_of_focus() {
 #[test]
 fn samples_tell_how_patterns_go_out_of_focus() {
     let bins = samples();
-    let mut equations = DefocusEquations::none();
+    let mut equations = NormalEquations::none();
     for window in [[0..96, 8..40], [16..80, 0..48]] {
         let cells = [window[0].len(), window[1].len(), CELLS[2]];
         let mut of_window = Bins::new([cells[0], cells[1], 4], 1);
@@ -74,10 +75,10 @@ fn samples_tell_how_patterns_go_out_of_focus() {
         let problem = LeastSquares::new(cells, &of_window);
         let mut grid = Grid::new(cells, 1);
         problem.solve(&mut grid, &stiff(None), 40, &Progress::none());
-        let of_window = problem.defocus_equations(&grid, 1.0, &stiff(None), 20, &Progress::none());
-        equations.add_window(&of_window, &window, [CELLS[0], CELLS[1]]);
+        let of_window = problem.equations_of(&grid, &changes(&grid, 1.0), &stiff(None), 20, &Progress::none());
+        equations.add(&of_window, &Defocus::to_window(&window, [CELLS[0], CELLS[1]]));
     }
-    let found = equations.solve().unwrap();
+    let found = equations.solve(&Vector4::zeros()).unwrap();
     // The field in the mean over the boards, averaged with its neighbors, has 0.87 of the curvature.
     for (found, expected) in found.iter().zip(BETA.map(|beta| beta / 0.87)) {
         assert!((found - expected).abs() < 0.1 * expected.abs().max(1.0), "{found} {expected}");

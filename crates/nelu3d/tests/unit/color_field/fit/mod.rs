@@ -1,4 +1,5 @@
 mod defocus;
+mod light_shift;
 mod lines;
 mod penalty;
 
