@@ -2,7 +2,6 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::color_field::fit::light_shift::LightShift;
 use crate::color_field::frame::FieldFrame;
 
 /// The light's center seen from the middle of the volume: a direction and an inverse distance (0 = at infinity).
@@ -27,10 +26,11 @@ impl LightCenter {
 }
 
 impl LightCenter {
-    /// Returns the center that samples of a field in the frame of this one, with so many cells across, ask for.
-    pub(in crate::calibrate) fn moved(&self, frame: &FieldFrame, cells: [usize; 3], shift: &LightShift) -> Self {
+    /// Returns the center that a shift (`color_field/fit/light_shift.rs`) of a field in the frame of this one, with so many
+    /// cells along a and b, asks for.
+    pub(super) fn moved(&self, frame: &FieldFrame, cells: [usize; 2], shift: &Vector3<f64>) -> Self {
         let size = [0, 1, 2].map(|i| frame.hi[i] - frame.lo[i]);
-        let [s1, s2, growth] = shift.cells;
+        let [s1, s2, growth] = (*shift).into();
         // Rays that lean by so much, per mm along the axis, and spread by so much more, meet there.
         let lean = |i: usize, s: f64| {
             let middle = 0.5 * (frame.lo[i] + frame.hi[i]);

@@ -17,14 +17,14 @@ use super::super::spline_fit::{Schedule, SplineFit};
 use super::center::LightCenter;
 use super::transport::Transport;
 use crate::color_field::bins::Bins;
-use crate::color_field::fit::light_shift::{self, LightShift};
+use crate::color_field::fit::light_shift;
 use crate::color_field::fit::{NormalEquations, Smoothness};
 use crate::color_field::frame::{Center, FieldFrame};
 use crate::color_field::grid::Grid;
 use crate::progress::Progress;
 
-/// Views that are looked at, at most.
-const MAX_VIEWS: usize = 12;
+/// Fewest views that are refined on: both halves need two.
+const MIN_VIEWS: usize = 4;
 /// Cells that a strip is wide.
 const WIDTH: usize = 32;
 /// Side of the squares of samples that are looked at together.
@@ -33,43 +33,42 @@ const TILE: usize = 8;
 const ACROSS: f32 = 30.0;
 /// Multiple of the median squared error from which a sample tells of something else: a hand, a reflection.
 const FAR: f32 = 16.0;
-/// Times that the center is moved, at most.
-const ROUNDS: usize = 5;
-/// Part of the squared error that the first move explained, below which a move is the last.
-const SETTLED: f64 = 0.1;
-/// The same, above which the moves have led nowhere.
-const LOST: f64 = 0.25;
+/// How much the two halves of the views have to agree on where the light is instead (a cosine).
+const AGREED: f64 = 0.6;
 
 /// A sample: where it lies, mm, and its codeword.
 type Sample<'a> = (Point3<f64>, &'a [f32]);
 
-/// Returns the center that the samples of all views ask for, those in `excluded` (view by view) left out; the one that
-/// was found, where they lead nowhere.
+/// Returns the center that the samples of all views ask for, those in `excluded` (view by view) left out, as long as
+/// every other view and those between ask for the same.
 pub(super) fn refine_on_field(
     t: &Transport<'_>,
     found: LightCenter,
     excluded: &[Option<ExcludedBlocks>],
     progress: &Progress,
 ) -> LightCenter {
-    let mut samples = samples(t, &found, excluded);
-    let (mut light, mut gains) = (found, Vec::new());
-    for round in 0..ROUNDS {
-        let strips = Strips::of(t, &light, &samples);
-        if round == 0 {
-            samples = strips.near(samples, progress);
-        }
-        let Some(shift) = strips.light_shift(&samples, progress).filter(|_| !progress.cancelled()) else {
-            return found;
-        };
-        let [a, b] = strips.cells;
-        light = light.moved(&strips.frame, [a, b, 1], &shift);
-        gains.push(shift.gain);
-        if round > 0 && shift.gain < SETTLED * gains[0] {
-            break;
-        }
+    if t.views.count() < MIN_VIEWS {
+        return found;
     }
-    tracing::debug!(at = ?light.position(), ?gains, "light on the field");
-    if gains[gains.len() - 1] < LOST * gains[0] { light } else { found }
+    let halves = samples(t, &found, excluded);
+    let strips = Strips::of(t, &found, halves.iter().flatten());
+    let halves = halves.map(|half| strips.near(half, progress));
+    let of_halves = halves.each_ref().map(|half| strips.light_shift(half, progress));
+    let agreement = light_shift::agreement(&of_halves, strips.cells);
+    if agreement.is_none_or(|agreement| agreement < AGREED) {
+        tracing::debug!(?agreement, "light on the field: left where it is");
+        return found;
+    }
+    // Not the halves' sum: each half's field follows what the other one's boards would tell.
+    let samples = halves.concat();
+    let moved = |strips: &Strips, light: &LightCenter| {
+        let shift = light_shift::solve(&strips.light_shift(&samples, progress), strips.cells)?;
+        tracing::debug!(at = ?light.position(), ?shift, ?agreement, "light on the field");
+        Some(light.moved(&strips.frame, strips.cells, &shift))
+    };
+    // Slopes are taken where the light was thought to be, and once more where it is.
+    let light = moved(&strips, &found).and_then(|light| moved(&Strips::of(t, &light, samples.iter()), &light));
+    light.filter(|_| !progress.cancelled()).unwrap_or(found)
 }
 
 /// A view's codewords at the finest level, and which are left out.
@@ -129,16 +128,21 @@ impl<'a> View<'a> {
     }
 }
 
-/// The usable samples of some views that lie in the middle strips of a field in the frame of a light, or near them.
-fn samples<'a>(t: &'a Transport<'a>, light: &LightCenter, excluded: &'a [Option<ExcludedBlocks>]) -> Vec<Sample<'a>> {
-    let n = t.views.count();
-    let some = n.min(MAX_VIEWS);
-    let at = |i: usize| if some == n { i } else { i * (n - 1) / (some - 1) };
+/// The usable samples of every other view, and of those between, that lie in the middle strips of a field in the frame of
+/// the light, or near them.
+fn samples<'a>(
+    t: &'a Transport<'a>,
+    light: &LightCenter,
+    excluded: &'a [Option<ExcludedBlocks>],
+) -> [Vec<Sample<'a>>; 2] {
     let views: Vec<View<'_>> =
-        (0..some).map(at).map(|view| View { t, view, excluded: excluded[view].as_ref() }).collect();
+        excluded.iter().enumerate().map(|(view, blocks)| View { t, view, excluded: blocks.as_ref() }).collect();
     let few: Vec<Sample<'_>> = views.par_iter().flat_map_iter(|view| view.every(TILE)).collect();
-    let strips = Strips::of(t, light, &few);
-    views.par_iter().flat_map_iter(|view| view.near(&strips)).collect()
+    let strips = Strips::of(t, light, few.iter());
+    [0, 1].map(|first| {
+        let half: Vec<&View<'_>> = views.iter().skip(first).step_by(2).collect();
+        half.par_iter().flat_map_iter(|view| view.near(&strips)).collect()
+    })
 }
 
 /// Two strips of a field in the frame of a light, one along a and one along b.
@@ -154,9 +158,9 @@ struct Strips {
 
 impl Strips {
     /// Lays strips through the middle of what samples fill, with a cell per sample of the finest level.
-    fn of(t: &Transport<'_>, light: &LightCenter, samples: &[Sample<'_>]) -> Self {
+    fn of<'a>(t: &Transport<'_>, light: &LightCenter, samples: impl Iterator<Item = &'a Sample<'a>>) -> Self {
         let mut frame = FieldFrame::new(light.origin, light.along, light.kappa, Vector3::x());
-        samples.iter().for_each(|(x, _)| frame.enclose(x));
+        samples.for_each(|(x, _)| frame.enclose(x));
         let pitch = pitch(t.camera, light.origin, &frame).map(|mm| mm * t.views.levels[0].block as f64);
         let cells = [0, 1].map(|i| (((frame.hi[i] - frame.lo[i]) / pitch[i]).ceil() as usize).max(WIDTH));
         let [middle_a, middle_b] = cells.map(|n| (n - WIDTH) / 2..(n + WIDTH) / 2);
@@ -223,8 +227,8 @@ impl Strips {
         kept.into_iter().map(|i| samples[i]).collect()
     }
 
-    /// Returns where the samples say that the light is instead.
-    fn light_shift(&self, samples: &[Sample<'_>], progress: &Progress) -> Option<LightShift> {
+    /// Returns the equations of where the light is instead.
+    fn light_shift(&self, samples: &[Sample<'_>], progress: &Progress) -> NormalEquations<3> {
         let of_strip = |window: &[Range<usize>; 2]| {
             let changes = |grid: &Grid| light_shift::changes(grid, [window[0].start, window[1].start], self.cells);
             self.fit(window, samples).equations_of(changes, &self.smooth(), progress)
@@ -232,6 +236,6 @@ impl Strips {
         let of_strips: Vec<NormalEquations<3>> = self.windows.par_iter().map(of_strip).collect();
         let mut equations = NormalEquations::none();
         of_strips.iter().for_each(|of_strip| equations.add(of_strip, &Matrix3::identity()));
-        light_shift::solve(&equations, self.cells)
+        equations
     }
 }

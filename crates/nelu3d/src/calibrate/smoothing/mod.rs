@@ -130,10 +130,7 @@ impl Aside {
         }
         let found = with(&searches, None);
         tracing::debug!(of_channels = ?found.of_channels, "smoothness");
-        // Many boards show what changes along the light's rays, and where nothing does, nothing goes out of focus. A few
-        // that are held out in turn have to be reached for, and do not.
-        let changes = self.folds.len() > 1 || searches.iter().any(|search| search.changes_along(DEFOCUS_WORTH));
-        if center == Center::Camera || !changes {
+        if center == Center::Camera {
             return found;
         }
         let Some(mut defocus) = self.defocus(bins, along, aspect, &found, prepare, progress) else { return found };

@@ -35,8 +35,6 @@ pub struct Search {
     gives_back: bool,
     /// By what the strengths differ from powers, in powers.
     between: [f32; 3],
-    /// Error where the field is as stiff along the light's rays as can be, if that was tried in the end.
-    stiffest: Option<f64>,
 }
 
 impl Search {
@@ -54,12 +52,6 @@ impl Search {
     /// Returns the least error that was found, at the strengths where [`Self::along_again`] begins.
     pub(super) fn least(&self) -> f64 {
         self.errors.first().copied().unwrap_or(0.0)
-    }
-
-    /// Returns whether a field that is as stiff along the light's rays as can be predicts worse, by a part of the squared
-    /// error.
-    pub(super) fn changes_along(&self, part: f64) -> bool {
-        self.start[2] + 1 < MAX_POWER && self.stiffest.is_none_or(|error| error > (1.0 + part) * self.least())
     }
 
     /// Returns whether all lines have been searched.
@@ -92,9 +84,6 @@ impl Search {
         }
         self.errors.push(error);
         let n = self.errors.len();
-        if self.line + 1 == LINES.len() && self.after(n - 1)[2] + 1 == MAX_POWER {
-            self.stiffest = Some(error);
-        }
         let best = (1..n).fold(0, |best, i| if self.errors[i] < (1.0 - WORTH) * self.errors[best] { i } else { best });
         let goes_on = best + 1 == n || best + 2 == n && error < (1.0 + NEARLY) * self.errors[best];
         if goes_on && self.is_tried(n) {

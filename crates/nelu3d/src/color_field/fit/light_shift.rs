@@ -18,15 +18,6 @@ use super::NormalEquations;
 
 use crate::color_field::grid::Grid;
 
-/// Where samples say that the light is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LightShift {
-    /// s₁ to s₃ of the module's formula, in cells.
-    pub cells: [f64; 3],
-    /// Weighted squared error of the samples that it explains.
-    pub gain: f64,
-}
-
 /// What a spline becomes by each of s₁ to s₃ alone, less what it is, as coefficients. Its first cell is cell `first` along
 /// a and b of a field of `cells`.
 pub fn changes(grid: &Grid, first: [usize; 2], cells: [usize; 2]) -> [Vec<f32>; 3] {
@@ -64,11 +55,20 @@ pub fn changes(grid: &Grid, first: [usize; 2], cells: [usize; 2]) -> [Vec<f32>; 
 ///
 /// Patterns that vary along one axis leave the light's place along the other open: it is held by a small part of what is
 /// known of the axis that they tell.
-pub fn solve(equations: &NormalEquations<3>, cells: [usize; 2]) -> Option<LightShift> {
+pub fn solve(equations: &NormalEquations<3>, cells: [usize; 2]) -> Option<Vector3<f64>> {
     /// As a part of the information on the axis that is told best.
     const HELD: f64 = 1e-4;
     let known = HELD * equations.left[(0, 0)].max(equations.left[(1, 1)]);
     let half = 0.5 * cells[0].max(cells[1]) as f64;
-    let found = equations.solve(&Vector3::new(known, known, known * half * half))?;
-    Some(LightShift { cells: found.into(), gain: found.dot(&equations.right) })
+    equations.solve(&Vector3::new(known, known, known * half * half))
+}
+
+/// How much the shifts agree that two sets of samples of a field of `cells` tell: the cosine between them as codewords
+/// change with them, 1 where they are the same; `None` where one of them tells nothing.
+pub fn agreement([one, other]: &[NormalEquations<3>; 2], cells: [usize; 2]) -> Option<f64> {
+    let information = one.left + other.left;
+    let [s, t] = [solve(one, cells)?, solve(other, cells)?];
+    let product = |s: &Vector3<f64>, t: &Vector3<f64>| s.dot(&(information * t));
+    let cosine = product(&s, &t) / (product(&s, &s) * product(&t, &t)).sqrt();
+    cosine.is_finite().then_some(cosine)
 }

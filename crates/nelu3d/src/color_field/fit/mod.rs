@@ -82,11 +82,17 @@ impl LeastSquares {
             let fitted = product(&grid.coeffs);
             self.right_side.iter().zip(fitted).map(|(r, y)| r - y).collect()
         };
+        let penalty = Penalty::new(grid, smooth, &self.lambda);
+        let lines = Lines::new(grid.nodes(), self.diagonal.clone(), smooth, &self.lambda);
+        let apply = |x: &[f32], y: &mut [f32]| {
+            penalty.apply(x, y);
+            self.normal.apply(x, y);
+        };
+        let (mut p, mut scratch) = (vec![0.0f32; grid.coeffs.len()], vec![0.0f32; grid.coeffs.len()]);
         // What is left of a change where the spline follows it.
         let left = changes.each_ref().map(|change| {
-            let mut followed = Grid::new(grid.cells, k);
-            let problem = (&self.normal, self.diagonal.clone(), product(change), &self.lambda[..]);
-            descend(&mut followed, problem, smooth, iterations, progress);
+            let (mut followed, mut r) = (Grid::new(grid.cells, k), product(change));
+            conjugate_gradients(apply, &lines, (&mut followed, &mut r), (&mut p, &mut scratch), iterations, progress);
             let left: Vec<f32> = change.iter().zip(&followed.coeffs).map(|(own, followed)| own - followed).collect();
             product(&left)
         });

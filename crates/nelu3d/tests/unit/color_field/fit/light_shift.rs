@@ -39,7 +39,7 @@ fn told(shift: [f32; 3], along_b: bool) -> [f64; 3] {
         let of_window = problem.equations_of(&grid, &columns, &stiff, 10, &Progress::none());
         equations.add(&of_window, &nalgebra::Matrix3::identity());
     }
-    solve(&equations, [CELLS[0], CELLS[1]]).unwrap().cells
+    solve(&equations, [CELLS[0], CELLS[1]]).unwrap().into()
 }
 
 /// By how much the rays lean is found along both axes, and how much more they spread.
