@@ -33,6 +33,10 @@ const TILE: usize = 8;
 const ACROSS: f32 = 30.0;
 /// Multiple of the median squared error from which a sample tells of something else: a hand, a reflection.
 const FAR: f32 = 16.0;
+/// Times that the center is moved, at most.
+const MOVES: usize = 4;
+/// Part of the squared error that the first move explains, below which a move is the last.
+const SETTLED: f64 = 0.1;
 /// How much the two halves of the views have to agree on where the light is instead (a cosine).
 const AGREED: f64 = 0.6;
 
@@ -61,14 +65,20 @@ pub(super) fn refine_on_field(
     }
     // Not the halves' sum: each half's field follows what the other one's boards would tell.
     let samples = halves.concat();
-    let moved = |strips: &Strips, light: &LightCenter| {
-        let shift = light_shift::solve(&strips.light_shift(&samples, progress), strips.cells)?;
-        tracing::debug!(at = ?light.position(), ?shift, ?agreement, "light on the field");
-        Some(light.moved(&strips.frame, strips.cells, &shift))
-    };
-    // Slopes are taken where the light was thought to be, and once more where it is.
-    let light = moved(&strips, &found).and_then(|light| moved(&Strips::of(t, &light, samples.iter()), &light));
-    light.filter(|_| !progress.cancelled()).unwrap_or(found)
+    let (mut light, mut strips, mut gains) = (found, strips, Vec::new());
+    for _ in 0..MOVES {
+        let equations = strips.light_shift(&samples, progress);
+        let Some(shift) = light_shift::solve(&equations, strips.cells) else { return found };
+        light = light.moved(&strips.frame, strips.cells, &shift);
+        gains.push(shift.dot(&equations.right));
+        tracing::debug!(at = ?light.position(), ?shift, ?agreement, ?gains, "light on the field");
+        // Slopes are noisy, and a first move may be too short.
+        if gains.len() > 1 && gains[gains.len() - 1] < SETTLED * gains[0] {
+            break;
+        }
+        strips = Strips::of(t, &light, samples.iter());
+    }
+    if progress.cancelled() { found } else { light }
 }
 
 /// A view's codewords at the finest level, and which are left out.
@@ -161,8 +171,11 @@ impl Strips {
     fn of<'a>(t: &Transport<'_>, light: &LightCenter, samples: impl Iterator<Item = &'a Sample<'a>>) -> Self {
         let mut frame = FieldFrame::new(light.origin, light.along, light.kappa, Vector3::x());
         samples.for_each(|(x, _)| frame.enclose(x));
-        let pitch = pitch(t.camera, light.origin, &frame).map(|mm| mm * t.views.levels[0].block as f64);
-        let cells = [0, 1].map(|i| (((frame.hi[i] - frame.lo[i]) / pitch[i]).ceil() as usize).max(WIDTH));
+        let level = &t.views.levels[0];
+        let pitch = pitch(t.camera, light.origin, &frame).map(|mm| mm * level.block as f64);
+        // A center that is far off may ask for any number of them.
+        let most = (2 * level.width.max(level.height)).max(WIDTH);
+        let cells = [0, 1].map(|i| (((frame.hi[i] - frame.lo[i]) / pitch[i]).ceil() as usize).clamp(WIDTH, most));
         let [middle_a, middle_b] = cells.map(|n| (n - WIDTH) / 2..(n + WIDTH) / 2);
         Self { frame, cells, windows: [[0..cells[0], middle_b], [middle_a, 0..cells[1]]], k: t.views.k }
     }

