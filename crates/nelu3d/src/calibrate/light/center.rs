@@ -23,9 +23,7 @@ impl LightCenter {
     pub fn position(&self) -> Option<Point3<f64>> {
         (self.kappa.abs() > 1e-9).then(|| self.origin - self.along / self.kappa)
     }
-}
 
-impl LightCenter {
     /// Returns the center that a shift (`color_field/fit/light_shift.rs`) of a field in the frame of this one, with so many
     /// cells along a and b, asks for.
     pub(super) fn moved(&self, frame: &FieldFrame, cells: [usize; 2], shift: &Vector3<f64>) -> Self {

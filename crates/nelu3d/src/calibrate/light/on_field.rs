@@ -64,7 +64,8 @@ pub(super) fn refine_on_field(
         return found;
     }
     // Not the halves' sum: each half's field follows what the other one's boards would tell.
-    let samples = halves.concat();
+    let [mut samples, others] = halves;
+    samples.extend(others);
     let (mut light, mut strips, mut gains) = (found, strips, Vec::new());
     for _ in 0..MOVES {
         let equations = strips.light_shift(&samples, progress);
