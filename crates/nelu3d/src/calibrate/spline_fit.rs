@@ -15,24 +15,24 @@ pub struct Schedule {
     pub(super) steps: usize,
     /// Steps of the final fit from there, once the held-out positions have joined.
     pub(super) joined: usize,
-    /// Steps of the final fit where much is new to it, and the same of fields of a large sensor, whose cells are several
-    /// pixels wide: stripes are wide in these, and so many steps would take half of a calibration's time.
+    /// Steps of the final fit where much is new to it, and the same of fields of a large sensor, whose cells are
+    /// several pixels wide: stripes are wide in these, and so many steps would take half of a calibration's time.
     anew: [usize; 2],
 }
 
-/// A fit that measures, without the held-out positions. The coarsest level leaves next to nothing undetermined, and what
-/// it does is smooth: from a quarter of the cells alone, the field of a rig of another renderer was off by 0.01 at its
-/// nearest board; from here, by the noise. Twice the steps of every level predict held-out positions of scanners drawn at
-/// random as well, within 0.01 dB. Where samples weigh little, as carried ones do, steps of all cells go a short way: of
-/// seven phases under sixteen boards depths have 1.04 times the error after 12 of them that they have after 20 or more.
+/// A fit that measures, without the held-out positions. The coarsest level leaves next to nothing undetermined, and
+/// what it does is smooth: from a quarter of the cells alone, the field of a rig of another renderer was off by 0.01 at
+/// its nearest board; from here, by the noise. Twice the steps of every level predict held-out positions of scanners
+/// drawn at random as well, within 0.01 dB. Where samples weigh little, as carried ones do, steps of all cells go a
+/// short way: of seven phases under sixteen boards depths have 1.04 times the error after 12 of them that they have
+/// after 20 or more.
 const OF_MANY: Schedule = Schedule { coarse: &[(4, 3), (8, 4), (16, 10)], steps: 4, joined: 2, anew: [20, 10] };
-/// The schedule where few positions are held out in turn: much of the field rests on one or two boards there, and smooth
-/// codes are smoothed far. Steps of the coarse levels are cheap.
+/// The schedule where few positions are held out in turn: much of the field rests on one or two boards there, and
+/// smooth codes are smoothed far. Steps of the coarse levels are cheap.
 const OF_FEW: Schedule = Schedule { coarse: &[(4, 4), (8, 10), (16, 30)], ..OF_MANY };
-/// The schedule of many positions in the camera's frame, where codewords change along every axis, and the preconditioner
-/// is the diagonal alone.
-/// More fine steps follow the noise: 20 instead of 8 predict held-out positions of two rigs of other renderers worse, by
-/// 0.15 dB.
+/// The schedule of many positions in the camera's frame, where codewords change along every axis, and the
+/// preconditioner is the diagonal alone. More fine steps follow the noise: 20 instead of 8 predict held-out positions
+/// of two rigs of other renderers worse, by 0.15 dB.
 const OF_MANY_IN_CAMERA: Schedule =
     Schedule { coarse: &[(4, 10), (8, 20), (16, 60)], steps: 8, joined: 4, anew: [80, 20] };
 /// The schedule of few positions in the camera's frame: of such coarse levels more steps, as of [`OF_FEW`].

@@ -24,8 +24,8 @@ impl LightCenter {
         (self.kappa.abs() > 1e-9).then(|| self.origin - self.along / self.kappa)
     }
 
-    /// Returns the center that a shift (`color_field/fit/light_shift.rs`) of a field in the frame of this one, with so many
-    /// cells along a and b, asks for.
+    /// Returns the center that a shift (`color_field/fit/light_shift.rs`) of a field in the frame of this one, with so
+    /// many cells along a and b, asks for.
     pub(super) fn moved(&self, frame: &FieldFrame, cells: [usize; 2], shift: &Vector3<f64>) -> Self {
         let size = [0, 1, 2].map(|i| frame.hi[i] - frame.lo[i]);
         let [s1, s2, growth] = (*shift).into();

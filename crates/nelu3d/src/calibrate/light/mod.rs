@@ -4,8 +4,8 @@
 //! for which every sample of one position, carried along its ray of light to another position, finds its own codeword
 //! there. It is searched for coarse to fine (`search.rs`), then found by robust Gauss-Newton (`refine.rs`) with lever
 //! arms (distances between the two positions) that grow as the center gets better, and at last from all positions
-//! together, against the field that they share (`on_field.rs`). No model of the projector is involved but that its light
-//! is straight.
+//! together, against the field that they share (`on_field.rs`). No model of the projector is involved but that its
+//! light is straight.
 
 #[doc(hidden)]
 pub mod center;

@@ -1,8 +1,8 @@
 //! The light's center from all views at once, against the field that they share.
 //!
-//! Codewords that are carried from view to view tell the center to the noise of single samples, in their differences and
-//! in the slopes that these are multiplied with. A field that is constant along the rays of a light nearby has next to
-//! none, and what is left of the samples beside it changes along the rays as the light's place asks for
+//! Codewords that are carried from view to view tell the center to the noise of single samples, in their differences
+//! and in the slopes that these are multiplied with. A field that is constant along the rays of a light nearby has next
+//! to none, and what is left of the samples beside it changes along the rays as the light's place asks for
 //! ([`light_shift`]). Two strips of the field are enough, one along a and one along b.
 
 use std::ops::Range;
@@ -139,8 +139,8 @@ impl<'a> View<'a> {
     }
 }
 
-/// The usable samples of every other view, and of those between, that lie in the middle strips of a field in the frame of
-/// the light, or near them.
+/// The usable samples of every other view, and of those between, that lie in the middle strips of a field in the frame
+/// of the light, or near them.
 fn samples<'a>(
     t: &'a Transport<'a>,
     light: &LightCenter,

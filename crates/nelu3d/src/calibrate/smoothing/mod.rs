@@ -2,8 +2,8 @@
 //!
 //! The penalty on second differences that is right is the noise's variance over that of the code's second differences
 //! (a ridge regression's), and codes differ: the stripes of a Gray code bend within two pixels, a color film hardly in
-//! twenty. With too small a penalty the field follows the sweep's noise, which its values hardly show and its slopes do:
-//! depth is error over slope. So some positions are set aside, two strips of the field are fitted without them at
+//! twenty. With too small a penalty the field follows the sweep's noise, which its values hardly show and its slopes
+//! do: depth is error over slope. So some positions are set aside, two strips of the field are fitted without them at
 //! several strengths, and every channel takes the one that predicts them best. The strips cross: an edge of a code, of
 //! which the coarsest bit of a Gray code has one, lies beside a strip that runs along it, and a channel that is flat in
 //! all that is looked at would be smoothed until its edges are blurred everywhere else.
@@ -29,8 +29,8 @@ use crate::progress::Progress;
 
 /// Part by which a channel's squared error has to fall for it to go out of focus as all do.
 const DEFOCUS_WORTH: f64 = 5e-3;
-/// Weight of a column's samples from which they are its codeword, whatever others have: a standard deviation of 0.1; and
-/// as a fraction of what a bright column has. Ink has less, and where only ink was, nothing is predicted.
+/// Weight of a column's samples from which they are its codeword, whatever others have: a standard deviation of 0.1;
+/// and as a fraction of what a bright column has. Ink has less, and where only ink was, nothing is predicted.
 const BRIGHT: [f32; 2] = [100.0, 0.1];
 /// Strength along the light's rays of a field that hardly changes there.
 pub(super) const STIFFEST: f32 = 24.3e6;

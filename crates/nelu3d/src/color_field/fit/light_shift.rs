@@ -18,8 +18,8 @@ use super::NormalEquations;
 
 use crate::color_field::grid::Grid;
 
-/// What a spline becomes by each of s₁ to s₃ alone, less what it is, as coefficients. Its first cell is cell `first` along
-/// a and b of a field of `cells`.
+/// What a spline becomes by each of s₁ to s₃ alone, less what it is, as coefficients. Its first cell is cell `first`
+/// along a and b of a field of `cells`.
 pub fn changes(grid: &Grid, first: [usize; 2], cells: [usize; 2]) -> [Vec<f32>; 3] {
     let ([na, nb, nw], k) = (grid.nodes(), grid.k);
     let row = na * k;
@@ -53,8 +53,8 @@ pub fn changes(grid: &Grid, first: [usize; 2], cells: [usize; 2]) -> [Vec<f32>; 
 
 /// Solves the equations of s₁ to s₃ of a field of `cells`; `None` where the samples do not tell.
 ///
-/// Patterns that vary along one axis leave the light's place along the other open: it is held by a small part of what is
-/// known of the axis that they tell.
+/// Patterns that vary along one axis leave the light's place along the other open: it is held by a small part of what
+/// is known of the axis that they tell.
 pub fn solve(equations: &NormalEquations<3>, cells: [usize; 2]) -> Option<Vector3<f64>> {
     /// As a part of the information on the axis that is told best.
     const HELD: f64 = 1e-4;

@@ -2,9 +2,9 @@
 //! gradients with a preconditioner that solves for whole lines of coefficients. Channels are problems of their own, and
 //! each takes its own steps.
 //!
-//! With a diagonal preconditioner most of the smoothness that was asked for was never reached: stripes under a penalty of
-//! thousands of times what samples weigh need thousands of steps of one node. A preconditioner of tensor-product mass
-//! matrices reaches the objective in one or two steps where samples are dense, but is far off where they end.
+//! With a diagonal preconditioner most of the smoothness that was asked for was never reached: stripes under a penalty
+//! of thousands of times what samples weigh need thousands of steps of one node. A preconditioner of tensor-product
+//! mass matrices reaches the objective in one or two steps where samples are dense, but is far off where they end.
 
 #[doc(hidden)]
 pub mod defocus;
@@ -62,8 +62,9 @@ impl LeastSquares {
         descend(grid, (&self.normal, diagonal, r, &self.lambda), smooth, iterations, progress);
     }
 
-    /// Returns the normal equations of how much of some `changes` of a spline there is, each given as coefficients: about
-    /// a spline that was fitted with `smooth`, and where it follows every change as `smooth` says, by so many steps.
+    /// Returns the normal equations of how much of some `changes` of a spline there is, each given as coefficients:
+    /// about a spline that was fitted with `smooth`, and where it follows every change as `smooth` says, by so many
+    /// steps.
     pub fn equations_of<const N: usize>(
         &self,
         grid: &Grid,

@@ -18,7 +18,8 @@ fn views(camera: &Camera, poses: &[Isometry3<f64>], center: Point3<f64>, code: i
     views_on_paper(camera, poses, center, code, |_, _| true)
 }
 
-/// The same of boards whose pixels x and y are usable where they show paper.
+/// Views of boards held by hand under a light at `center` whose rays have the codeword `code(x, y)` at tangents x and
+/// y. Usable are pixels x, y that show paper.
 fn views_on_paper(
     camera: &Camera,
     poses: &[Isometry3<f64>],
