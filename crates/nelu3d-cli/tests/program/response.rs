@@ -173,3 +173,30 @@ fn a_sweep_tells_the_response_of_a_calibrated_projector() {
     let median = summary["metrics"]["body"]["depth_mm"]["median"].as_f64().unwrap();
     assert!(median < 1.0, "{median} mm");
 }
+
+/// The middle of the picture of a projector with a shifted lens does not meet the middle of the view anywhere near the
+/// scene: here at 1.4 m instead of 0.7. Boards tell where the field is wanted, and scenes do without boards.
+#[test]
+fn a_shifted_lens_throws_its_picture_beside_the_scene() {
+    let mut spec = Spec::preset("demo").unwrap();
+    spec.supersampling = 2;
+    let LightSpec::Projector(projector) = &mut spec.light else { panic!("a projector") };
+    projector.width = 1000;
+    stage(&mut spec, 3);
+    let (dir, rig) = simulated(&spec);
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (path, field, result) = (rig.to_str().unwrap(), at("field.safetensors"), at("result"));
+    let truth = format!("{path}/scenes/vase/truth");
+    for source in ["from 3 boards", "from a scene"] {
+        let calibrated = answer(&["calibrate", path, "--from-projector", "-o", &field]);
+        assert!(calibrated["report"]["frame"].as_str().unwrap().contains(source), "{calibrated}");
+        answer(&["reconstruct", path, "vase", "--field", &field, "--truth", &truth, "-o", &result]);
+        let summary: Value =
+            serde_json::from_slice(&fs::read(Path::new(&result).join("result.json")).unwrap()).unwrap();
+        let body = &summary["metrics"]["body"];
+        let (median, coverage) = (body["depth_mm"]["median"].as_f64().unwrap(), body["coverage"].as_f64().unwrap());
+        assert!(median < 0.3 && coverage > 0.95, "{source}: {median} mm, {coverage}");
+        // The second time without a sweep.
+        let _ = fs::rename(rig.join("calibration"), rig.join("boards"));
+    }
+}

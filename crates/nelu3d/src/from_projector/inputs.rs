@@ -6,7 +6,6 @@ use nelu3d_scan::image::read_any;
 use nelu3d_scan::rig::{Capture, Need, PatternSet, Shot};
 use nelu3d_scan::{Image, Projector, Rig};
 
-use super::geometry::crossing_depth;
 use super::options::FromProjectorOptions;
 use crate::calibrate::CalibrationError;
 use crate::sensor::{NoiseEstimator, NoiseModel, darkest_intensity, quantization_step};
@@ -99,19 +98,14 @@ pub(super) fn read_captures(
     Ok((captures, noise))
 }
 
-/// Returns `[near, far]` depth, mm: as given, or around where the optical axes come closest.
-pub(super) fn depth_range(
-    rig: &Rig,
-    projector: &Projector,
-    opts: &FromProjectorOptions,
-) -> Result<[f64; 2], CalibrationError> {
-    if let Some(range) = &opts.depth {
-        if range.len() == 2 && range[0] > 0.0 && range[1] > range[0] {
-            return Ok([range[0], range[1]]);
+/// Returns `[near, far]` depth, mm, as given.
+pub(super) fn given_depth(rig: &Rig, opts: &FromProjectorOptions) -> Result<Option<[f64; 2]>, CalibrationError> {
+    match opts.depth.as_deref() {
+        None => Ok(None),
+        Some(&[near, far]) if near > 0.0 && far > near && far.is_finite() => Ok(Some([near, far])),
+        Some(_) => {
+            let reason = "a depth range needs two distances in mm, the near one above 0 and below the far one";
+            Err(projector_error(rig.root.clone(), reason))
         }
-        let reason = "a depth range needs two distances in mm, the near one above 0 and below the far one";
-        return Err(projector_error(rig.root.clone(), reason));
     }
-    let z = crossing_depth(&rig.camera, projector);
-    Ok([0.6 * z, 1.6 * z])
 }

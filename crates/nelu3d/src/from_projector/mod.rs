@@ -28,7 +28,7 @@ use crate::sensor::NoiseModel;
 use crate::verdict::{Code, Finding, Judgment, Verdict};
 pub use geometry::crossing_depth;
 use geometry::{lit_volume, overlap_frame};
-use inputs::{calibrated_projector, depth_range, find_scenes, projector_error, read_captures, read_patterns};
+use inputs::{calibrated_projector, find_scenes, given_depth, projector_error, read_captures, read_patterns};
 pub use options::FromProjectorOptions;
 use render::render_field;
 use response::{Response, exponent_matters, fit_response};
@@ -39,6 +39,19 @@ const FIRST_BLUR_PX: f32 = 1.5;
 const FIRST_GAMMAS: [f32; 2] = [1.0, 2.2];
 /// Largest number of times that scenes are decoded and the response is fitted, from each start.
 const MAX_ROUNDS: usize = 3;
+/// Depths that scenes are looked for at, as parts of where the optical axes come closest.
+const AROUND_CROSSING: [f64; 2] = [0.6, 1.6];
+/// The same where these do not explain the scenes: a projector whose lens is shifted throws the middle of its picture
+/// elsewhere.
+const FAR_AROUND_CROSSING: [f64; 2] = [0.4, 2.5];
+/// How much better more depths have to explain scenes (median residual), or how many more of their pixels as well:
+/// where codes repeat, more depths are more to be wrong at.
+const BETTER: f64 = 0.8;
+const MORE: f64 = 1.08;
+/// Depths of a field, as parts of the nearest and the farthest that boards or scenes were found at.
+const AROUND: [f64; 2] = [0.75, 1.35];
+/// One of so many codewords may lie before, and one behind what is taken for the depths of all.
+const FEW: usize = 200;
 /// Fewest decoded pixels that a response is fitted to.
 const MIN_CODEWORDS: usize = 500;
 
@@ -59,8 +72,12 @@ pub fn calibrate_from_projector(
     clock.begin("read the patterns");
     let projector = calibrated_projector(rig)?;
     let patterns = read_patterns(rig, set, projector)?;
-    let depth_mm = depth_range(rig, projector, opts)?;
-    let frame = overlap_frame(&rig.camera, projector, depth_mm).ok_or_else(|| no_overlap(rig, depth_mm))?;
+    let given_mm = given_depth(rig, opts)?;
+    let no_scene = || {
+        let reason = "no scene could be decoded, so blur and response stay unknown; check the projector's calibration, \
+                      or give a depth range";
+        projector_error(rig.root.join("scenes"), reason)
+    };
 
     let known = known_codewords(rig, set, progress, &mut clock)?;
     let (source, noise) = match known {
@@ -74,17 +91,17 @@ pub fn calibrate_from_projector(
     };
 
     clock.begin("estimate blur and response");
-    let validity = lit_volume(&rig.camera, projector, &frame, depth_mm);
-    let fit = ResponseFit { rig, projector, patterns, frame, validity, metadata: metadata(rig, set, noise) };
-    let fitted = match &source {
-        Source::Boards { codewords, .. } => Some(fit.fit_codewords(codewords)),
-        Source::Scenes(captures) => fit.fit_scenes(captures, progress)?,
+    let fit = ResponseFit { rig, projector, patterns, metadata: metadata(rig, set, noise) };
+    let (depth_mm, fitted) = match (&source, given_mm) {
+        (Source::Boards { codewords, .. }, _) => {
+            (given_mm.unwrap_or_else(|| around(extent(codewords))), fit.fit_codewords(codewords))
+        }
+        (Source::Scenes(captures), Some(mm)) => (mm, fit.fit_scenes(captures, mm, progress)?.ok_or_else(no_scene)?),
+        (Source::Scenes(captures), None) => fit.find_scenes(captures, progress)?.ok_or_else(no_scene)?,
     };
-    let Some(Fitted { residual, noise_sigma, response, mut field }) = fitted else {
-        let reason = "no scene could be decoded, so blur and response stay unknown; check the projector's calibration, \
-                      or give a depth range";
-        return Err(projector_error(rig.root.join("scenes"), reason));
-    };
+    let Fitted { residual, noise_sigma, response, .. } = fitted;
+    let mut field =
+        fit.field(response, Volume::new(rig, projector, depth_mm).ok_or_else(|| no_overlap(rig, depth_mm))?);
     field.metadata.settings = serde_json::json!({
         "options": opts, "response": response, "residual": residual, "depth_mm": depth_mm,
     });
@@ -220,14 +237,55 @@ fn metadata(rig: &Rig, set: &PatternSet, noise: NoiseModel) -> FieldMetadata {
     }
 }
 
-/// A field whose blur and response were fitted.
+/// Returns the depths, mm, that codewords lie at, but for the nearest and the farthest few.
+fn extent(codewords: &[Codeword]) -> [f64; 2] {
+    let mut depths: Vec<f64> = codewords.iter().map(|c| c.point[2]).collect();
+    depths.sort_unstable_by(f64::total_cmp);
+    let few = depths.len() / FEW;
+    [depths[few], depths[depths.len() - 1 - few]]
+}
+
+/// The depths of a field, mm, whose boards or scenes were found at depths from `near` to `far`.
+fn around([near, far]: [f64; 2]) -> [f64; 2] {
+    [AROUND[0] * near, AROUND[1] * far]
+}
+
+/// Where light and view overlap between two depths.
+#[derive(Clone)]
+struct Volume {
+    frame: FieldFrame,
+    validity: Validity,
+}
+
+impl Volume {
+    /// Finds it between two depths, mm, if there is any.
+    fn new(rig: &Rig, projector: &Projector, depth_mm: [f64; 2]) -> Option<Self> {
+        let frame = overlap_frame(&rig.camera, projector, depth_mm)?;
+        let validity = lit_volume(&rig.camera, projector, &frame, depth_mm);
+        Some(Self { frame, validity })
+    }
+}
+
+/// Blur and response that were fitted.
 struct Fitted {
     /// Median absolute residual of the codewords, normalized intensity.
     residual: f64,
     /// Root of the median variance that noise gives these, normalized intensity.
     noise_sigma: f64,
     response: Response,
-    field: ColorField,
+    /// Number of codewords that they were fitted to.
+    codewords: usize,
+    /// Depths that these lie at, mm.
+    depths_mm: [f64; 2],
+}
+
+impl Fitted {
+    /// Whether this explains the same scenes better than another that was looked for at fewer depths.
+    fn is_better_than(&self, other: &Self) -> bool {
+        let (more, fewer) = (self.codewords as f64, other.codewords as f64);
+        self.residual < BETTER * other.residual && more >= fewer / MORE
+            || self.residual < other.residual * MORE && more > MORE * fewer
+    }
 }
 
 /// The estimation of blur and response, and all that it compares.
@@ -236,8 +294,6 @@ struct ResponseFit<'a> {
     projector: &'a Projector,
     /// Projected images, one plane per channel of the camera; a single row or column where the others are the same.
     patterns: Vec<Image>,
-    frame: FieldFrame,
-    validity: Validity,
     metadata: FieldMetadata,
 }
 
@@ -247,12 +303,36 @@ impl ResponseFit<'_> {
         let (response, residual) = fit_response(&self.patterns, self.projector, codewords);
         let variance = median(&mut codewords.iter().map(|c| c.variance).collect::<Vec<_>>());
         let noise_sigma = f64::from(variance.unwrap_or(0.0)).sqrt();
-        Fitted { residual, noise_sigma, response, field: self.field(response) }
+        Fitted { residual, noise_sigma, response, codewords: codewords.len(), depths_mm: extent(codewords) }
     }
 
-    /// Decodes scenes and fits the response by turns, from every start, and returns the fit with the smallest median
-    /// residual; `None` if no scene could be decoded.
-    fn fit_scenes(&self, captures: &[Capture], progress: &Progress) -> Result<Option<Fitted>, CalibrationError> {
+    /// Looks for scenes around where the optical axes come closest, and fits the response; returns the depths that the
+    /// field is to have, mm, too. `None` if no scene could be decoded.
+    fn find_scenes(
+        &self,
+        captures: &[Capture],
+        progress: &Progress,
+    ) -> Result<Option<([f64; 2], Fitted)>, CalibrationError> {
+        let crossing = crossing_depth(&self.rig.camera, self.projector);
+        let [near_by, far] = [AROUND_CROSSING, FAR_AROUND_CROSSING].map(|range| range.map(|part| part * crossing));
+        let [of_few, of_more] =
+            [self.fit_scenes(captures, near_by, progress)?, self.fit_scenes(captures, far, progress)?];
+        Ok(match (of_few, of_more) {
+            (Some(few), Some(more)) if !more.is_better_than(&few) => Some((near_by, few)),
+            (Some(few), None) => Some((near_by, few)),
+            (_, more) => more.map(|more| (around(more.depths_mm), more)),
+        })
+    }
+
+    /// Decodes scenes between two depths, mm, and fits the response by turns, from every start, and returns the fit with
+    /// the smallest median residual; `None` if no scene could be decoded.
+    fn fit_scenes(
+        &self,
+        captures: &[Capture],
+        depth_mm: [f64; 2],
+        progress: &Progress,
+    ) -> Result<Option<Fitted>, CalibrationError> {
+        let Some(volume) = Volume::new(self.rig, self.projector, depth_mm) else { return Ok(None) };
         let mut best: Option<Fitted> = None;
         let starts = if exponent_matters(&self.patterns) { &FIRST_GAMMAS[..] } else { &FIRST_GAMMAS[..1] };
         for gamma in starts.iter().copied() {
@@ -261,7 +341,7 @@ impl ResponseFit<'_> {
                 if progress.cancelled() {
                     return Err(CalibrationError::Cancelled);
                 }
-                let codewords = self.decode(captures, &self.field(response));
+                let codewords = self.decode(captures, &self.field(response, volume.clone()));
                 if codewords.len() < MIN_CODEWORDS {
                     break;
                 }
@@ -278,10 +358,10 @@ impl ResponseFit<'_> {
         Ok(best)
     }
 
-    /// The color field of a response.
-    fn field(&self, response: Response) -> ColorField {
-        let form = Form::Grid(render_field(&self.patterns, self.projector, &self.frame, response));
-        ColorField { frame: self.frame, form, validity: self.validity.clone(), metadata: self.metadata.clone() }
+    /// The color field of a response in a volume.
+    fn field(&self, response: Response, Volume { frame, validity }: Volume) -> ColorField {
+        let form = Form::Grid(render_field(&self.patterns, self.projector, &frame, response));
+        ColorField { frame, form, validity, metadata: self.metadata.clone() }
     }
 
     /// Decoded points of all captures, and their codewords.
