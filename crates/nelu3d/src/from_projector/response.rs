@@ -28,14 +28,50 @@ const GAMMAS: [f32; 5] = [0.8, 1.0, 1.3, 1.8, 2.2];
 /// Number of codewords that are compared at most, about.
 const MAX_CODEWORDS: usize = 20_000;
 
-/// Returns the light of a projected pattern before offset and scale: v^gamma, blurred.
-pub fn projected(pattern: &Image, blur_px: f32, gamma: f32) -> Image {
-    gaussian_blur(&raised(pattern, gamma), blur_px)
+/// The light of a projected pattern before offset and scale, v^gamma, as pixels throw it: squares, side by side. A
+/// camera sees stripes of a Gray code of one or two pixels, whose edges are steep beside these.
+pub struct Projected {
+    /// The pattern, with several samples per pixel along the axes that it changes along.
+    image: Image,
+    per_px: [usize; 2],
 }
 
-/// Returns v^gamma of a projected pattern.
-fn raised(pattern: &Image, gamma: f32) -> Image {
-    Image { data: pattern.data.par_iter().map(|v| v.max(0.0).powf(gamma)).collect(), ..*pattern }
+impl Projected {
+    /// Raises the values of a pattern (one plane; a single row or column where the others are the same) to a power.
+    pub fn new(pattern: &Image, gamma: f32) -> Self {
+        let per_px = samples_per_px(pattern);
+        let [width, height] = [pattern.width * per_px[0], pattern.height * per_px[1]];
+        let raised: Vec<f32> = pattern.data.par_iter().map(|v| v.max(0.0).powf(gamma)).collect();
+        let mut data = vec![0.0f32; width * height];
+        data.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            let of = &raised[y / per_px[1] * pattern.width..][..pattern.width];
+            row.chunks_mut(per_px[0]).zip(of).for_each(|(samples, v)| samples.fill(*v));
+        });
+        Self { image: Image { width, height, channels: 1, data }, per_px }
+    }
+
+    /// Blurs it with a Gaussian, projector px.
+    #[must_use]
+    pub fn blurred(&self, blur_px: f32) -> Self {
+        // Along an axis that it does not change along there is nothing to blur.
+        let per_px = self.per_px[0].max(self.per_px[1]) as f32;
+        Self { image: gaussian_blur(&self.image, blur_px * per_px), per_px: self.per_px }
+    }
+
+    /// Returns its value at a point of the projector's image, px.
+    pub fn at(&self, point: [f64; 2]) -> f32 {
+        let at = [0, 1].map(|i| (point[i] + 0.5) * self.per_px[i] as f64 - 0.5);
+        bilinear(&self.image.data, [self.image.width, self.image.height], at)
+    }
+}
+
+/// Samples per pixel along x and y that tell what a pattern is between the middles of its pixels.
+pub fn samples_per_px(pattern: &Image) -> [usize; 2] {
+    match [pattern.width, pattern.height] {
+        [1, _] => [1, 4],
+        [_, 1] => [4, 1],
+        _ => [2, 2],
+    }
 }
 
 /// Returns whether an exponent changes more of the patterns than offset and scale do, which is so unless they are made
@@ -45,11 +81,6 @@ pub fn exponent_matters(patterns: &[Image]) -> bool {
     let (low, high) = values.clone().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
     let tolerance = 0.01 * (high - low);
     values.into_iter().any(|v| *v > low + tolerance && *v < high - tolerance)
-}
-
-/// Returns the value of an image of one channel at a point between its pixels.
-pub fn value_at(image: &Image, point: [f64; 2]) -> f32 {
-    bilinear(&image.data, [image.width, image.height], point)
 }
 
 /// Fits blur and response to decoded codewords: for every blur and exponent the best affine map, over a coarse and then
@@ -62,18 +93,18 @@ pub fn fit_response(patterns: &[Image], projector: &Projector, codewords: &[Code
         .step_by(step)
         .filter_map(|c| Some((projector.project(&Point3::from(c.point))?, &c.intensities[..])))
         .collect();
-    let score = |raised: &[Image], blur_px: f32| -> AffineFit {
-        let images: Vec<Image> = raised.iter().map(|p| gaussian_blur(p, blur_px)).collect();
+    let score = |raised: &[Projected], blur_px: f32| -> AffineFit {
+        let images: Vec<Projected> = raised.iter().map(|p| p.blurred(blur_px)).collect();
         let pairs: Vec<(f32, f32)> = samples
             .iter()
-            .flat_map(|(px, measured)| images.iter().zip(*measured).map(|(i, l)| (value_at(i, *px), *l)))
+            .flat_map(|(px, measured)| images.iter().zip(*measured).map(|(i, l)| (i.at(*px), *l)))
             .filter(|(_, l)| l.is_finite())
             .collect();
         AffineFit::robust(&pairs)
     };
     let search = |blurs: &[f32], gammas: &[f32]| {
         let of_gamma = |gamma: &f32| {
-            let raised: Vec<Image> = patterns.iter().map(|p| raised(p, *gamma)).collect();
+            let raised: Vec<Projected> = patterns.iter().map(|p| Projected::new(p, *gamma)).collect();
             blurs.iter().map(|blur| (score(&raised, *blur), *blur, *gamma)).collect::<Vec<_>>()
         };
         gammas

@@ -27,6 +27,16 @@ const MIN_FOREIGN: usize = 16;
 /// than blur and than errors of the field.
 pub(super) const MARGIN: f32 = 0.02;
 
+/// The axis across the light along which foreign codewords lie elsewhere than a ray.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Along {
+    /// The one that a ray runs along from depth to depth.
+    Ray,
+    /// The other one. Of a code that changes along the first alone some depth explains all of them; one that changes
+    /// along both is tried so where rays run through all that a picture shows.
+    Other,
+}
+
 /// Codewords of a scene with the places across the light where they were found.
 pub(super) struct ForeignCodewords {
     /// Pixel, and its unit coordinates across the light.
@@ -49,7 +59,7 @@ impl ForeignCodewords {
     /// Returns the fraction of foreign codewords that some depth explains at least as well as the found depth explains
     /// a pixel's own: the median over the pixels of a component; and, likewise, the least χ² of a foreign codeword over
     /// the own one's. `None` where every codeword of the picture may belong to the component's rays. `step` is the
-    /// spacing of the depths that are tried in 1/z, 1/mm.
+    /// spacing of the depths that are tried in 1/z, 1/mm. Codewords are foreign that lie elsewhere `along` an axis.
     pub(super) fn explained_as_well(
         &self,
         pixels: &[usize],
@@ -57,11 +67,12 @@ impl ForeignCodewords {
         refined: &Refined,
         prior: &LightFractionPrior,
         step: f32,
+        along: Along,
     ) -> Option<[f32; 2]> {
         let prior = prior.weights(&scene.measurements);
         let tested: Vec<usize> = spread(pixels, (pixels.len() / TESTED_OF).clamp(TESTED[0], TESTED[1])).collect();
         let (mut shares, mut ratios): (Vec<f32>, Vec<f32>) =
-            tested.par_iter().filter_map(|i| self.test(*i, scene, refined, prior, step)).unzip();
+            tested.par_iter().filter_map(|i| self.test(*i, scene, refined, prior, step, along)).unzip();
         if 2 * shares.len() < tested.len() {
             return None;
         }
@@ -69,7 +80,15 @@ impl ForeignCodewords {
     }
 
     /// The test of one pixel: fraction of foreign codewords, and the least χ² of one over the own codeword's.
-    fn test(&self, i: usize, scene: &Scene<'_>, refined: &Refined, prior: [f32; 2], step: f32) -> Option<(f32, f32)> {
+    fn test(
+        &self,
+        i: usize,
+        scene: &Scene<'_>,
+        refined: &Refined,
+        prior: [f32; 2],
+        step: f32,
+        along: Along,
+    ) -> Option<(f32, f32)> {
         let Scene { rays, field, measurements: m, .. } = scene;
         let spline = scene.spline();
         let (ray, dir_z) = (rays.in_frame(i), rays.dir_z(i));
@@ -78,7 +97,8 @@ impl ForeignCodewords {
         let [first, last] = [far, near].map(|t| 1.0 / (t * dir_z));
         let (from, to) = (at(first), at(last));
         // Depth moves a codeword across the light along one of its axes more than along the other.
-        let axis = usize::from((to[1] - from[1]).abs() > (to[0] - from[0]).abs());
+        let moves = usize::from((to[1] - from[1]).abs() > (to[0] - from[0]).abs());
+        let axis = if along == Along::Ray { moves } else { 1 - moves };
         let [low, high] = [from[axis].min(to[axis]) - MARGIN, from[axis].max(to[axis]) + MARGIN];
         // Of codewords of which less is known, more is explained: only what is known of both counts.
         let is_foreign =

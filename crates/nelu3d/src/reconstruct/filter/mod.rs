@@ -32,7 +32,7 @@ use crate::sensor::{CodewordStatistics, Support, judge_codewords};
 use crate::surface::{Links, MAX_SLOPE, PixelStatus, reject_small_components};
 use crate::verdict::Verdict;
 use beyond::explained_beyond;
-use chance::ForeignCodewords;
+use chance::{Along, ForeignCodewords};
 use components::reject_unexplained_components;
 use continuation::reject_continuations;
 use facing_away::reject_facing_away;
@@ -94,9 +94,12 @@ pub(crate) fn filter(
     let mut status = std::mem::take(&mut scene.measurements.status);
     let foreign = ForeignCodewords::new(scene, &depth);
     let noise_is_known = scene.field.metadata.is_at_its_noise();
-    let explained_as_well = |pixels: &[usize]| foreign.explained_as_well(pixels, scene, refined, prior, step);
+    let explained_as_well =
+        |pixels: &[usize], along: Along| foreign.explained_as_well(pixels, scene, refined, prior, step, along);
     let alternatives = |pixels: &[usize]| {
-        let explained = explained_as_well(pixels);
+        let is_telling = |[share, _]: &[f32; 2]| *share < settings.unknown_chance;
+        let explained = explained_as_well(pixels, Along::Ray)
+            .or_else(|| explained_as_well(pixels, Along::Other).filter(is_telling));
         let (by_chance, foreign_chi2) = (explained.map(|[share, _]| share), explained.map_or(0.0, |[_, ratio]| ratio));
         let chance = by_chance.unwrap_or(settings.unknown_chance);
         let beyond = explained_beyond(pixels, scene, refined, prior, step, chance);
@@ -117,7 +120,7 @@ pub(crate) fn filter(
         noise_is_known,
         (alternatives, is_elsewhere),
     );
-    let by_chance = |pixels: &[usize]| explained_as_well(pixels).map(|[share, _]| share);
+    let by_chance = |pixels: &[usize]| explained_as_well(pixels, Along::Ray).map(|[share, _]| share);
     let asked = (by_chance, is_elsewhere);
     let is_unsupported = reject_fading(&mut depth, &mut status, scene, refined, prior, settings, asked);
     reject_continuations(&mut depth, &mut status, scene, refined, prior, step, settings.min_component);
