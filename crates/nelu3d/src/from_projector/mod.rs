@@ -49,7 +49,7 @@ const FAR_AROUND_CROSSING: [f64; 2] = [0.4, 2.5];
 const BETTER: f64 = 0.8;
 const MORE: f64 = 1.08;
 /// Depths of a field, as parts of the nearest and the farthest that boards or scenes were found at.
-const AROUND: [f64; 2] = [0.75, 1.35];
+const AROUND: [f64; 2] = [0.8, 1.25];
 /// One of so many codewords may lie before, and one behind what is taken for the depths of all.
 const FEW: usize = 200;
 /// Fewest decoded pixels that a response is fitted to.

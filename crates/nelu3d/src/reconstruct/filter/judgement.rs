@@ -111,7 +111,7 @@ impl Score {
             is_beyond: other.is_some_and(|o| o.beyond > settings.max_beyond),
             is_unique: other.is_some_and(|o| o.foreign_chi2 >= settings.unique),
             clear,
-            by_chance: other.and_then(|o| o.by_chance).unwrap_or(0.0),
+            by_chance: other.map_or(0.0, |o| o.by_chance.unwrap_or(settings.unknown_chance)),
         }
     }
 
