@@ -3,13 +3,13 @@
 use nelu3d_scan::Rig;
 use nelu3d_scan::rig::PatternSet;
 
-use super::board_poses::solve_board_poses;
+use super::board_poses::{SweepGeometry, solve_board_poses};
 use super::error::CalibrationError;
 use super::options::CalibrationOptions;
 use super::placed_sweep::Seen;
 use super::views;
 use crate::progress::{Progress, StageClock};
-use crate::sensor::NoiseModel;
+use crate::sensor::{DarkLevel, NoiseModel};
 
 /// A pixel that sees a board of the sweep.
 #[derive(Clone, Debug)]
@@ -30,6 +30,8 @@ pub(crate) struct BoardSamples {
     pub(crate) positions: usize,
     /// Noise of the sensor's pixels.
     pub(crate) noise: NoiseModel,
+    /// Light that is there without the light source, channel by channel.
+    pub(crate) dark: Vec<DarkLevel>,
 }
 
 /// Finds the boards of a sweep and draws samples from its positions, as [`super::calibrate`] does it.
@@ -43,7 +45,8 @@ pub(crate) fn board_samples(
     progress: &Progress,
     clock: &mut StageClock<'_>,
 ) -> Result<BoardSamples, CalibrationError> {
-    let mut placed = solve_board_poses(rig, set, &CalibrationOptions::default(), progress, clock)?.placed;
+    let SweepGeometry { mut placed, dark, .. } =
+        solve_board_poses(rig, set, &CalibrationOptions::default(), progress, clock)?;
     views::estimate_noise(&mut placed, rig, false, progress)?;
     let (mut samples, mut positions) = (Vec::new(), 0);
     for (p, drawn) in placed.drawn() {
@@ -59,5 +62,5 @@ pub(crate) fn board_samples(
             samples.push(BoardSample { point: point.into(), values: sample.values.to_vec(), variance });
         });
     }
-    Ok(BoardSamples { samples, positions, noise: placed.sensor_noise() })
+    Ok(BoardSamples { samples, positions, noise: placed.sensor_noise(), dark })
 }

@@ -57,6 +57,18 @@ impl Grid {
         }
     }
 
+    /// Returns the mean of the coefficients along w, `[b][a][k]`.
+    pub(super) fn mean_along_w(&self) -> Vec<f32> {
+        let ([na, nb, nw], k) = (self.nodes(), self.k);
+        let mut mean = vec![0.0f32; nb * na * k];
+        mean.par_chunks_mut(k).zip(self.coeffs.par_chunks(nw * k)).for_each(|(mean, column)| {
+            for node in column.chunks_exact(k) {
+                mean.iter_mut().zip(node).for_each(|(mean, c)| *mean += c / nw as f32);
+            }
+        });
+        mean
+    }
+
     /// Returns the same function on a grid with other numbers of cells, as many or more along each axis: a start for a
     /// fit. Polynomials up to cubic ones stay as they are, and what has as many cells, its coefficients.
     pub fn resampled(&self, cells: [usize; 3]) -> Self {

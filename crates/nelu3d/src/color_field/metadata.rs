@@ -107,9 +107,9 @@ impl FieldMetadata {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProjectorResidual {
-    /// Standard deviation of their distance from the field, normalized intensity, by its median.
+    /// Root of their mean squared distance from the field, normalized intensity.
     pub sigma: f64,
-    /// Standard deviation that noise alone gives them, normalized intensity: root of the median variance.
+    /// Standard deviation that noise alone gives them, normalized intensity: root of the mean variance.
     pub noise_sigma: f64,
 }
 

@@ -15,7 +15,6 @@ mod render;
 pub mod response;
 
 use nelu3d_scan::rig::{Capture, PatternSet};
-use nelu3d_scan::statistics::median;
 use nelu3d_scan::{Image, Projector, Rig};
 
 use crate::calibrate::{BoardSample, BoardSamples, CalibrationError, CalibrationReport, board_samples};
@@ -24,14 +23,14 @@ use crate::color_field::validity::Validity;
 use crate::color_field::{ColorField, FieldMetadata, Form, ProjectorResidual, camera_key};
 use crate::progress::{Progress, StageClock};
 use crate::reconstruct::{Codeword, decode_codewords};
-use crate::sensor::NoiseModel;
+use crate::sensor::{DarkLevel, NoiseModel};
 use crate::verdict::{Code, Finding, Judgment, Verdict};
 pub use geometry::crossing_depth;
 use geometry::{lit_volume, overlap_frame};
 use inputs::{calibrated_projector, find_scenes, given_depth, projector_error, read_captures, read_patterns};
 pub use options::FromProjectorOptions;
 use render::render_field;
-use response::{Response, exponent_matters, fit_response};
+use response::{Residual, Response, exponent_matters, fit_response};
 
 /// Blur that the estimation begins with, projector px.
 const FIRST_BLUR_PX: f32 = 1.5;
@@ -80,18 +79,18 @@ pub fn calibrate_from_projector(
     };
 
     let known = known_codewords(rig, set, progress, &mut clock)?;
-    let (source, noise) = match known {
-        Some((known, noise)) => (known, noise),
+    let (source, noise, dark) = match known {
+        Some(known) => known,
         None => {
             let scenes = find_scenes(rig, set)?;
             clock.begin("read the scenes");
             let (captures, noise) = read_captures(rig, set, &scenes)?;
-            (Source::Scenes(captures), noise)
+            (Source::Scenes(captures), noise, Vec::new())
         }
     };
 
     clock.begin("estimate blur and response");
-    let fit = ResponseFit { rig, projector, patterns, metadata: metadata(rig, set, noise) };
+    let fit = ResponseFit { rig, projector, patterns, metadata: FieldMetadata { dark, ..metadata(rig, set, noise) } };
     let (depth_mm, fitted) = match (&source, given_mm) {
         (Source::Boards { codewords, .. }, _) => {
             (given_mm.unwrap_or_else(|| around(extent(codewords))), fit.fit_codewords(codewords))
@@ -99,14 +98,13 @@ pub fn calibrate_from_projector(
         (Source::Scenes(captures), Some(mm)) => (mm, fit.fit_scenes(captures, mm, progress)?.ok_or_else(no_scene)?),
         (Source::Scenes(captures), None) => fit.find_scenes(captures, progress)?.ok_or_else(no_scene)?,
     };
-    let Fitted { residual, noise_sigma, response, .. } = fitted;
+    let Fitted { residual: Residual { median: residual, rms }, noise_sigma, response, .. } = fitted;
     let mut field =
         fit.field(response, Volume::new(rig, projector, depth_mm).ok_or_else(|| no_overlap(rig, depth_mm))?);
     field.metadata.settings = serde_json::json!({
         "options": opts, "response": response, "residual": residual, "depth_mm": depth_mm,
     });
-    // The standard deviation of a normal distribution with that median.
-    field.metadata.residual = Some(ProjectorResidual { sigma: 1.4826 * residual, noise_sigma });
+    field.metadata.residual = Some(ProjectorResidual { sigma: rms, noise_sigma });
     let center = projector.center();
     let mut judgment = Judgment::default();
     judgment.extend(source.unsure(&fit.patterns, response));
@@ -173,22 +171,22 @@ impl std::fmt::Display for Source {
     }
 }
 
-/// Returns what the boards of the rig's sweep show, and the sensor's noise; `None` without a sweep, or with a warning
-/// where it cannot be used.
+/// Returns what the boards of the rig's sweep show, the sensor's noise, and the light that is there without the projector;
+/// `None` without a sweep, or with a warning where it cannot be used.
 fn known_codewords(
     rig: &Rig,
     set: &PatternSet,
     progress: &Progress,
     clock: &mut StageClock<'_>,
-) -> Result<Option<(Source, NoiseModel)>, CalibrationError> {
+) -> Result<Option<(Source, NoiseModel, Vec<DarkLevel>)>, CalibrationError> {
     if rig.board.is_none() || rig.positions().is_err() {
         return Ok(None);
     }
     let unusable = match board_samples(rig, set, progress, clock) {
-        Ok(BoardSamples { samples, positions, noise }) if samples.len() >= MIN_CODEWORDS => {
+        Ok(BoardSamples { samples, positions, noise, dark }) if samples.len() >= MIN_CODEWORDS => {
             let codeword = |s: BoardSample| Codeword { point: s.point, intensities: s.values, variance: s.variance };
             let codewords = samples.into_iter().map(codeword).collect();
-            return Ok(Some((Source::Boards { codewords, positions }, noise)));
+            return Ok(Some((Source::Boards { codewords, positions }, noise, dark)));
         }
         Ok(BoardSamples { samples, .. }) => format!("only {} pixels of its boards are well lit", samples.len()),
         Err(CalibrationError::Cancelled) => return Err(CalibrationError::Cancelled),
@@ -268,9 +266,8 @@ impl Volume {
 
 /// Blur and response that were fitted.
 struct Fitted {
-    /// Median absolute residual of the codewords, normalized intensity.
-    residual: f64,
-    /// Root of the median variance that noise gives these, normalized intensity.
+    residual: Residual,
+    /// Root of the mean variance that noise gives the codewords, normalized intensity.
     noise_sigma: f64,
     response: Response,
     /// Number of codewords that they were fitted to.
@@ -283,8 +280,8 @@ impl Fitted {
     /// Whether this explains the same scenes better than another that was looked for at fewer depths.
     fn is_better_than(&self, other: &Self) -> bool {
         let (more, fewer) = (self.codewords as f64, other.codewords as f64);
-        self.residual < BETTER * other.residual && more >= fewer / MORE
-            || self.residual < other.residual * MORE && more > MORE * fewer
+        let (own, others) = (self.residual.median, other.residual.median);
+        own < BETTER * others && more >= fewer / MORE || own < MORE * others && more > MORE * fewer
     }
 }
 
@@ -301,8 +298,8 @@ impl ResponseFit<'_> {
     /// Fits the response to codewords at known points.
     fn fit_codewords(&self, codewords: &[Codeword]) -> Fitted {
         let (response, residual) = fit_response(&self.patterns, self.projector, codewords);
-        let variance = median(&mut codewords.iter().map(|c| c.variance).collect::<Vec<_>>());
-        let noise_sigma = f64::from(variance.unwrap_or(0.0)).sqrt();
+        let variance = codewords.iter().map(|c| f64::from(c.variance)).sum::<f64>() / codewords.len().max(1) as f64;
+        let noise_sigma = variance.sqrt();
         Fitted { residual, noise_sigma, response, codewords: codewords.len(), depths_mm: extent(codewords) }
     }
 
@@ -346,9 +343,9 @@ impl ResponseFit<'_> {
                     break;
                 }
                 let fitted = self.fit_codewords(&codewords);
-                let (of_round, residual) = (fitted.response, fitted.residual);
+                let (of_round, residual) = (fitted.response, fitted.residual.median);
                 tracing::debug!(gamma, round, ?of_round, residual, pixels = codewords.len(), "response");
-                if best.as_ref().is_some_and(|b| residual >= b.residual) {
+                if best.as_ref().is_some_and(|b| residual >= b.residual.median) {
                     break;
                 }
                 best = Some(fitted);

@@ -25,6 +25,8 @@ pub struct Response {
 const BLURS_PX: [f32; 7] = [0.0, 0.7, 1.2, 1.7, 2.3, 3.2, 4.5];
 /// Exponents that the coarse search tries.
 const GAMMAS: [f32; 5] = [0.8, 1.0, 1.3, 1.8, 2.2];
+/// Standard deviations beyond which a residual does not count for more: what lies there is no blur.
+const FAR: f64 = 5.0;
 /// Number of codewords that are compared at most, about.
 const MAX_CODEWORDS: usize = 20_000;
 
@@ -84,9 +86,9 @@ pub fn exponent_matters(patterns: &[Image]) -> bool {
 }
 
 /// Fits blur and response to decoded codewords: for every blur and exponent the best affine map, over a coarse and then
-/// a fine search. Returns them with the median absolute residual, normalized intensity. The exponent stays 1 where it
-/// does not matter (see [`exponent_matters`]).
-pub fn fit_response(patterns: &[Image], projector: &Projector, codewords: &[Codeword]) -> (Response, f64) {
+/// a fine search. Returns them with what they leave. The exponent stays 1 where it does not matter (see
+/// [`exponent_matters`]).
+pub fn fit_response(patterns: &[Image], projector: &Projector, codewords: &[Codeword]) -> (Response, Residual) {
     let step = (codewords.len() / MAX_CODEWORDS).max(1);
     let samples: Vec<([f64; 2], &[f32])> = codewords
         .iter()
@@ -110,7 +112,7 @@ pub fn fit_response(patterns: &[Image], projector: &Projector, codewords: &[Code
         gammas
             .iter()
             .flat_map(of_gamma)
-            .min_by(|a, b| a.0.residual.total_cmp(&b.0.residual))
+            .min_by(|a, b| a.0.residual.median.total_cmp(&b.0.residual.median))
             .expect("there are candidates")
     };
     let matters = exponent_matters(patterns);
@@ -122,10 +124,29 @@ pub fn fit_response(patterns: &[Image], projector: &Projector, codewords: &[Code
     (Response { blur_px, offset, scale, gamma }, residual)
 }
 
+/// What a response leaves of codewords, normalized intensity.
+#[derive(Clone, Copy, Debug)]
+pub struct Residual {
+    /// Median of the absolute values.
+    pub median: f64,
+    /// Root of the mean square, of which none counts for more than [`FAR`] standard deviations (by the median). Beside
+    /// the edges of a binary code next to nothing is left, and at these all that a pixel's χ² has to be measured by.
+    pub rms: f64,
+}
+
+impl Residual {
+    /// Sums residuals up; there is one at least.
+    fn of(mut residuals: Vec<f64>) -> Self {
+        let median = median(&mut residuals).expect("codewords have usable channels");
+        let most = FAR * 1.4826 * median;
+        let square = residuals.iter().map(|r| r.min(most).powi(2)).sum::<f64>() / residuals.len() as f64;
+        Self { median, rms: square.sqrt() }
+    }
+}
+
 /// An affine map from projected to measured values.
 struct AffineFit {
-    /// Median absolute residual, normalized intensity.
-    residual: f64,
+    residual: Residual,
     offset: f32,
     scale: f32,
 }
@@ -155,9 +176,8 @@ impl AffineFit {
             }
             tolerance = (tolerance * 0.7).max(0.03);
         }
-        let mut residuals: Vec<f64> =
+        let residuals: Vec<f64> =
             pairs.iter().map(|(v, l)| (f64::from(*l) - offset - scale * f64::from(*v)).abs()).collect();
-        let residual = median(&mut residuals).expect("codewords have usable channels");
-        Self { residual, offset: offset as f32, scale: scale as f32 }
+        Self { residual: Residual::of(residuals), offset: offset as f32, scale: scale as f32 }
     }
 }

@@ -8,6 +8,7 @@
 use std::ops::Range;
 
 use nalgebra::{Matrix3, Point3, Vector3};
+use nelu3d_scan::camera::Ray;
 use rayon::prelude::*;
 
 use super::super::excluded::ExcludedBlocks;
@@ -25,8 +26,10 @@ use crate::progress::Progress;
 
 /// Fewest views that are refined on: both halves need two.
 const MIN_VIEWS: usize = 4;
-/// Cells that a strip is wide.
-const WIDTH: usize = 32;
+/// Cells that a strip is wide: of few views, and of so many that half as many samples tell as much.
+const WIDTHS: [usize; 2] = [32, 16];
+/// Views from which strips are narrow.
+const MANY_VIEWS: usize = 16;
 /// Side of the squares of samples that are looked at together.
 const TILE: usize = 8;
 /// Strength of smoothing across: that of fine codes, as the noise of a strip's slopes is small beside those of codes.
@@ -83,16 +86,18 @@ pub(super) fn refine_on_field(
 }
 
 /// A view's codewords at the finest level, and which are left out.
-struct View<'a> {
+struct View<'a, 'r> {
     t: &'a Transport<'a>,
     view: usize,
     excluded: Option<&'a ExcludedBlocks>,
+    /// The ray of every sample, the same in all views.
+    rays: &'r [Ray],
 }
 
-impl<'a> View<'a> {
+impl<'a> View<'a, '_> {
     /// Where the sample at x, y lies on the board, mm; `None` where its ray does not meet it.
     fn point(&self, x: usize, y: usize) -> Option<Point3<f64>> {
-        let ray = self.t.camera.ray(self.t.views.levels[0].px(x, y));
+        let ray = &self.rays[y * self.t.views.levels[0].width + x];
         let (normal, offset) = &self.t.views.planes[self.view];
         let at = offset / normal.dot(&ray.dir);
         (at > 0.0).then(|| ray.at(at))
@@ -146,12 +151,16 @@ fn samples<'a>(
     light: &LightCenter,
     excluded: &'a [Option<ExcludedBlocks>],
 ) -> [Vec<Sample<'a>>; 2] {
-    let views: Vec<View<'_>> =
-        excluded.iter().enumerate().map(|(view, blocks)| View { t, view, excluded: blocks.as_ref() }).collect();
+    let level = &t.views.levels[0];
+    let ray = |i: usize| t.camera.ray(level.px(i % level.width, i / level.width));
+    let rays: Vec<Ray> = (0..level.width * level.height).into_par_iter().map(ray).collect();
+    let view =
+        |(view, blocks): (usize, &'a Option<ExcludedBlocks>)| View { t, view, excluded: blocks.as_ref(), rays: &rays };
+    let views: Vec<View<'a, '_>> = excluded.iter().enumerate().map(view).collect();
     let few: Vec<Sample<'_>> = views.par_iter().flat_map_iter(|view| view.every(TILE)).collect();
     let strips = Strips::of(t, light, few.iter());
     [0, 1].map(|first| {
-        let half: Vec<&View<'_>> = views.iter().skip(first).step_by(2).collect();
+        let half: Vec<&View<'a, '_>> = views.iter().skip(first).step_by(2).collect();
         half.par_iter().flat_map_iter(|view| view.near(&strips)).collect()
     })
 }
@@ -174,10 +183,11 @@ impl Strips {
         samples.for_each(|(x, _)| frame.enclose(x));
         let level = &t.views.levels[0];
         let pitch = pitch(t.camera, light.origin, &frame).map(|mm| mm * level.block as f64);
+        let width = WIDTHS[usize::from(t.views.count() >= MANY_VIEWS)];
         // A center that is far off may ask for any number of them.
-        let most = (2 * level.width.max(level.height)).max(WIDTH);
-        let cells = [0, 1].map(|i| (((frame.hi[i] - frame.lo[i]) / pitch[i]).ceil() as usize).clamp(WIDTH, most));
-        let [middle_a, middle_b] = cells.map(|n| (n - WIDTH) / 2..(n + WIDTH) / 2);
+        let most = (2 * level.width.max(level.height)).max(width);
+        let cells = [0, 1].map(|i| (((frame.hi[i] - frame.lo[i]) / pitch[i]).ceil() as usize).clamp(width, most));
+        let [middle_a, middle_b] = cells.map(|n| (n - width) / 2..(n + width) / 2);
         Self { frame, cells, windows: [[0..cells[0], middle_b], [middle_a, 0..cells[1]]], k: t.views.k }
     }
 
@@ -193,7 +203,7 @@ impl Strips {
         let Some(q) = self.frame.to_unit(x) else { return false };
         let is_near = |window: &[Range<usize>; 2]| {
             (0..2).all(|i| {
-                let (at, room) = (q[i] * self.cells[i] as f32, 2.0 * TILE as f32);
+                let (at, room) = (q[i] * self.cells[i] as f32, TILE as f32);
                 (window[i].start as f32 - room..=window[i].end as f32 + room).contains(&at)
             })
         };

@@ -32,8 +32,14 @@ const DEFOCUS_WORTH: f64 = 5e-3;
 /// Weight of a column's samples from which they are its codeword, whatever others have: a standard deviation of 0.1;
 /// and as a fraction of what a bright column has. Ink has less, and where only ink was, nothing is predicted.
 const BRIGHT: [f32; 2] = [100.0, 0.1];
-/// Strength along the light's rays of a field that hardly changes there.
-pub(super) const STIFFEST: f32 = 24.3e6;
+/// Strength along the light's rays of a field that hardly changes there: the largest that is searched.
+pub(super) const STIFFEST: f32 = {
+    let (mut strength, mut power) = (1.0, 1);
+    while power < MAX_POWER {
+        (strength, power) = (strength * RATIO, power + 1);
+    }
+    strength
+};
 /// One of so many positions is set aside.
 const EVERY: usize = 4;
 /// Pixels that a strip is wide.

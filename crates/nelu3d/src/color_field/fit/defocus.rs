@@ -85,14 +85,9 @@ pub(super) struct Laplacian {
 impl Laplacian {
     /// Takes the Laplacian of a spline, of those channels that follow a defocus.
     pub(super) fn of(grid: &Grid, Defocus { aspect, of_channels, .. }: &Defocus) -> Self {
-        let (nodes @ [na, nb, nw], k) = (grid.nodes(), grid.k);
+        let (nodes @ [na, nb, _], k) = (grid.nodes(), grid.k);
         let row = na * k;
-        let mut mean = vec![0.0f32; nb * row];
-        mean.par_chunks_mut(k).zip(grid.coeffs.par_chunks(nw * k)).for_each(|(mean, column)| {
-            for node in column.chunks_exact(k) {
-                mean.iter_mut().zip(node).for_each(|(mean, c)| *mean += c / nw as f32);
-            }
-        });
+        let mean = grid.mean_along_w();
         let mean = averaged(&averaged(&mean, k, row), row, nb * row);
         let mut values = vec![0.0f32; nb * row];
         values.par_chunks_mut(row).enumerate().filter(|(b, _)| (1..nb - 1).contains(b)).for_each(|(b, out)| {

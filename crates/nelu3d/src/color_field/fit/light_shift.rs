@@ -12,7 +12,6 @@
 //! single positions, as the field follows it; it leaves codewords that seem to change along rays.
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use super::NormalEquations;
 
@@ -23,12 +22,7 @@ use crate::color_field::grid::Grid;
 pub fn changes(grid: &Grid, first: [usize; 2], cells: [usize; 2]) -> [Vec<f32>; 3] {
     let ([na, nb, nw], k) = (grid.nodes(), grid.k);
     let row = na * k;
-    let mut mean = vec![0.0f32; nb * row];
-    mean.par_chunks_mut(k).zip(grid.coeffs.par_chunks(nw * k)).for_each(|(mean, column)| {
-        for node in column.chunks_exact(k) {
-            mean.iter_mut().zip(node).for_each(|(mean, c)| *mean += c / nw as f32);
-        }
-    });
+    let mean = grid.mean_along_w();
     let mut changes: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0f32; grid.coeffs.len()]);
     let from_middle = |node: usize, i: usize| (first[i] + node) as f32 - 1.0 - cells[i] as f32 / 2.0;
     for b in 1..nb - 1 {

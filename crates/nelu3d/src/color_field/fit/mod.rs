@@ -94,8 +94,10 @@ impl LeastSquares {
         let left = changes.each_ref().map(|change| {
             let (mut followed, mut r) = (Grid::new(grid.cells, k), product(change));
             conjugate_gradients(apply, &lines, (&mut followed, &mut r), (&mut p, &mut scratch), iterations, progress);
-            let left: Vec<f32> = change.iter().zip(&followed.coeffs).map(|(own, followed)| own - followed).collect();
-            product(&left)
+            // The samples' product of what is left: residuals, in which the penalty is counted as well.
+            penalty.apply(&followed.coeffs, &mut scratch);
+            r.iter_mut().zip(&scratch).for_each(|(r, penalty)| *r += penalty);
+            r
         });
         let dot = |a: &[f32], b: &[f32]| dots(a, b, k).into_iter().sum::<f64>();
         NormalEquations {
