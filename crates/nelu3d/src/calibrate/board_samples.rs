@@ -9,7 +9,7 @@ use super::options::CalibrationOptions;
 use super::placed_sweep::Seen;
 use super::views;
 use crate::progress::{Progress, StageClock};
-use crate::sensor::{DarkLevel, NoiseModel};
+use crate::sensor::{Blur, DarkLevel, NoiseModel};
 
 /// A pixel that sees a board of the sweep.
 #[derive(Clone, Debug)]
@@ -32,6 +32,8 @@ pub(crate) struct BoardSamples {
     pub(crate) noise: NoiseModel,
     /// Light that is there without the light source, channel by channel.
     pub(crate) dark: Vec<DarkLevel>,
+    /// Blur of the camera.
+    pub(crate) blur: Blur,
 }
 
 /// Finds the boards of a sweep and draws samples from its positions, as [`super::calibrate`] does it.
@@ -62,5 +64,5 @@ pub(crate) fn board_samples(
             samples.push(BoardSample { point: point.into(), values: sample.values.to_vec(), variance });
         });
     }
-    Ok(BoardSamples { samples, positions, noise: placed.sensor_noise(), dark })
+    Ok(BoardSamples { samples, positions, noise: placed.sensor_noise(), dark, blur: placed.sensor_blur })
 }

@@ -27,9 +27,25 @@ pub fn crossing_depth(camera: &Camera, projector: &Projector) -> f64 {
     if t > 0.0 { t * view.z } else { DEFAULT_DEPTH_MM }
 }
 
+/// Where light and view overlap between two depths.
+#[derive(Clone)]
+pub(super) struct Volume {
+    pub(super) frame: FieldFrame,
+    pub(super) validity: Validity,
+}
+
+impl Volume {
+    /// Finds it between two depths, mm, if there is any.
+    pub(super) fn new(camera: &Camera, projector: &Projector, depth_mm: [f64; 2]) -> Option<Self> {
+        let frame = overlap_frame(camera, projector, depth_mm)?;
+        let validity = lit_volume(camera, projector, &frame, depth_mm);
+        Some(Self { frame, validity })
+    }
+}
+
 /// Returns a frame centered on the projector over what camera and projector both reach between two depths, mm; `None`
 /// when that is nothing.
-pub(super) fn overlap_frame(camera: &Camera, projector: &Projector, [near, far]: [f64; 2]) -> Option<FieldFrame> {
+fn overlap_frame(camera: &Camera, projector: &Projector, [near, far]: [f64; 2]) -> Option<FieldFrame> {
     let mut reached = Vec::new();
     for y in (0..=camera.height).step_by((camera.height / 24).max(1)) {
         for x in (0..=camera.width).step_by((camera.width / 24).max(1)) {
@@ -60,12 +76,7 @@ pub(super) fn overlap_frame(camera: &Camera, projector: &Projector, [near, far]:
 
 /// Returns the validity volume of a field from a projector: every pixel between two depths, mm, and every cell that the
 /// projector lights.
-pub(super) fn lit_volume(
-    camera: &Camera,
-    projector: &Projector,
-    frame: &FieldFrame,
-    [near, far]: [f64; 2],
-) -> Validity {
+fn lit_volume(camera: &Camera, projector: &Projector, frame: &FieldFrame, [near, far]: [f64; 2]) -> Validity {
     let mut v = Validity::new(camera.width, camera.height, TILE_PX, VALIDITY_CELLS);
     let [ca, cb, cw] = v.shape.cells;
     for b in 0..cb {

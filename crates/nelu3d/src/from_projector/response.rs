@@ -27,6 +27,8 @@ const BLURS_PX: [f32; 7] = [0.0, 0.7, 1.2, 1.7, 2.3, 3.2, 4.5];
 const GAMMAS: [f32; 5] = [0.8, 1.0, 1.3, 1.8, 2.2];
 /// Standard deviations beyond which a residual does not count for more: what lies there is no blur.
 const FAR: f64 = 5.0;
+/// Fewest codewords that a response is fitted to.
+pub(super) const MIN_CODEWORDS: usize = 500;
 /// Number of codewords that are compared at most, about.
 const MAX_CODEWORDS: usize = 20_000;
 
