@@ -127,7 +127,7 @@ impl<'a> View<'a, '_> {
         let mut out = Vec::new();
         for top in (0..level.height).step_by(TILE) {
             for left in (0..level.width).step_by(TILE) {
-                let [x, y] = [left, top].map(|first| first + TILE / 2);
+                let (x, y) = ((left + TILE / 2).min(level.width - 1), (top + TILE / 2).min(level.height - 1));
                 if !self.point(x, y).is_some_and(|x| strips.is_near(&x)) {
                     continue;
                 }
