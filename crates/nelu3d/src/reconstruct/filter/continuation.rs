@@ -32,6 +32,13 @@ const LEFT: f64 = 0.2;
 /// χ² beyond such a step, as a multiple of that before it, above which the step is none.
 const WORSE: f64 = 1.5;
 
+/// How many times as many pixels a neighbor has beside which a component is a speck.
+const MUCH_LARGER: usize = 20;
+/// χ² of the continued neighbor of a speck, as a multiple of that of the found one, below which it explains the speck
+/// about as well: of two such depths that of what is all around is the likelier one. What truly stands before a wall
+/// shows codewords that are far from the wall's.
+const AS_WELL: f64 = 1.5;
+
 /// What a component's outline tells.
 #[derive(Clone, Copy, Default)]
 pub struct Outline {
@@ -45,13 +52,15 @@ pub struct Outline {
     pub neighbor: f64,
     /// Number of places where the continued neighbor lies in the calibrated volume.
     pub inside: usize,
+    /// Whether the neighbors at all these places are much larger than the component.
+    pub is_speck: bool,
 }
 
 impl Outline {
     /// Returns why the component is rejected, if it is.
     pub fn rejection(&self) -> Option<PixelStatus> {
         let inside = self.inside as f64 / self.places.max(1) as f64;
-        let is_continued = self.continued < BETTER * self.found;
+        let is_continued = self.continued < if self.is_speck { AS_WELL } else { BETTER } * self.found;
         let begins_where_it_ends = inside < LEFT && self.found > WORSE * self.neighbor;
         let why = if inside > 0.5 { PixelStatus::Ambiguous } else { PixelStatus::OutsideVolume };
         (self.places >= MIN_PLACES && (is_continued || begins_where_it_ends)).then_some(why)
@@ -106,6 +115,8 @@ pub(super) fn reject_continuations(
             outline.continued += continued;
             outline.neighbor += neighbor;
             outline.inside += usize::from(inside);
+            let [own, beyond] = [*id, component[across]].map(|id| sizes[id as usize] as usize);
+            outline.is_speck = (outline.places == 1 || outline.is_speck) && beyond > MUCH_LARGER * own;
         }
     }
     for (id, o) in outlines.iter().enumerate().filter(|(_, o)| o.places >= MIN_PLACES) {

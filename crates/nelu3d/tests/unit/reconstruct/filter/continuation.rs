@@ -4,7 +4,14 @@ use nelu3d_scan::Camera;
 
 #[test]
 fn what_the_surface_before_a_step_explains_is_its_continuation() {
-    let outline = |found, continued, neighbor, inside| Outline { places: 20, found, continued, neighbor, inside };
+    let outline = |found, continued, neighbor, inside| Outline {
+        places: 20,
+        found,
+        continued,
+        neighbor,
+        inside,
+        is_speck: false,
+    };
     // A wrong period: the continued surface explains the codewords, within the volume or just outside it.
     assert_eq!(outline(60.0, 20.0, 20.0, 20).rejection(), Some(PixelStatus::Ambiguous));
     assert_eq!(outline(60.0, 20.0, 20.0, 0).rejection(), Some(PixelStatus::OutsideVolume));
@@ -16,6 +23,10 @@ fn what_the_surface_before_a_step_explains_is_its_continuation() {
     assert_eq!(outline(25.0, 150.0, 20.0, 2).rejection(), None);
     // Too short to tell.
     assert_eq!(Outline { places: 15, ..outline(60.0, 20.0, 20.0, 15) }.rejection(), None);
+    // A speck goes where what is all around it explains it about as well, and stays where that is far off.
+    let speck = |continued| Outline { is_speck: true, ..outline(20.0, continued, 20.0, 20) }.rejection();
+    assert_eq!(speck(25.0), Some(PixelStatus::Ambiguous));
+    assert_eq!(speck(60.0), None);
 }
 
 #[test]
