@@ -160,8 +160,9 @@ impl ResponseFit<'_> {
 
     /// The color field of a response in a volume.
     pub(super) fn field(&self, response: Response, Volume { frame, validity }: Volume) -> ColorField {
-        let form = Form::Grid(render_field(&self.patterns, self.projector, &frame, response));
-        ColorField { frame, form, validity, metadata: self.metadata.clone() }
+        let (grid, cells_per_pixel) = render_field(&self.patterns, self.projector, &frame, response);
+        let metadata = FieldMetadata { cells_per_pixel, ..self.metadata.clone() };
+        ColorField { frame, form: Form::Grid(grid), validity, metadata }
     }
 
     /// Decoded points of all captures, and their codewords.

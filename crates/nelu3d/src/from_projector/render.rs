@@ -17,11 +17,17 @@ const CELLS: [f64; 2] = [8.0, 2048.0];
 /// Most coefficients of the field, 320 MB.
 const MAX_COEFFICIENTS: f64 = (80 << 20) as f64;
 
-/// Renders the field: blurred patterns through the response, sampled at the nodes of a grid.
-pub(super) fn render_field(patterns: &[Image], projector: &Projector, frame: &FieldFrame, response: Response) -> Grid {
+/// Renders the field: blurred patterns through the response, sampled at the nodes of a grid. Returns it with its cells per
+/// projector pixel along an axis that a pattern changes along: the pixel is the unit of disparities.
+pub(super) fn render_field(
+    patterns: &[Image],
+    projector: &Projector,
+    frame: &FieldFrame,
+    response: Response,
+) -> (Grid, usize) {
     let blurred = |p: &Image| Projected::new(p, response.gamma).blurred(response.blur_px);
     let blurred: Vec<Projected> = patterns.iter().map(blurred).collect();
-    let [across, down] = cells(patterns, projector, frame);
+    let ([across, down], cells_per_pixel) = cells(patterns, projector, frame);
     let k = patterns.len();
     // Nothing changes along the projector's rays: one cell.
     let mut grid = Grid::new([across, down, 1], k);
@@ -40,11 +46,12 @@ pub(super) fn render_field(patterns: &[Image], projector: &Projector, frame: &Fi
         }
     });
     grid.interpolate(&values);
-    grid
+    (grid, cells_per_pixel)
 }
 
-/// Returns the cells of the field across the light, along a and b: of a size that its pixels have at the frame's middle.
-fn cells(patterns: &[Image], projector: &Projector, frame: &FieldFrame) -> [usize; 2] {
+/// Returns the cells of the field across the light, along a and b, and how many a pixel has that is as large as it is at
+/// the frame's middle, along an axis that a pattern changes along.
+fn cells(patterns: &[Image], projector: &Projector, frame: &FieldFrame) -> ([usize; 2], usize) {
     let px = |q: [f64; 3]| projector.project(&frame.from_unit(q)).unwrap_or([0.0; 2]);
     let length = |p: [f64; 2], q: [f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]);
     let lengths = [length(px([0.0, 0.5, 0.5]), px([1.0, 0.5, 0.5])), length(px([0.5, 0.0, 0.5]), px([0.5, 1.0, 0.5]))];
@@ -55,5 +62,7 @@ fn cells(patterns: &[Image], projector: &Projector, frame: &FieldFrame) -> [usiz
     // One cell along w has four nodes.
     let coefficients = wanted[0] * wanted[1] * (4 * patterns.len()) as f64;
     let part = (MAX_COEFFICIENTS / coefficients).min(1.0).sqrt();
-    wanted.map(|n| (part * n).ceil().max(CELLS[0]) as usize)
+    let cells = wanted.map(|n| (part * n).ceil().max(CELLS[0]) as usize);
+    let per_pixel = (0..2).filter(|i| changes[*i]).map(|i| (cells[i] as f64 / lengths[i]).round() as usize).max();
+    (cells, per_pixel.unwrap_or(1).max(1))
 }

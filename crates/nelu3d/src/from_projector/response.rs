@@ -131,7 +131,7 @@ pub fn fit_response(patterns: &[Image], projector: &Projector, codewords: &[Code
 pub struct Residual {
     /// Median of the absolute values.
     pub median: f64,
-    /// Root of the mean square, of which none counts for more than [`FAR`] standard deviations (by the median). Beside
+    /// Root of the mean square, of which none counts for more than five standard deviations (by the median). Beside
     /// the edges of a binary code next to nothing is left, and at these all that a pixel's χ² has to be measured by.
     pub rms: f64,
 }
