@@ -79,8 +79,8 @@ pub(super) struct ResponseFit<'a> {
 }
 
 impl ResponseFit<'_> {
-    /// Fits blur and response to what a field rests on, and returns the depths, mm, that the field is to have, too: those
-    /// that are given, or those around the boards or the scenes. `None` if no scene could be decoded.
+    /// Fits blur and response to what a field rests on, and returns the depths, mm, that the field is to have, too:
+    /// those that are given, or those around the boards or the scenes. `None` if no scene could be decoded.
     pub(super) fn fit(
         &self,
         source: &Source,
@@ -124,8 +124,8 @@ impl ResponseFit<'_> {
         })
     }
 
-    /// Decodes scenes between two depths, mm, and fits the response by turns, from every start, and returns the fit with
-    /// the smallest median residual; `None` if no scene could be decoded.
+    /// Decodes scenes between two depths, mm, and fits the response by turns, from every start, and returns the fit
+    /// with the smallest median residual; `None` if no scene could be decoded.
     fn fit_scenes(
         &self,
         captures: &[Capture],

@@ -17,8 +17,8 @@ const CELLS: [f64; 2] = [8.0, 2048.0];
 /// Most coefficients of the field, 320 MB.
 const MAX_COEFFICIENTS: f64 = (80 << 20) as f64;
 
-/// Renders the field: blurred patterns through the response, sampled at the nodes of a grid. Returns it with its cells per
-/// projector pixel along an axis that a pattern changes along: the pixel is the unit of disparities.
+/// Renders the field: blurred patterns through the response, sampled at the nodes of a grid. Returns it with its cells
+/// per projector pixel along an axis that a pattern changes along: the pixel is the unit of disparities.
 pub(super) fn render_field(
     patterns: &[Image],
     projector: &Projector,
@@ -49,8 +49,8 @@ pub(super) fn render_field(
     (grid, cells_per_pixel)
 }
 
-/// Returns the cells of the field across the light, along a and b, and how many a pixel has that is as large as it is at
-/// the frame's middle, along an axis that a pattern changes along.
+/// Returns the cells of the field across the light, along a and b, and how many a pixel has that is as large as it is
+/// at the frame's middle, along an axis that a pattern changes along.
 fn cells(patterns: &[Image], projector: &Projector, frame: &FieldFrame) -> ([usize; 2], usize) {
     let px = |q: [f64; 3]| projector.project(&frame.from_unit(q)).unwrap_or([0.0; 2]);
     let length = |p: [f64; 2], q: [f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]);
