@@ -2,6 +2,7 @@
 """Scanners drawn at random: what do calibration and scans say, and is it true?
 
     python3 benches/verdict/random_scanners.py PROGRAM FOLDER [--seeds 0:20] [--threads 1]      # needs tomli_w
+    python3 benches/verdict/random_scanners.py PROGRAM FOLDER --from-projector [--without-sweep]
 
 For every seed a scanner is drawn and simulated into FOLDER/SEED/rig: 150 mm to 3 m away, field of view 14° to 55°,
 mono, RGB, or mosaic of 8 to 12 bits, light from any side (a projector, gamma 1 to 2.2, or film), three kinds of
@@ -14,6 +15,9 @@ A row is SILENT where the verdict is good, and the median error of the body exce
 (`seen`), or more than 2 % of the wall has a depth of which less than half lie within 1σ (`outside`), or more than 2 %
 of object and wall are gross errors (`before`). Started again, rigs are kept and everything else is done anew. Exit code
 1 where a row is silent.
+
+With `--from-projector` the field is that of the scanner's own projector, blur and response from its sweep or
+`--without-sweep` from the scene, and only `seen` is scanned; scanners with film have none.
 """
 
 import argparse
@@ -247,13 +251,25 @@ def row(scene, answer):
     return cells + [said + " **SILENT**" * silent], silent
 
 
+def without_sweep(rig, folder):
+    """Returns a folder of links to a rig, but for its sweep and all scenes but `seen`."""
+    if not folder.exists():
+        (folder / "scenes").mkdir(parents=True)
+        for name in ("camera.json", "patterns", "projector.json", "rig.toml", "scenes/seen"):
+            (folder / name).symlink_to((rig / name).resolve())
+    return folder
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program")
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--seeds", default="0:20", help="first and, not included, last")
     parser.add_argument("--threads", default="1")
+    parser.add_argument("--from-projector", action="store_true", help="fields of the scanners' own projectors")
+    parser.add_argument("--without-sweep", action="store_true", help="with it: from the scene `seen` alone")
     args = parser.parse_args()
+    source = ("--from-projector",) if args.from_projector else ()
     silent = rows = 0
     print("| scanner | set | scene | coverage, % | MAE, mm | body median, mm | 1σ, mm | within, % | gross, % | said |")
     print("|---|---|---|---|---|---|---|---|---|---|")
@@ -266,15 +282,20 @@ def main():
         if not (rig / "rig.toml").exists():
             subprocess.run([args.program, "simulate", folder / "scanner.toml", "-o", rig, "--quiet"], check=True,
                            stdout=subprocess.DEVNULL)
+        if source and not (rig / "projector.json").exists():
+            continue
+        calibrated = without_sweep(rig, folder / "without-sweep") if args.without_sweep else rig
         name = f"{seed}: {described(spec)}"
         for chosen in [s["name"] for s in spec.get("pattern_sets", [])] or [None]:
             which = ("--set", chosen) if chosen else ()
-            field = folder / f"{chosen}.safetensors"
+            field = folder / f"{chosen}{'-projector' if source else ''}.safetensors"
             field.unlink(missing_ok=True)
-            answer = run(args.program, args.threads, "calibrate", rig, *which, "-o", field, "--accept")
+            answer = run(args.program, args.threads, "calibrate", calibrated, *which, *source, "-o", field, "--accept")
             said = answer["verdict"] + "".join(f" `{w['code']}`" for w in answer["warnings"]) + answer.get("why", "")
-            print(f"| {name} | {chosen or 'film'} | (sweep) | – | – | – | – | – | – | {said} |", flush=True)
-            for scene in ("seen", "outside", "before") if field.exists() else ():
+            of = "(projector)" if source else "(sweep)"
+            print(f"| {name} | {chosen or 'film'} | {of} | – | – | – | – | – | – | {said} |", flush=True)
+            scenes = ("seen",) if source else ("seen", "outside", "before")
+            for scene in scenes if field.exists() else ():
                 truth = rig / "scenes" / scene / "truth"
                 answer = run(args.program, args.threads, "reconstruct", rig, scene, *which, "--field", field,
                              "-o", folder / f"{chosen}-{scene}", "--truth", truth, "--accept")
