@@ -23,12 +23,13 @@ const FIRST_GAMMAS: [f32; 2] = [1.0, 2.2];
 const MAX_ROUNDS: usize = 3;
 /// Depths that scenes are looked for at, as parts of where the optical axes come closest.
 const AROUND_CROSSING: [f64; 2] = [0.6, 1.6];
-/// The same where these do not explain the scenes: a projector whose lens is shifted throws the middle of its picture
-/// elsewhere.
+/// Depths that scenes are looked for at, as parts of where the optical axes come closest, where [`AROUND_CROSSING`] does
+/// not explain them: a projector whose lens is shifted throws the middle of its picture elsewhere.
 const FAR_AROUND_CROSSING: [f64; 2] = [0.4, 2.5];
-/// How much better more depths have to explain scenes (median residual), or how many more of their pixels as well:
-/// where codes repeat, more depths are more to be wrong at.
+/// Median residual that more depths have to leave of scenes, as a part of what fewer leave: where codes repeat, more
+/// depths are more to be wrong at.
 const BETTER: f64 = 0.8;
+/// Times as many pixels of scenes that more depths have to explain as well as fewer do.
 const MORE: f64 = 1.08;
 /// Depths of a field, as parts of the nearest and the farthest that boards or scenes were found at.
 const AROUND: [f64; 2] = [0.8, 1.25];
