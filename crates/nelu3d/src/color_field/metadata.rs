@@ -109,7 +109,8 @@ impl FieldMetadata {
 pub struct ProjectorResidual {
     /// Root of their mean squared distance from the field, normalized intensity.
     pub sigma: f64,
-    /// Standard deviation that noise alone gives them, normalized intensity: root of the mean variance.
+    /// Standard deviation that noise alone gives them, normalized intensity: root of the mean variance, of
+    /// points that were decoded of the median.
     pub noise_sigma: f64,
 }
 

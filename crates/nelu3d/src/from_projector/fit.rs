@@ -4,6 +4,7 @@
 //! were found to come from, and decoded again.
 
 use nelu3d_scan::rig::Capture;
+use nelu3d_scan::statistics::median;
 use nelu3d_scan::{Image, Projector, Rig};
 
 use super::geometry::{Volume, crossing_depth};
@@ -49,10 +50,20 @@ fn around([near, far]: [f64; 2]) -> [f64; 2] {
     [AROUND[0] * near, AROUND[1] * far]
 }
 
+/// Where the points of codewords come from.
+#[derive(Clone, Copy)]
+enum Points {
+    /// Boards: residuals have all of the noise, and its mean variance.
+    Known,
+    /// Decoded from the codewords, which takes much of the noise into their depths, most of it where light is dim: the
+    /// median variance is what residuals have.
+    Decoded,
+}
+
 /// Blur and response that were fitted.
 pub(super) struct Fitted {
     pub(super) residual: Residual,
-    /// Root of the mean variance that noise gives the codewords, normalized intensity.
+    /// Root of the variance that noise gives the codewords' residuals, normalized intensity; see [`Points`].
     pub(super) noise_sigma: f64,
     pub(super) response: Response,
     /// Number of codewords that they were fitted to.
@@ -89,9 +100,10 @@ impl ResponseFit<'_> {
         progress: &Progress,
     ) -> Result<Option<([f64; 2], Fitted)>, CalibrationError> {
         match (source, given_mm) {
-            (Source::Boards { codewords, .. }, _) => {
-                Ok(Some((given_mm.unwrap_or_else(|| around(extent(codewords))), self.fit_codewords(codewords))))
-            }
+            (Source::Boards { codewords, .. }, _) => Ok(Some((
+                given_mm.unwrap_or_else(|| around(extent(codewords))),
+                self.fit_codewords(codewords, Points::Known),
+            ))),
             (Source::Scenes(captures), Some(mm)) => {
                 Ok(self.fit_scenes(captures, mm, progress)?.map(|fitted| (mm, fitted)))
             }
@@ -99,10 +111,14 @@ impl ResponseFit<'_> {
         }
     }
 
-    /// Fits the response to codewords at known points.
-    fn fit_codewords(&self, codewords: &[Codeword]) -> Fitted {
+    /// Fits the response to codewords at points.
+    fn fit_codewords(&self, codewords: &[Codeword], points: Points) -> Fitted {
         let (response, residual) = fit_response(&self.patterns, self.projector, codewords);
-        let variance = codewords.iter().map(|c| f64::from(c.variance)).sum::<f64>() / codewords.len().max(1) as f64;
+        let mut variances: Vec<f64> = codewords.iter().map(|c| f64::from(c.variance)).collect();
+        let variance = match points {
+            Points::Known => variances.iter().sum::<f64>() / variances.len().max(1) as f64,
+            Points::Decoded => median(&mut variances).unwrap_or(0.0),
+        };
         let noise_sigma = variance.sqrt();
         Fitted { residual, noise_sigma, response, codewords: codewords.len(), depths_mm: extent(codewords) }
     }
@@ -146,7 +162,7 @@ impl ResponseFit<'_> {
                 if codewords.len() < MIN_CODEWORDS {
                     break;
                 }
-                let fitted = self.fit_codewords(&codewords);
+                let fitted = self.fit_codewords(&codewords, Points::Decoded);
                 let (of_round, residual) = (fitted.response, fitted.residual.median);
                 tracing::debug!(gamma, round, ?of_round, residual, pixels = codewords.len(), "response");
                 if best.as_ref().is_some_and(|b| residual >= b.residual.median) {
