@@ -24,8 +24,8 @@ const FIRST_GAMMAS: [f32; 2] = [1.0, 2.2];
 const MAX_ROUNDS: usize = 3;
 /// Depths that scenes are looked for at, as parts of where the optical axes come closest.
 const AROUND_CROSSING: [f64; 2] = [0.6, 1.6];
-/// Depths that scenes are looked for at, as parts of where the optical axes come closest, where [`AROUND_CROSSING`] does
-/// not explain them: a projector whose lens is shifted throws the middle of its picture elsewhere.
+/// Depths that scenes are looked for at, as parts of where the optical axes come closest, where [`AROUND_CROSSING`]
+/// does not explain them: a projector whose lens is shifted throws the middle of its picture elsewhere.
 const FAR_AROUND_CROSSING: [f64; 2] = [0.4, 2.5];
 /// Median residual that more depths have to leave of scenes, as a part of what fewer leave: where codes repeat, more
 /// depths are more to be wrong at.

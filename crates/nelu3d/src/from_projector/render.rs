@@ -10,8 +10,8 @@ use crate::color_field::grid::Grid;
 /// Cells per projector pixel along an axis that a pattern changes along: edges lie anywhere between nodes, and with one
 /// per pixel stripes of a Gray code are off by tenths of what they rise.
 const CELLS_PER_PX: f64 = 2.0;
-/// Cells per projector pixel along an axis that no pattern changes along; not one alone, as the projector's columns lean a
-/// little against the frame.
+/// Cells per projector pixel along an axis that no pattern changes along; not one cell in all, as the projector's
+/// columns lean a little against the frame.
 const CELLS_PER_PX_OF_STRIPES: f64 = 0.25;
 /// Fewest and most cells of the field across.
 const CELLS: [f64; 2] = [8.0, 2048.0];
