@@ -70,7 +70,7 @@ impl Projected {
 }
 
 /// Samples per pixel along x and y that tell what a pattern is between the middles of its pixels.
-pub fn samples_per_px(pattern: &Image) -> [usize; 2] {
+fn samples_per_px(pattern: &Image) -> [usize; 2] {
     match [pattern.width, pattern.height] {
         [1, _] => [1, 4],
         [_, 1] => [4, 1],
