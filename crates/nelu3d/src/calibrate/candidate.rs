@@ -10,7 +10,7 @@ use super::predictor::Predictor;
 use super::resolution::{is_limited, resolution, spline_cells};
 use super::shared_displacement::GrossSquares;
 use super::smoothing::{Aside, smoothness};
-use super::spline_fit::{Schedule, SplineFit};
+use super::spline_fit::{Schedule, SplineFit, fit_spline};
 use super::support::Support;
 use crate::color_field::bins::{Bins, Gathered};
 use crate::color_field::fit::{LeastSquares, Smoothness};
@@ -237,19 +237,15 @@ impl Candidate {
             // From nothing: where carried samples lie there was nothing to go on from.
             let schedule = self.schedule.anew(placed.sweep.binning);
             if opts.form == FormKind::Grid {
-                let fit = SplineFit::new(&bins, self.cells, schedule);
-                // Of a large sensor they are a third of the memory.
-                drop(bins);
-                return Ok(Form::Grid(fit.fit_once(&self.smooth, progress)));
+                return Ok(Form::Grid(fit_spline(&bins, self.cells, schedule, &self.smooth, progress)));
             }
             return Ok(fit_form(cx, &bins, &self.frame, self.cells, (&self.smooth, schedule)).0);
         }
         match &mut form {
             Form::Grid(grid) if self.smooth.defocus.is_some() => {
                 // From nothing: the defocus is in the spline.
-                let fit = SplineFit::new(&bins, self.cells, self.schedule.with_steps(self.final_steps));
-                drop(bins);
-                *grid = fit.fit_once(&self.smooth, progress);
+                let schedule = self.schedule.with_steps(self.final_steps);
+                *grid = fit_spline(&bins, self.cells, schedule, &self.smooth, progress);
             }
             Form::Grid(grid) => {
                 let problem = LeastSquares::new(grid.cells, &bins);
@@ -364,7 +360,7 @@ fn fit_form(
     let FitContext { placed, opts, progress, .. } = *cx;
     let k = placed.sweep.k;
     let form = match opts.form {
-        FormKind::Grid => Form::Grid(SplineFit::new(bins, cells, schedule).fit_once(smooth, progress)),
+        FormKind::Grid => Form::Grid(fit_spline(bins, cells, schedule, smooth, progress)),
         FormKind::Hash => {
             let mut hash = HashForm::new(HashSettings::for_cells(cells), k, opts.seed);
             hash.train(bins, opts.seed, cx.device, progress);

@@ -1,5 +1,9 @@
 //! Fitting the spline from nothing, coarse to fine.
 
+use std::ops::Range;
+
+use rayon::prelude::*;
+
 use crate::color_field::bins::Bins;
 use crate::color_field::fit::{LeastSquares, NormalEquations, Smoothness};
 use crate::color_field::frame::Center;
@@ -72,6 +76,31 @@ pub struct SplineFit {
     levels: Vec<Level>,
 }
 
+/// Most coefficients that are fitted at once, about. Their equations take seven numbers for each.
+const AT_ONCE: usize = 8_000_000;
+
+/// Fits a spline of `cells` to `bins`, which have as many across, from nothing. Channels are problems of their own: of a
+/// large spline some are solved at a time, in a part of the memory.
+pub fn fit_spline(
+    bins: &Bins,
+    cells: [usize; 3],
+    schedule: Schedule,
+    smooth: &Smoothness,
+    progress: &Progress,
+) -> Grid {
+    let k = bins.k();
+    let mut grid = Grid::new(cells, k);
+    let at_once = k.div_ceil(grid.coeffs.len().div_ceil(AT_ONCE).max(1));
+    for first in (0..k).step_by(at_once) {
+        let channels = first..(first + at_once).min(k);
+        let fit = SplineFit::of_channels(bins, cells, schedule, channels.clone());
+        let part = fit.fit_once(&smooth.part(channels.clone()), progress);
+        let nodes = grid.coeffs.par_chunks_mut(k).zip(part.coeffs.par_chunks(part.k)).with_min_len(1 << 12);
+        nodes.for_each(|(node, part)| node[channels.clone()].copy_from_slice(part));
+    }
+    grid
+}
+
 /// A level of a fit.
 struct Level {
     /// By what the cells across are divided.
@@ -84,14 +113,22 @@ struct Level {
 impl SplineFit {
     /// Prepares to fit a spline of `cells` to `bins`, which have as many across.
     pub fn new(bins: &Bins, cells: [usize; 3], schedule: Schedule) -> Self {
+        Self::of_channels(bins, cells, schedule, 0..bins.k())
+    }
+
+    /// Prepares to fit a spline of `cells` to some channels of `bins`, which have as many across.
+    fn of_channels(bins: &Bins, cells: [usize; 3], schedule: Schedule, channels: Range<usize>) -> Self {
+        let level = |part, steps, cells, bins: &Bins| {
+            let problem = LeastSquares::of_channels(cells, bins, channels.clone());
+            Level { part, steps, cells, problem }
+        };
         // The coarse fits fill what the fine one cannot see, and need no more bins than they have cells for.
-        let mut levels = vec![Level { part: 1, steps: schedule.steps, cells, problem: LeastSquares::new(cells, bins) }];
+        let mut levels = vec![level(1, schedule.steps, cells, bins)];
         let mut merged: Option<Bins> = None;
         for (part, steps) in schedule.coarse.iter().copied() {
             let across = [cells[0] / part + 1, cells[1] / part + 1];
             let coarse = merged.as_ref().unwrap_or(bins).merged([across[0], across[1], bins.counts()[2]]);
-            let cells = [across[0], across[1], cells[2]];
-            levels.push(Level { part, steps, cells, problem: LeastSquares::new(cells, &coarse) });
+            levels.push(level(part, steps, [across[0], across[1], cells[2]], &coarse));
             merged = Some(coarse);
         }
         levels.reverse();
@@ -122,7 +159,7 @@ impl SplineFit {
     }
 
     /// Does what [`Self::fit`] does, in the memory that the problems take.
-    pub fn fit_once(self, smooth: &Smoothness, progress: &Progress) -> Grid {
+    fn fit_once(self, smooth: &Smoothness, progress: &Progress) -> Grid {
         let mut grid = None;
         for level in self.levels {
             let mut next = level.start(grid);

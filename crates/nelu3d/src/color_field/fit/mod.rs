@@ -19,6 +19,8 @@ pub mod normal;
 pub mod penalty;
 mod smoothness;
 
+use std::ops::Range;
+
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
@@ -44,9 +46,15 @@ pub struct LeastSquares {
 impl LeastSquares {
     /// Prepares to fit a spline of `cells` to samples.
     pub fn new(cells: [usize; 3], bins: &Bins) -> Self {
-        let normal = Normal::new(cells, bins);
+        Self::of_channels(cells, bins, 0..bins.k())
+    }
+
+    /// Prepares to fit a spline of `cells` to some channels of samples.
+    pub fn of_channels(cells: [usize; 3], bins: &Bins, channels: Range<usize>) -> Self {
+        let k = channels.len();
+        let normal = Normal::new(cells, bins, channels);
         let diagonal = normal.diagonal();
-        let lambda = mean_node_weight(&diagonal, bins.k());
+        let lambda = mean_node_weight(&diagonal, k);
         let right_side = normal.right_side(bins);
         Self { normal, diagonal, right_side, lambda }
     }

@@ -1,6 +1,8 @@
 //! The samples' part of the normal equations, Bᵀ Ω B: bins of a sweep as samples of the spline, stripe by stripe of its
 //! cells. How they are multiplied is in [`nelu3d_field::normal`].
 
+use std::ops::Range;
+
 use nelu3d_field::lattice;
 use nelu3d_field::normal::{NodeStrides, Place, Weights, add_product, add_spread};
 use rayon::prelude::*;
@@ -13,7 +15,8 @@ const STRIPE: usize = 16;
 /// The samples' part of the normal equations of a grid.
 pub struct Normal {
     cells: [usize; 3],
-    k: usize,
+    /// Which of the bins' channels.
+    channels: Range<usize>,
     /// The samples by stripes of cells, located once for all products.
     located: Vec<Located>,
 }
@@ -28,9 +31,9 @@ struct Located {
 }
 
 impl Normal {
-    /// Locates the samples in a grid of `cells`.
-    pub fn new(cells: [usize; 3], bins: &Bins) -> Self {
-        let mut normal = Self { cells, k: bins.k(), located: Vec::new() };
+    /// Locates the samples in a grid of `cells` for some of their channels.
+    pub fn new(cells: [usize; 3], bins: &Bins, channels: Range<usize>) -> Self {
+        let mut normal = Self { cells, channels, located: Vec::new() };
         let n_stripes = cells[1].div_ceil(STRIPE);
         normal.located = (0..n_stripes).into_par_iter().map(|stripe| normal.locate(stripe, bins)).collect();
         normal
@@ -44,7 +47,8 @@ impl Normal {
     /// Returns the distances between neighboring nodes.
     fn strides(&self) -> NodeStrides {
         let [na, _, nw] = self.cells.map(|c| c + 3);
-        NodeStrides { k: self.k, row: na * nw * self.k, column: nw * self.k }
+        let k = self.channels.len();
+        NodeStrides { k, row: na * nw * k, column: nw * k }
     }
 
     /// Locates the samples in the cells of a stripe, in the order of their bins.
@@ -60,7 +64,7 @@ impl Normal {
     /// Calls `f(sample, where it is)` for every sample in the cells of a stripe.
     fn for_each_in(&self, stripe: usize, bins: &Bins, mut f: impl FnMut(&Sample<'_>, Place)) {
         let cells_per_bin = [0, 1].map(|i| self.cells[i] as f32 / bins.counts()[i] as f32);
-        let NodeStrides { row, column, .. } = self.strides();
+        let NodeStrides { k, row, column } = self.strides();
         let cells = stripe * STRIPE..((stripe + 1) * STRIPE).min(self.cells[1]);
         // The rows of bins that may lie in these cells: one more on either side than geometry says.
         let ratio = bins.n_rows() as f64 / self.cells[1] as f64;
@@ -69,9 +73,10 @@ impl Normal {
         let mut visit = |s: Sample<'_>| {
             let (cell, position) = lattice::locate(self.cells, s.q);
             if cells.contains(&cell[1]) {
-                let base = (cell[1] - cells.start) * row + cell[0] * column + cell[2] * self.k;
+                let base = (cell[1] - cells.start) * row + cell[0] * column + cell[2] * k;
                 let spread = [0, 1].map(|i| s.spread[i] * cells_per_bin[i] * cells_per_bin[i]);
-                f(&s, Place { base: base as u32, position, spread });
+                let [omegas, moments] = [s.omegas, s.moments].map(|of_all| &of_all[self.channels.clone()]);
+                f(&Sample { omegas, moments, ..s }, Place { base: base as u32, position, spread });
             }
         };
         (first..last).for_each(|b| bins.for_each_in_row(b, &mut visit));
@@ -108,7 +113,7 @@ impl Normal {
         let mut out = written_zeros(self.n_coeffs());
         self.by_stripes(&mut out, |stripe, chunk, _| {
             let places = &self.located[stripe].places;
-            let mut moments = Vec::with_capacity(places.len() * self.k);
+            let mut moments = Vec::with_capacity(places.len() * self.channels.len());
             self.for_each_in(stripe, bins, |s, _| moments.extend_from_slice(s.moments));
             add_spread(self.strides(), places, &moments, Weights::Plain, chunk);
         });

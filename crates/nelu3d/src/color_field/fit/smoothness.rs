@@ -1,5 +1,7 @@
 //! The smoothness of the fitted spline.
 
+use std::ops::Range;
+
 use super::defocus::Defocus;
 
 /// Weights of the penalties on differences of coefficients, as fractions of a typical node's sample weight: how smooth
@@ -31,5 +33,14 @@ impl Smoothness {
         let of_channels = self.of_channels.iter().map(|[a, b, w]| [coarser(*a), coarser(*b), *w]).collect();
         let defocus = self.defocus.clone().filter(|_| part == 1);
         Self { of_channels, defocus, ..*self }
+    }
+
+    /// Returns the smoothness of some of the channels.
+    #[must_use]
+    pub fn part(&self, channels: Range<usize>) -> Self {
+        let defocus = self.defocus.as_ref().map(|defocus| {
+            Defocus { of_channels: defocus.of_channels[channels.clone()].to_vec(), ..defocus.clone() }
+        });
+        Self { of_channels: self.of_channels[channels].to_vec(), defocus, ..*self }
     }
 }

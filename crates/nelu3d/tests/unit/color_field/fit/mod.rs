@@ -141,7 +141,7 @@ fn the_operator_agrees_with_its_definition() {
             g
         };
         let (x, y) = (random(), random());
-        let normal = Normal::new(x.cells, &bins);
+        let normal = Normal::new(x.cells, &bins, 0..k);
         let smooth =
             Smoothness { across: 0.3, along: 0.7, slope_along: 0.2, of_channels: vec![[1.0; 3]; k], defocus: None };
         let lambda: Vec<f32> = (0..k).map(|c| 1.0 + c as f32).collect();
