@@ -34,6 +34,7 @@ pub fn object_at(moving: &MovingObjectSpec, time_secs: f64) -> ObjectSpec {
             *phase += m.phase_per_sec * time_secs;
         }
         Some(DeformationSpec::Bend { curvature_per_mm, .. }) => *curvature_per_mm *= swing,
+        Some(DeformationSpec::Curl { height_mm, .. }) => *height_mm *= swing,
         Some(DeformationSpec::Twist { rate_per_mm, .. }) => *rate_per_mm *= swing,
         None => {}
     }

@@ -142,6 +142,12 @@ fn text(report: &CalibrationReport) -> String {
              mm, {:.2} before\n",
             refined.largest_mm, refined.rms_mm, refined.off_mm, refined.off_before_mm
         );
+        if let Some(relief) = &refined.relief {
+            text += &format!(
+                "board     not flat by up to {:.2} mm (rms {:.2} mm), as codewords tell, which is taken into account\n",
+                relief.largest_mm, relief.rms_mm
+            );
+        }
     }
     if let Some(at) = report.light_mm {
         text += &format!("light     {}\n", whereabouts(at));

@@ -6,7 +6,9 @@
 use std::path::Path;
 
 use nelu3d_sim::Spec;
-use nelu3d_sim::spec::{DepthSpacing, HandsSpec, ObjectSpec, SceneSpec, ShapeSpec, SweepSpec};
+use nelu3d_sim::spec::{
+    BoardCurlSpec, BoardSpec, DepthSpacing, HandsSpec, ObjectSpec, SceneSpec, ShapeSpec, SweepSpec,
+};
 use serde_json::Value;
 
 use super::common::{nelu3d, simulated, stderr};
@@ -253,6 +255,28 @@ fn wrong_poses_are_refined_on_codewords() {
     println!("wrong poses: {before:.2} -> {after:.2} dB, moved by {moved:.2} mm");
     assert!(after > before + 1.0, "{before} {after}");
     assert!((0.5..1.5).contains(&moved), "{moved}");
+}
+
+/// Four chessboards whose corner curls by 4 mm. What a wall shows where the curl was is right all the same.
+#[test]
+fn a_curled_corner_of_the_board_is_taken_into_account() {
+    let mut spec = four_boards(None, false);
+    let wall = ShapeSpec::Plane { width_mm: 200.0, height_mm: 150.0 };
+    let wall = ObjectSpec { rotation: [0.02, -0.1, 0.0], ..ObjectSpec::new(wall, [0.0, 0.0, 720.0]) };
+    spec.scenes = vec![SceneSpec::new("wall", vec![wall])];
+    spec.board_curl = Some(BoardCurlSpec { height_mm: 4.0, length_mm: 70.0 });
+    spec.board_albedo = [0.05, 0.85];
+    spec.board =
+        BoardSpec::Chessboard { columns: 10, rows: 8, square_mm: 20.0, extent_mm: Some([-5.0, -5.0, 205.0, 165.0]) };
+    let (_folder, rig) = simulated(&spec);
+    let rig = rig.to_str().unwrap();
+    let answer = ok(&["calibrate", rig]);
+    let relief = &answer["report"]["refined_poses"]["relief"];
+    let answer = ok(&["reconstruct", rig, "wall", "--truth", &format!("{rig}/scenes/wall/truth")]);
+    let bounds = Bounds { body_median_mm: 0.05, whole_mae_mm: 0.122, coverage: 0.99, outliers: 0.02, outside: 0.001 };
+    hold("curled board", &answer["summary"]["metrics"], &bounds);
+    let largest = relief["largest_mm"].as_f64().expect("the relief of the board is reported");
+    assert!((0.5..2.0).contains(&largest), "{largest}");
 }
 
 // ---- Rigs that code of ours did not write; see CONTRIBUTING.md ----

@@ -200,3 +200,33 @@ fn a_shifted_lens_throws_its_picture_beside_the_scene() {
         let _ = fs::rename(rig.join("calibration"), rig.join("boards"));
     }
 }
+
+/// A projector that was calibrated two millimeters beside where it is: its field is wrong by that, boards tell, and the
+/// verdict and 1σ say it.
+#[test]
+fn boards_tell_that_a_projector_is_not_where_it_is_said_to_be() {
+    let mut spec = Spec::preset("demo").unwrap();
+    spec.supersampling = 2;
+    stage(&mut spec, 4);
+    let (dir, rig) = simulated(&spec);
+    let file = rig.join("projector.json");
+    let mut projector: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
+    projector["T"][0] = Value::from(projector["T"][0].as_f64().unwrap() + 2.0);
+    fs::write(&file, projector.to_string()).unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (rig, field, result) = (rig.to_str().unwrap(), at("field.safetensors"), at("result"));
+    let calibrated = answer(&["calibrate", rig, "--from-projector", "--accept", "-o", &field]);
+    let said: Vec<&str> =
+        calibrated["warnings"].as_array().unwrap().iter().filter_map(|w| w["code"].as_str()).collect();
+    assert!(said == ["projector-disagrees"], "{said:?}");
+    let truth = format!("{rig}/scenes/vase/truth");
+    let scanned =
+        answer(&["reconstruct", rig, "vase", "--accept", "--field", &field, "--truth", &truth, "-o", &result]);
+    assert_eq!(scanned["warnings"][0]["code"], "field-doubtful");
+    let summary: Value = serde_json::from_slice(&fs::read(Path::new(&result).join("result.json")).unwrap()).unwrap();
+    let body = &summary["metrics"]["body"];
+    let number = |pointer: &str| body.pointer(pointer).and_then(Value::as_f64).expect(pointer);
+    let (median, within) = (number("/depth_mm/median"), number("/sigma/within_2"));
+    println!("a projector 2 mm off: median error {median:.2} mm, {within:.2} within 2 sigma");
+    assert!(median > 0.5 && within > 0.9, "{median} mm, {within}");
+}

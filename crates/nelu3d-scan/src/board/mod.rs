@@ -71,6 +71,11 @@ pub enum BoardKind {
 }
 
 impl BoardKind {
+    /// Returns whether the print is unchanged by a turn of 180°: images do not tell then which way around it was held.
+    pub fn is_symmetric(&self) -> bool {
+        matches!(self, BoardKind::Chessboard { columns, rows, .. } if (columns + rows).is_multiple_of(2))
+    }
+
     /// Returns `[x_min, y_min, x_max, y_max]` of the squares or markers as described, mm.
     pub fn bounding_box_mm(&self) -> [f64; 4] {
         match self {

@@ -29,6 +29,12 @@ pub(super) fn check_board(spec: &Spec) -> Result<(), SpecError> {
         let length = if bend.axis == AxisSpec::X { y1 - y0 } else { x1 - x0 };
         within("board_bend.sagitta_mm", bend.sagitta_mm, -0.2 * length, 0.2 * length)?;
     }
+    if let Some(curl) = &spec.board_curl {
+        let diagonal = (x1 - x0).hypot(y1 - y0);
+        check(curl.length_mm > 0.0, "board_curl.length_mm", curl.length_mm, "give more than 0")?;
+        within("board_curl.length_mm", curl.length_mm, 0.0, diagonal)?;
+        within("board_curl.height_mm", curl.height_mm, -0.5 * curl.length_mm, 0.5 * curl.length_mm)?;
+    }
     Ok(())
 }
 

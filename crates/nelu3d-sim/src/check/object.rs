@@ -102,16 +102,25 @@ fn check_deformation(key: KeyOf, deformation: &DeformationSpec) -> Result<(), Sp
         DeformationSpec::Wave { amplitude_mm, wavelength_mm, phase, direction } => {
             finite(&key("deformation.amplitude_mm, phase"), &[amplitude_mm, phase])?;
             positive(&key("deformation.wavelength_mm"), wavelength_mm)?;
-            finite(&key("deformation.direction"), &direction)?;
-            let length = direction.iter().map(|v| v * v).sum::<f64>().sqrt();
-            let shown = format!("{direction:?}");
-            check(length > 1e-6, key("deformation.direction"), shown, "give the direction in which the wave runs")
+            check_direction(key, &direction)
         }
         DeformationSpec::Bend { curvature_per_mm, axis } => {
             let remedy = "a sheet in z = 0 bends about x or y; give one of them";
             check(axis != AxisSpec::Z, key("deformation.axis"), "z", remedy)?;
             within(&key("deformation.curvature_per_mm"), curvature_per_mm, -10.0, 10.0)
         }
+        DeformationSpec::Curl { height_mm, from_mm, to_mm, direction } => {
+            finite(&key("deformation.height_mm, from_mm, to_mm"), &[height_mm, from_mm, to_mm])?;
+            check(to_mm > from_mm, key("deformation.to_mm"), to_mm, "give more than from_mm")?;
+            check_direction(key, &direction)
+        }
         DeformationSpec::Twist { rate_per_mm, .. } => within(&key("deformation.rate_per_mm"), rate_per_mm, -10.0, 10.0),
     }
+}
+
+fn check_direction(key: KeyOf, direction: &[f64; 3]) -> Result<(), SpecError> {
+    finite(&key("deformation.direction"), direction)?;
+    let length = direction.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let shown = format!("{direction:?}");
+    check(length > 1e-6, key("deformation.direction"), shown, "give the direction along which it changes")
 }

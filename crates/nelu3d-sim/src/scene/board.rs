@@ -1,4 +1,4 @@
-//! The board of a sweep: printed, perhaps bent, held by hands.
+//! The board of a sweep: printed, perhaps bent or with a curled corner, held by hands.
 
 use nalgebra::{Isometry3, Translation3};
 use nelu3d_scan::board::{Artwork, Board, BoardError};
@@ -8,7 +8,7 @@ use super::hand::Hand;
 use super::material::Material;
 use super::object::SceneObject;
 use super::shape::{Rectangle, Shape};
-use crate::spec::{AxisSpec, BoardBendSpec, DeformationSpec, Spec};
+use crate::spec::{AxisSpec, BoardBendSpec, BoardCurlSpec, DeformationSpec, Spec};
 
 /// A printed board, to be placed in a scene.
 #[derive(Clone, Debug)]
@@ -30,18 +30,24 @@ impl PrintedBoard {
         Ok(Self::new(spec, &board, Artwork::new(&board)?))
     }
 
-    /// Returns the board as the spec prints and bends it.
+    /// Returns the board as the spec prints, bends, and curls it.
     fn new(spec: &Spec, board: &Board, artwork: Artwork) -> Self {
         let [x0, y0, x1, y1] = board.extent_mm;
         let [ink, paper] = spec.board_albedo.map(|v| v as f32);
         let dot_mm = spec.print_dpi.map_or(0.0, |dpi| 25.4 / dpi);
         let flat = |origin| Albedo::Board { artwork: Box::new(artwork), ink, paper, dot_mm, origin };
-        let Some(bend) = &spec.board_bend else {
+        if spec.board_bend.is_none() && spec.board_curl.is_none() {
             let shape = Shape::Rectangle(Rectangle::new([x0, y0], [x1, y1]));
             return Self { shape, board_from_shape: Translation3::identity(), albedo: flat([0.0; 2]) };
-        };
+        }
         let (middle, half) = ([0.5 * (x0 + x1), 0.5 * (y0 + y1)], [0.5 * (x1 - x0), 0.5 * (y1 - y0)]);
-        let shape = Shape::Rectangle(Rectangle::new(half.map(|h| -h), half)).deformed(&deformation(bend, half));
+        let mut shape = Shape::Rectangle(Rectangle::new(half.map(|h| -h), half));
+        if let Some(bend) = &spec.board_bend {
+            shape = shape.deformed(&of_bend(bend, half));
+        }
+        if let Some(curl) = &spec.board_curl {
+            shape = shape.deformed(&of_curl(curl, half));
+        }
         let board_from_shape = Translation3::new(middle[0], middle[1], 0.0);
         Self { shape, board_from_shape, albedo: flat(middle) }
     }
@@ -57,9 +63,16 @@ impl PrintedBoard {
 }
 
 /// Returns the bend of a board of half sides `half_mm` about its middle.
-fn deformation(bend: &BoardBendSpec, half_mm: [f64; 2]) -> DeformationSpec {
+fn of_bend(bend: &BoardBendSpec, half_mm: [f64; 2]) -> DeformationSpec {
     let length = 2.0 * if bend.axis == AxisSpec::X { half_mm[1] } else { half_mm[0] };
     DeformationSpec::Bend { curvature_per_mm: curvature(length, bend.sagitta_mm), axis: bend.axis }
+}
+
+/// Returns the curl of a corner of a board of half sides `half_mm` about its middle.
+fn of_curl(curl: &BoardCurlSpec, [x, y]: [f64; 2]) -> DeformationSpec {
+    let corner = x.hypot(y);
+    let (height_mm, from_mm) = (curl.height_mm, corner - curl.length_mm);
+    DeformationSpec::Curl { height_mm, from_mm, to_mm: corner, direction: [x, y, 0.0] }
 }
 
 /// Returns the curvature of an arc of a length whose height over its chord is `sagitta`, 1/mm. The height over the

@@ -39,6 +39,11 @@ impl Deformation {
                     }
                 }
             }
+            DeformationSpec::Curl { height_mm, from_mm, to_mm, direction } => {
+                let along = Vector3::from(direction).normalize().dot(&p.coords);
+                let beyond = ((along - from_mm) / (to_mm - from_mm)).max(0.0);
+                p - Vector3::z() * (height_mm * beyond * beyond)
+            }
             DeformationSpec::Twist { rate_per_mm, axis } => {
                 let i = axis.index();
                 let (j, k) = ((i + 1) % 3, (i + 2) % 3);

@@ -18,6 +18,17 @@ pub struct BoardBendSpec {
     pub axis: AxisSpec,
 }
 
+/// A curled corner of the physical board, that at (x_max, y_max). rig.toml still says that the board is flat.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoardCurlSpec {
+    /// How far the corner stands out toward the camera, mm; between it and where the curl begins, with the square of
+    /// the distance.
+    pub height_mm: f64,
+    /// Where the curl begins, mm before the corner, along the diagonal.
+    pub length_mm: f64,
+}
+
 /// The flat target of the sweep.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]

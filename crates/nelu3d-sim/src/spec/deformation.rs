@@ -32,6 +32,18 @@ pub enum DeformationSpec {
         #[serde(default = "y_axis")]
         axis: AxisSpec,
     },
+    /// What is farther than `from_mm` along a direction comes forward, along −z, by the square of how much farther.
+    Curl {
+        /// How far forward it is at `to_mm`, mm.
+        height_mm: f64,
+        /// Where it begins, mm from the origin along the direction.
+        from_mm: f64,
+        /// Where it is `height_mm`, mm from the origin along the direction.
+        to_mm: f64,
+        /// Direction in the object's frame; its length does not matter.
+        #[serde(default = "along_x")]
+        direction: [f64; 3],
+    },
     /// Every section across the axis turns by its distance from the origin.
     Twist {
         /// Radians per mm.

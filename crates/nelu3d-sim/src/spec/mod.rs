@@ -25,7 +25,7 @@ mod sweep;
 
 pub use albedo::AlbedoSpec;
 pub use axis::AxisSpec;
-pub use board::{BoardBendSpec, BoardSpec};
+pub use board::{BoardBendSpec, BoardCurlSpec, BoardSpec};
 pub use bump::BumpSpec;
 pub use camera::{CameraSpec, PerColor};
 pub use deformation::DeformationSpec;

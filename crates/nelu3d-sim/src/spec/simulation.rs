@@ -3,7 +3,7 @@
 use nelu3d_scan::pattern::Pattern;
 use serde::{Deserialize, Serialize};
 
-use super::board::{BoardBendSpec, BoardSpec};
+use super::board::{BoardBendSpec, BoardCurlSpec, BoardSpec};
 use super::camera::CameraSpec;
 use super::interreflection::InterreflectionSpec;
 use super::light::LightSpec;
@@ -48,6 +48,9 @@ pub struct Spec {
     /// Bend of the physical board; none: it is flat.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub board_bend: Option<BoardBendSpec>,
+    /// Curled corner of the physical board; none: it lies flat, or on the bend.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub board_curl: Option<BoardCurlSpec>,
     /// Poses of the board in the calibration sweep.
     pub sweep: SweepSpec,
     /// The scenes to scan.

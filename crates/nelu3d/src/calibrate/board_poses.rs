@@ -14,6 +14,7 @@ use super::error::CalibrationError;
 use super::options::{CalibrationOptions, TrajectoryKind};
 use super::placed_sweep::PlacedSweep;
 use super::sweep::Sweep;
+use crate::color_field::BoardPlace;
 use crate::progress::{Progress, StageClock};
 use crate::sensor::{BlockDetector, Blur, DarkEstimator, DarkLevel};
 
@@ -98,7 +99,7 @@ pub fn solve_board_poses<'a>(
     if progress.cancelled() {
         return Err(CalibrationError::Cancelled);
     }
-    let placed = PlacedSweep::new(sweep, &poses, board.extent_mm, trajectory.bend().copied(), blur);
+    let placed = PlacedSweep::new(sweep, &poses, board, trajectory.bend().copied(), blur);
     let misfit = shared_misfit(&found, &trajectory, &rig.camera);
     let facts = SweepFacts { misfit, clipped: whites.clipped_share(), blocks: whites.blocks };
     Ok(SweepGeometry { placed, trajectory, dark, facts })
@@ -221,4 +222,11 @@ fn retain_posed(sweep: &mut Sweep<'_>, trajectory: &Trajectory) -> Vec<Isometry3
     let pose_of = |name: &str| trajectory.positions.iter().find(|p| p.position == name).map(|p| p.cam_from_board);
     sweep.retain(|name| pose_of(name).is_some());
     sweep.shots.iter().filter_map(|s| pose_of(&s.name)).collect()
+}
+
+/// Returns where the boards of the positions that are used stand.
+pub(super) fn places(trajectory: &Trajectory, placed: &PlacedSweep<'_>) -> Vec<BoardPlace> {
+    let is_used = |name: &str| placed.sweep.shots.iter().any(|s| s.name == name);
+    let used = trajectory.positions.iter().filter(|p| is_used(&p.position));
+    used.map(|p| BoardPlace::new(&p.position, &p.cam_from_board)).collect()
 }

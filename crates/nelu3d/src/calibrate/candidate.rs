@@ -8,7 +8,7 @@ use super::pass::{Pass, gathered};
 use super::placed_sweep::PlacedSweep;
 use super::predictor::Predictor;
 use super::resolution::{is_limited, resolution, spline_cells};
-use super::shared_displacement::GrossSquares;
+use super::shared_displacement::{GrossSquares, SquareDisplacement};
 use super::smoothing::{Aside, smoothness};
 use super::spline_fit::{Schedule, SplineFit, fit_spline};
 use super::support::Support;
@@ -66,6 +66,8 @@ pub(super) struct Candidate {
     /// Mean square of what held-out positions are off by in depth where others have been, mm², where positions are held
     /// out in turn and enough of them tell.
     pub(super) off_mm2: Option<f64>,
+    /// What squares of the held-out positions are off by in depth, where positions are held out in turn.
+    pub(super) squares: Vec<SquareDisplacement>,
     /// Parts of the held-out positions that are far off, where positions are held out in turn.
     pub(super) gross: Option<GrossSquares>,
     /// Whether it has fewer cells across than the camera has pixels there.
@@ -171,6 +173,7 @@ impl Candidate {
         let allowed_db = errors.allowed_db();
         let displacements = errors.displacements().to_vec();
         let gross = errors.gross();
+        let squares = errors.by_support.squares.clone();
         let off_mm2 = errors.by_support.mean_square_mm2();
         let quality = Quality { pixels, ..errors.quality(held_out, placed.n_positions()) };
         let is_good = quality.psnr_db > quality.ceiling_db - MAX_SHORTFALL_DB;
@@ -193,6 +196,7 @@ impl Candidate {
             by_position,
             displacements,
             off_mm2,
+            squares,
             gross,
             is_limited: is_limited(placed, &frame, cells),
             schedule,

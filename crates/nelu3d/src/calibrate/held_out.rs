@@ -263,7 +263,7 @@ pub struct Displacement {
     pub plane: Vector3<f64>,
     /// Mean square of what squares of pixels are displaced by beside that plane, as far as neighboring squares share
     /// it, mm²: a board that is not flat, distortion of the lens that is left.
-    uneven_mm2: f64,
+    pub(crate) uneven_mm2: f64,
 }
 
 impl Displacement {

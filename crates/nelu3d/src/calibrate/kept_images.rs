@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use nelu3d_scan::Image;
 
 /// Most bytes that are kept: less than a fit of the field takes, before which they are gone.
-const ROOM: usize = 112 << 20;
+const ROOM: usize = 80 << 20;
 /// A value `v` is kept as the 16-bit code (v − `LEAST`) / `STEP`: far below any sensor's noise, and with room above 1 for
 /// what is clipped.
 const LEAST: f32 = -0.25;

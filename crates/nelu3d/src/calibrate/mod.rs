@@ -29,6 +29,10 @@ mod pose_refinement;
 #[doc(hidden)]
 pub mod position;
 mod predictor;
+#[doc(hidden)]
+pub mod relief;
+#[doc(hidden)]
+pub mod relief_fit;
 mod report;
 mod resolution;
 #[doc(hidden)]
@@ -50,13 +54,14 @@ use nelu3d_scan::pose::Trajectory;
 use nelu3d_scan::rig::PatternSet;
 
 use crate::color_field::frame::Center;
-use crate::color_field::{BoardPlace, ColorField, FieldMetadata, camera_key};
+use crate::color_field::{ColorField, FieldMetadata, camera_key};
 use crate::progress::{Progress, StageClock};
 pub use board_poses::{SweepFacts, SweepGeometry, solve_board_poses};
 pub(crate) use board_samples::{BoardSample, BoardSamples, board_samples};
 use candidate::Candidate;
 pub use error::CalibrationError;
 pub use fringes::CarriedReport;
+pub(crate) use held_out::Displacement;
 pub use judge::DepthSpan;
 use judge::{Evidence, HeldOut, judge};
 pub use options::{CalibrationOptions, FormKind, FrameKind, TrajectoryKind};
@@ -64,6 +69,7 @@ pub use placed_sweep::{BoardPlane, PlacedSweep};
 pub use pose_refinement::PoseRefinement;
 pub use position::Position;
 pub use report::CalibrationReport;
+pub(crate) use shared_displacement::Sample;
 pub use sweep::Sweep;
 
 /// Calibrates a rig for one pattern set from its board sweep.
@@ -133,7 +139,7 @@ pub fn calibrate(
         quality: Some(best.quality.clone()),
         residual: None,
         warnings: Vec::new(),
-        boards: places(&geometry.trajectory, &placed),
+        boards: board_poses::places(&geometry.trajectory, &placed),
         board_bend: geometry.trajectory.bend().copied(),
         corrected: Vec::new(),
         settings: serde_json::to_value(opts).expect("plain data serializes"),
@@ -179,11 +185,4 @@ fn move_boards(trajectory: &mut Trajectory, placed: &PlacedSweep<'_>, motions: &
         let of_shot = trajectory.positions.iter_mut().filter(|p| p.position == shot.name);
         of_shot.for_each(|p| p.cam_from_board = motion * p.cam_from_board);
     }
-}
-
-/// Returns where the boards of the positions that are used stand.
-fn places(trajectory: &Trajectory, placed: &PlacedSweep<'_>) -> Vec<BoardPlace> {
-    let is_used = |name: &str| placed.sweep.shots.iter().any(|s| s.name == name);
-    let used = trajectory.positions.iter().filter(|p| is_used(&p.position));
-    used.map(|p| BoardPlace::new(&p.position, &p.cam_from_board)).collect()
 }

@@ -2,12 +2,14 @@
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use nelu3d_scan::Camera;
+use nelu3d_scan::board::Board;
 use nelu3d_scan::pose::Bend;
 use rayon::prelude::*;
 
 use super::drawn::{Drawn, DrawnSample};
 use super::excluded::ExcludedBlocks;
 use super::position::Position;
+use super::relief::Relief;
 use super::sweep::Sweep;
 use crate::sensor::{Blur, NoiseModel};
 
@@ -17,6 +19,8 @@ pub struct PlacedSweep<'a> {
     pub sweep: Sweep<'a>,
     /// Plane of the board at each position.
     pub boards: Vec<BoardPlane>,
+    /// Whether images do not tell which way around the board was held.
+    pub(super) is_board_symmetric: bool,
     /// The camera of the pixels that are read: the sensor's, or blocks of them.
     pub camera: Camera,
     /// Noise of these pixels.
@@ -61,6 +65,8 @@ pub struct BoardPlane {
     pub axes: [Vector3<f64>; 2],
     extent_mm: [f64; 4],
     bend: Option<Bend>,
+    /// What it stands over its plane or bend.
+    relief: Option<Relief>,
 }
 
 /// Steps toward the surface of a bent board. Each leaves a fraction of the error that is the product of the surface's
@@ -73,7 +79,7 @@ impl BoardPlane {
         let normal = pose.rotation * Vector3::z();
         let axes = [pose.rotation * Vector3::x(), pose.rotation * Vector3::y()];
         let origin = pose.translation.vector;
-        Self { normal, offset: normal.dot(&origin), origin, axes, extent_mm, bend }
+        Self { normal, offset: normal.dot(&origin), origin, axes, extent_mm, bend, relief: None }
     }
 
     /// Returns the motion that takes the board along the camera's rays by `mm` of (x/z, y/z), a linear function: its
@@ -120,6 +126,28 @@ impl BoardPlane {
     /// Returns the distance along a ray from the camera's center to the board, mm; `None` outside the board.
     #[inline]
     pub fn hit(&self, dir: &Vector3<f64>) -> Option<f64> {
+        self.meet(dir).map(|(t, _)| t)
+    }
+
+    /// Returns where on its plane, mm, a ray from the camera's center meets the board, and the ray's slope against the
+    /// plane: heights of the surface are met one over it further away. `None` outside the board.
+    pub(super) fn hit_on_plane(&self, dir: &Vector3<f64>) -> Option<([f64; 2], f64)> {
+        self.meet(dir).map(|(_, on_plane)| (on_plane, self.normal.dot(dir)))
+    }
+
+    /// Returns what the board's surface stands over its plane or bend, where codewords have told.
+    pub(super) fn relief(&self) -> Option<&Relief> {
+        self.relief.as_ref()
+    }
+
+    /// Adds heights to the board's surface.
+    pub fn add_relief(&mut self, relief: &Relief) {
+        self.relief.get_or_insert_with(|| Relief::flat(self.extent_mm)).add(relief);
+    }
+
+    /// Returns the distance along a ray from the camera's center to the board, mm, and where on its plane that is.
+    #[inline]
+    fn meet(&self, dir: &Vector3<f64>) -> Option<(f64, [f64; 2])> {
         let slope = self.normal.dot(dir);
         let mut t = self.offset / slope;
         if !(t.is_finite() && t > 0.0) {
@@ -129,25 +157,27 @@ impl BoardPlane {
             let on = dir * t - self.origin;
             [self.axes[0].dot(&on), self.axes[1].dot(&on)]
         };
-        let [mut x, mut y] = on_board(t);
-        if let Some(bend) = &self.bend {
+        let mut on_plane = on_board(t);
+        if self.bend.is_some() || self.relief.is_some() {
             for _ in 0..SURFACE_STEPS {
-                t = (self.offset + bend.height([x, y])) / slope;
-                [x, y] = on_board(t);
+                let bent = self.bend.as_ref().map_or(0.0, |bend| bend.height(on_plane));
+                let height = bent + self.relief.as_ref().map_or(0.0, |relief| relief.height(on_plane));
+                t = (self.offset + height) / slope;
+                on_plane = on_board(t);
             }
-            [x, y] = bend.printed([x, y]);
         }
+        let [x, y] = self.bend.as_ref().map_or(on_plane, |bend| bend.printed(on_plane));
         let [x0, y0, x1, y1] = self.extent_mm;
-        (x >= x0 && x <= x1 && y >= y0 && y <= y1).then_some(t)
+        (x >= x0 && x <= x1 && y >= y0 && y <= y1).then_some((t, on_plane))
     }
 }
 
 impl<'a> PlacedSweep<'a> {
-    /// Joins a sweep with the poses of its boards, and the blur of the sensor's pixels.
+    /// Joins a sweep with the poses of its board, and the blur of the sensor's pixels.
     pub fn new(
         sweep: Sweep<'a>,
         poses: &[Isometry3<f64>],
-        extent_mm: [f64; 4],
+        board: &Board,
         bend: Option<Bend>,
         sensor_blur: Blur,
     ) -> Self {
@@ -156,11 +186,24 @@ impl<'a> PlacedSweep<'a> {
         let w = camera.width;
         let dirs =
             (0..camera.n_pixels()).into_par_iter().map(|i| camera.ray([(i % w) as f64, (i / w) as f64]).dir).collect();
-        let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, extent_mm, bend)).collect();
+        let boards: Vec<_> = poses.iter().map(|p| BoardPlane::new(p, board.extent_mm, bend)).collect();
         let (excluded, drawn) = (vec![None; boards.len()], vec![None; boards.len()]);
         let noise = NoiseModel { read: 0.0, gain: 0.0, darkest: None };
         let blur = sensor_blur.of_blocks(sweep.binning);
-        Self { sweep, boards, camera, noise, noise_growth: None, sensor_blur, blur, dirs, excluded, drawn }
+        let is_board_symmetric = board.kind.is_symmetric();
+        Self {
+            sweep,
+            boards,
+            is_board_symmetric,
+            camera,
+            noise,
+            noise_growth: None,
+            sensor_blur,
+            blur,
+            dirs,
+            excluded,
+            drawn,
+        }
     }
 
     /// Returns the noise of the sensor's pixels.

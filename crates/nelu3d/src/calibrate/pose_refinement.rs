@@ -1,4 +1,4 @@
-//! Poses of a few boards, refined on codewords.
+//! Poses of a few boards, and their shape, refined on codewords.
 //!
 //! A board's corners tell its distance and tilt far less exactly than codewords do: at 3.4 m, with corners to 0.1 px,
 //! its edge is off by a millimeter or two, while its samples agree with the field of the other boards to a tenth of
@@ -6,6 +6,8 @@
 //! others' field says it is; what all boards share stays as the corners have it. Nothing is taken that does not bring
 //! held-out boards nearer to the field in depth. Decibels do not tell: where a code's edges are finer than the field's
 //! cells, they are most of the error.
+//!
+//! Then so is the shape that all of them have in common ([`super::relief_fit`]).
 
 use nalgebra::Isometry3;
 use serde::Serialize;
@@ -13,6 +15,8 @@ use serde::Serialize;
 use super::candidate::Candidate;
 use super::error::CalibrationError;
 use super::placed_sweep::{BoardPlane, PlacedSweep};
+use super::relief::Relief;
+use super::relief_fit::{self, FittedRelief, fit_relief};
 use crate::color_field::fit::Smoothness;
 
 /// Part of the mean square of what held-out boards are off by that motions must amount to for them to be tried, and
@@ -38,6 +42,18 @@ pub struct PoseRefinement {
     pub off_mm: f64,
     /// Held-out PSNR with the poses that the corners tell, dB.
     pub psnr_before_db: f64,
+    /// How far the boards' surface is from flat or from its bend, where the codewords tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relief: Option<ReliefReport>,
+}
+
+/// How far the surface of a sweep's board is from flat or from its bend.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ReliefReport {
+    /// Largest height, mm; planes not counted.
+    pub largest_mm: f64,
+    /// Root mean square height, mm; planes not counted.
+    pub rms_mm: f64,
 }
 
 /// Poses that were refined.
@@ -67,36 +83,80 @@ pub(super) fn refine_poses<'r>(
     let (before, at_corners) = (best.quality.clone(), placed.boards.clone());
     let mut total = vec![Isometry3::identity(); n];
     let mut off_mm2 = off_before_mm2;
-    for round in 0..MAX_ROUNDS {
-        let motions = motions(placed, best);
-        let [_, rms_mm] = PoseRefinement::largest_and_rms_mm(&placed.boards, &motions);
-        tracing::debug!(round, off_mm = off_mm2.sqrt(), motions_mm = rms_mm, "poses on codewords");
-        if rms_mm * rms_mm < MIN_GAIN * off_mm2 {
-            break;
-        }
+    // Fits a field to boards that were moved, and keeps both if it is better.
+    let mut attempt = |placed: &mut PlacedSweep<'r>,
+                       best: &mut Candidate,
+                       step: &Step,
+                       is_better: &dyn Fn(&PlacedSweep<'r>, &Candidate) -> bool|
+     -> Result<bool, CalibrationError> {
         let stood = placed.boards.clone();
-        placed.boards.iter_mut().zip(&motions).for_each(|(board, motion)| board.move_by(motion));
+        placed.boards.iter_mut().zip(&step.motions).for_each(|(board, motion)| board.move_by(motion));
+        placed.boards.iter_mut().zip(&step.reliefs).for_each(|(board, relief)| board.add_relief(relief));
         best.drop_bins();
         let candidate = fit(placed, &best.smooth)?;
         let gain_db = candidate.quality.psnr_db - best.quality.psnr_db;
         let now = candidate.off_mm2.unwrap_or(f64::INFINITY);
         tracing::debug!(off_mm = now.sqrt(), gain_db, "poses on codewords were tried");
-        if now > (1.0 - MIN_GAIN) * off_mm2 || gain_db.is_nan() || gain_db < MIN_GAIN_DB[usize::from(is_open)] {
+        // What is no plane does not move along with the light.
+        let is_as_good = gain_db >= MIN_GAIN_DB[usize::from(is_open && step.reliefs.is_empty())];
+        if !is_as_good || !is_better(placed, &candidate) {
             placed.boards = stood;
-            break;
+            return Ok(false);
         }
-        total.iter_mut().zip(&motions).for_each(|(total, motion)| *total = motion * *total);
+        total.iter_mut().zip(&step.motions).for_each(|(total, motion)| *total = motion * *total);
         off_mm2 = now;
         *best = candidate;
         // What the corners' errors have in common stays, and is as large as they showed before.
         best.quality.pose_mm = before.pose_mm;
         best.quality.pose_covariance = before.pose_covariance;
         best.quality.depth_by_support = before.depth_by_support;
+        Ok(true)
+    };
+    for round in 0..MAX_ROUNDS {
+        let motions = motions(placed, best);
+        let [_, rms_mm] = PoseRefinement::largest_and_rms_mm(&placed.boards, &motions);
+        let off_mm2 = best.off_mm2.unwrap_or(off_before_mm2);
+        tracing::debug!(round, off_mm = off_mm2.sqrt(), motions_mm = rms_mm, "poses on codewords");
+        let is_nearer =
+            |_: &PlacedSweep<'r>, now: &Candidate| now.off_mm2.is_some_and(|now| now <= (1.0 - MIN_GAIN) * off_mm2);
+        let step = Step { motions, reliefs: Vec::new() };
+        if rms_mm * rms_mm < MIN_GAIN * off_mm2 || !attempt(placed, best, &step, &is_nearer)? {
+            break;
+        }
+    }
+    let mut turned = (!placed.is_board_symmetric).then(|| vec![false; n]);
+    for _ in 0..MAX_ROUNDS {
+        let fitted = fit_relief(&placed.boards, turned.as_deref(), &best.squares);
+        let Some(FittedRelief { reliefs, motions, misfit, explained, floor_mm, turned: found }) = fitted else { break };
+        turned = Some(found);
+        // Part of what the others' reliefs explain that a field of boards with reliefs has to keep.
+        const KEPT: f64 = 0.5;
+        let is_better = |placed: &PlacedSweep<'r>, now: &Candidate| {
+            let left = relief_fit::misfit(&placed.boards, &now.squares, floor_mm);
+            tracing::debug!(left, misfit, "relief of the board was tried");
+            left.is_some_and(|left| left < misfit - KEPT * explained)
+        };
+        if !attempt(placed, best, &Step { motions, reliefs }, &is_better)? {
+            break;
+        }
     }
     let [largest_mm, rms_mm] = PoseRefinement::largest_and_rms_mm(&at_corners, &total);
     let (off_before_mm, off_mm) = (off_before_mm2.sqrt(), off_mm2.sqrt());
-    let report = PoseRefinement { largest_mm, rms_mm, off_before_mm, off_mm, psnr_before_db: before.psnr_db };
+    let relief = placed.boards[0].relief().map(|relief| {
+        let [largest_mm, rms_mm] = relief.largest_and_rms_mm();
+        ReliefReport { largest_mm, rms_mm }
+    });
+    let psnr_before_db = before.psnr_db;
+    let report = PoseRefinement { largest_mm, rms_mm, off_before_mm, off_mm, psnr_before_db, relief };
     Ok((off_mm < off_before_mm).then_some(RefinedPoses { report, motions: total }))
+}
+
+/// What is done to the boards at once.
+struct Step {
+    /// Motions, position by position.
+    motions: Vec<Isometry3<f64>>,
+    /// Heights that are added to their surfaces; none, or position by position.
+    reliefs: Vec<Relief>,
 }
 
 impl PoseRefinement {

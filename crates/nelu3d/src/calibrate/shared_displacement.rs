@@ -117,9 +117,24 @@ pub struct SquareDisplacement {
     /// Number of other boards that have lit its rays, or more.
     class: usize,
     /// Median over its samples, mm.
-    mm: f32,
+    pub(super) mm: f32,
     /// Standard deviation that their scatter leaves, mm.
-    sigma_mm: f32,
+    pub(super) sigma_mm: f32,
+    /// Where the camera sees its middle: (x/z, y/z).
+    pub(super) plane: [f64; 2],
+}
+
+impl SquareDisplacement {
+    /// Makes the displacement of a square of a position: its median and standard deviation, mm, where the camera sees
+    /// its middle, (x/z, y/z), and the number of other boards that have lit its rays.
+    pub fn new(position: usize, class: usize, [mm, sigma_mm]: [f32; 2], plane: [f64; 2]) -> Self {
+        Self { position, class, mm, sigma_mm, plane }
+    }
+
+    /// Whether another board has lit its rays.
+    pub(super) fn is_supported(&self) -> bool {
+        self.class > 0
+    }
 }
 
 /// Displacements of boards from fields that were not made from them, by the number of other boards that have lit the
@@ -264,14 +279,17 @@ pub fn square_displacements(
     position: usize,
     class: usize,
 ) -> impl Iterator<Item = SquareDisplacement> {
-    let mut blocks: BTreeMap<[usize; 2], Vec<f32>> = BTreeMap::new();
+    let mut blocks: BTreeMap<[usize; 2], (Vec<f32>, [f64; 2])> = BTreeMap::new();
     for s in samples {
-        blocks.entry(s.block).or_default().push(s.g / s.h);
+        let (mm, sums) = blocks.entry(s.block).or_default();
+        mm.push(s.g / s.h);
+        sums.iter_mut().zip(s.plane).for_each(|(sum, x)| *sum += x);
     }
-    blocks.into_values().filter(|mm| mm.len() >= MIN_IN_SQUARE).filter_map(move |mut of_square| {
+    blocks.into_values().filter(|(mm, _)| mm.len() >= MIN_IN_SQUARE).filter_map(move |(mut of_square, sums)| {
         let n = of_square.len() as f32;
+        let plane = sums.map(|sum| sum / f64::from(n));
         let mm = median(&mut of_square)?;
         let scatter = median(&mut of_square.iter().map(|x| (x - mm).abs()).collect::<Vec<_>>())?;
-        Some(SquareDisplacement { position, class, mm, sigma_mm: 1.5 * scatter / n.sqrt() })
+        Some(SquareDisplacement::new(position, class, [mm, 1.5 * scatter / n.sqrt()], plane))
     })
 }

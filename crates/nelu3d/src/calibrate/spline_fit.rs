@@ -79,8 +79,8 @@ pub struct SplineFit {
 /// Most coefficients that are fitted at once, about. Their equations take seven numbers for each.
 const AT_ONCE: usize = 8_000_000;
 
-/// Fits a spline of `cells` to `bins`, which have as many across, from nothing. Channels are problems of their own: of a
-/// large spline some are solved at a time, in a part of the memory.
+/// Fits a spline of `cells` to `bins`, which have as many across, from nothing. Channels are problems of their own: of
+/// a large spline some are solved at a time, in a part of the memory.
 pub fn fit_spline(
     bins: &Bins,
     cells: [usize; 3],

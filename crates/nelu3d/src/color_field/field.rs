@@ -65,26 +65,28 @@ impl ColorField {
         }
     }
 
-    /// Returns the standard deviation of depth that errors of the boards' poses and shapes leave, mm, at a point with
-    /// unit coordinates `q` that the camera sees through `plane`, its (x/z, y/z); 0 where it is not known.
+    /// Returns the standard deviation of depth that errors of the boards' poses and shapes leave, or of a projector's
+    /// calibration, mm, at a point with unit coordinates `q` that the camera sees through `plane`, its (x/z, y/z); 0
+    /// where it is not known.
     ///
     /// Where every position was held out in turn, it is how far these were from the field where as many boards have lit
     /// the same rays: an upper bound, since a held-out board has an error of its own. Else it follows from a mean:
     /// Errors of n boards average out where all of them were. Codewords that m of them have shown are n/m times as
     /// uncertain as a variance; carried ones, and those that nobody counted, rest on one.
     pub fn pose_sigma_mm(&self, plane: [f32; 2], q: [f32; 3]) -> f32 {
-        let Some(quality) = &self.metadata.quality else { return 0.0 };
+        let along = |covariance: &[[f64; 3]; 3]| {
+            let at = [1.0, f64::from(plane[0]), f64::from(plane[1])];
+            (0..3).map(|i| (0..3).map(|j| at[i] * covariance[i][j] * at[j]).sum::<f64>()).sum::<f64>().max(0.0)
+        };
+        let Some(quality) = &self.metadata.quality else {
+            let of_projector = self.metadata.residual.as_ref().and_then(|r| r.pose_covariance.as_ref());
+            return of_projector.map_or(0.0, |covariance| along(covariance).sqrt() as f32);
+        };
         if let Some(by_support) = quality.depth_by_support {
             let n = usize::from(self.validity.positions_at(q).unwrap_or(0));
             return by_support[n.min(by_support.len() - 1)] as f32;
         }
-        let variance = match quality.pose_covariance {
-            Some(covariance) => {
-                let at = [1.0, f64::from(plane[0]), f64::from(plane[1])];
-                (0..3).map(|i| (0..3).map(|j| at[i] * covariance[i][j] * at[j]).sum::<f64>()).sum::<f64>().max(0.0)
-            }
-            None => quality.pose_mm * quality.pose_mm,
-        };
+        let variance = quality.pose_covariance.as_ref().map_or(quality.pose_mm * quality.pose_mm, along);
         let n = self.metadata.boards.len().max(1) as f64;
         let fewer = if self.validity.positions.is_empty() {
             1.0

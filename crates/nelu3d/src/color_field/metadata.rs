@@ -112,6 +112,11 @@ pub struct ProjectorResidual {
     /// Standard deviation that noise alone gives them, normalized intensity: root of the mean variance, of
     /// points that were decoded of the median.
     pub noise_sigma: f64,
+    /// Covariance, mm², of the displacement a + b x/z + c y/z, mm, that errors of the projector's calibration leave
+    /// along the ray through (x, y, z): 3 × 3, in the order (a, b, c), as the boards of a sweep tell it. `None` without
+    /// a sweep of three boards, and in fields of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose_covariance: Option<[[f64; 3]; 3]>,
 }
 
 /// Where the board stood at a position of a sweep.

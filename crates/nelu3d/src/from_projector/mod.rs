@@ -6,6 +6,7 @@
 //! patterns where they were found to come from, and repeat. What few patterns say of a scene can be explained by a
 //! wrong response and wrong depths together.
 
+mod displaced;
 mod fit;
 mod geometry;
 #[doc(hidden)]
@@ -25,13 +26,14 @@ use crate::color_field::{ColorField, FieldMetadata, ProjectorResidual, camera_ke
 use crate::progress::{Progress, StageClock};
 use crate::sensor::NoiseModel;
 use crate::verdict::Judgment;
+use displaced::Displaced;
 use fit::{Fitted, ResponseFit};
 use geometry::Volume;
 pub use geometry::crossing_depth;
 use inputs::{calibrated_projector, given_depth, projector_error, read_patterns};
 pub use options::FromProjectorOptions;
 use response::Residual;
-use source::Evidence;
+use source::{Evidence, Source};
 
 /// Computes a color field from the calibrated projector, its projected images, and the boards of a sweep or, where
 /// there is none that can be used, the captures of up to four scenes, which tell its blur and response.
@@ -51,10 +53,10 @@ pub fn calibrate_from_projector(
     let projector = calibrated_projector(rig)?;
     let patterns = read_patterns(rig, set, projector)?;
     let given_mm = given_depth(rig, opts)?;
-    let Evidence { source, noise, dark, blur } = Evidence::find(rig, set, progress, &mut clock)?;
+    let Evidence { source, noise, dark, blur, boards, bend } = Evidence::find(rig, set, progress, &mut clock)?;
 
     clock.begin("estimate blur and response");
-    let metadata = FieldMetadata { dark, blur, ..metadata(rig, set, noise) };
+    let metadata = FieldMetadata { dark, blur, boards, board_bend: bend, ..metadata(rig, set, noise) };
     let fit = ResponseFit { rig, projector, patterns, metadata };
     let (depth_mm, fitted) = fit.fit(&source, given_mm, progress)?.ok_or_else(|| {
         let reason = "no scene could be decoded, so blur and response stay unknown; check the projector's calibration, \
@@ -67,10 +69,17 @@ pub fn calibrate_from_projector(
     field.metadata.settings = serde_json::json!({
         "options": opts, "response": response, "residual": residual, "depth_mm": depth_mm,
     });
-    field.metadata.residual = Some(ProjectorResidual { sigma: rms, noise_sigma });
+    let displaced = match &source {
+        Source::Boards { codewords, at, .. } => Displaced::of(&field, codewords, at),
+        Source::Scenes(_) => None,
+    };
+    let pose_covariance = displaced.as_ref().map(|d| d.covariance);
+    field.metadata.residual = Some(ProjectorResidual { sigma: rms, noise_sigma, pose_covariance });
     let center = projector.center();
     let mut judgment = Judgment::default();
     judgment.extend(source.unsure(&fit.patterns, response));
+    judgment.extend(displaced.and_then(|d| d.finding()));
+    field.metadata.warnings = judgment.warnings.iter().map(|w| w.code.name()).collect();
     let report = CalibrationReport {
         judgment,
         boards_mm: None,

@@ -1,11 +1,13 @@
 //! What blur and response of a projector are estimated from.
 
+use nelu3d_scan::pose::Bend;
 use nelu3d_scan::rig::{Capture, PatternSet};
 use nelu3d_scan::{Image, Rig};
 
 use super::inputs::{find_scenes, read_captures};
 use super::response::{MIN_CODEWORDS, Response, exponent_matters};
 use crate::calibrate::{BoardSample, BoardSamples, CalibrationError, board_samples};
+use crate::color_field::BoardPlace;
 use crate::progress::{Progress, StageClock};
 use crate::reconstruct::Codeword;
 use crate::sensor::{Blur, DarkLevel, NoiseModel};
@@ -17,6 +19,8 @@ pub(super) enum Source {
     Boards {
         /// What they show.
         codewords: Vec<Codeword>,
+        /// Where each is from.
+        at: Vec<OnBoard>,
         /// Number of board positions.
         positions: usize,
     },
@@ -52,6 +56,14 @@ impl std::fmt::Display for Source {
     }
 }
 
+/// Where a codeword of a board is from.
+pub(super) struct OnBoard {
+    /// Position, by index.
+    pub(super) position: usize,
+    /// The square of pixels that it lies in, across and down.
+    pub(super) block: [usize; 2],
+}
+
 /// What a rig tells of its projector and of its camera.
 pub(super) struct Evidence {
     /// What blur and response are estimated from.
@@ -62,6 +74,10 @@ pub(super) struct Evidence {
     pub(super) dark: Vec<DarkLevel>,
     /// Blur of the camera, where a sweep tells it.
     pub(super) blur: Option<Blur>,
+    /// Where the boards of a sweep stood.
+    pub(super) boards: Vec<BoardPlace>,
+    /// Bend of a sweep's board, where it was taken into account.
+    pub(super) bend: Option<Bend>,
 }
 
 impl Evidence {
@@ -82,7 +98,8 @@ impl Evidence {
         let scenes = find_scenes(rig, set)?;
         clock.begin("read the scenes");
         let (captures, noise) = read_captures(rig, set, &scenes)?;
-        Ok(Self { source: Source::Scenes(captures), noise, dark: Vec::new(), blur: None })
+        let source = Source::Scenes(captures);
+        Ok(Self { source, noise, dark: Vec::new(), blur: None, boards: Vec::new(), bend: None })
     }
 }
 
@@ -97,11 +114,12 @@ fn boards(
         return Ok(None);
     }
     let unusable = match board_samples(rig, set, progress, clock) {
-        Ok(BoardSamples { samples, positions, noise, dark, blur }) if samples.len() >= MIN_CODEWORDS => {
+        Ok(BoardSamples { samples, positions, noise, dark, blur, boards, bend }) if samples.len() >= MIN_CODEWORDS => {
+            let at = samples.iter().map(|s| OnBoard { position: s.position, block: s.block }).collect();
             let codeword = |s: BoardSample| Codeword { point: s.point, intensities: s.values, variance: s.variance };
             let codewords = samples.into_iter().map(codeword).collect();
-            let source = Source::Boards { codewords, positions };
-            return Ok(Some(Evidence { source, noise, dark, blur: Some(blur) }));
+            let source = Source::Boards { codewords, at, positions };
+            return Ok(Some(Evidence { source, noise, dark, blur: Some(blur), boards, bend }));
         }
         Ok(BoardSamples { samples, .. }) => format!("only {} pixels of its boards are well lit", samples.len()),
         Err(CalibrationError::Cancelled) => return Err(CalibrationError::Cancelled),

@@ -42,6 +42,8 @@ pub enum Code {
     NonlinearResponse,
     /// A projector's response was found from scenes alone, whose depths are not known.
     ResponseFromScenes,
+    /// The boards of the sweep are not where a calibrated projector's field has them.
+    ProjectorDisagrees,
     /// Images were compressed with loss.
     LossyCompression,
     /// Much of what is lit is clipped.
@@ -66,7 +68,7 @@ pub enum Code {
 
 impl Code {
     /// All codes.
-    pub const ALL: [Code; 28] = [
+    pub const ALL: [Code; 29] = [
         Code::CornersMisfit,
         Code::CameraIntrinsics,
         Code::CameraDistortion,
@@ -85,6 +87,7 @@ impl Code {
         Code::CodeRepeats,
         Code::NonlinearResponse,
         Code::ResponseFromScenes,
+        Code::ProjectorDisagrees,
         Code::LossyCompression,
         Code::Clipped,
         Code::PatternWithoutLight,

@@ -77,6 +77,7 @@ pub(super) fn demo() -> Spec {
         scenes: vec![SceneSpec::new("vase", vec![vase(AlbedoSpec::default())])],
         print_dpi: None,
         board_bend: None,
+        board_curl: None,
         sequences: Vec::new(),
     }
 }

@@ -71,6 +71,7 @@ pub(super) fn dlp() -> Spec {
         board_albedo: [0.05, 0.85],
         print_dpi: Some(600.0),
         board_bend: None,
+        board_curl: None,
         sweep: SweepSpec::Stage {
             positions: 40,
             first_mm: MIDDLE_MM - 75.0,

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use nelu3d_scan::Ray;
 use nelu3d_sim::Spec;
 use nelu3d_sim::scene::{Hand, PrintedBoard, VirtualScene};
-use nelu3d_sim::spec::{AxisSpec, BoardBendSpec};
+use nelu3d_sim::spec::{AxisSpec, BoardBendSpec, BoardCurlSpec};
 
 fn printed(bend: Option<BoardBendSpec>) -> (PrintedBoard, Spec) {
     let spec = Spec { board_bend: bend, ..Spec::preset("color").unwrap() };
@@ -46,6 +46,32 @@ fn a_bent_board_is_an_arc_of_its_sagitta() {
                 assert_eq!(scene.albedo(&hit), flat.albedo(&print), "{axis:?} {sagitta_mm} {part}");
             }
         }
+    }
+}
+
+/// A corner stands out toward the camera by what the spec says, half as far along the curl by a quarter of it, and the
+/// others lie flat; the print is lifted, not moved.
+#[test]
+fn a_curled_corner_stands_out_as_far_as_it_is_said_to() {
+    let (flat, spec) = printed(None);
+    let [x0, y0, x1, y1] = spec.board.extent_mm();
+    let curl = BoardCurlSpec { height_mm: 4.0, length_mm: 60.0 };
+    let curled = PrintedBoard::of_spec(&Spec { board_curl: Some(curl), ..spec }).unwrap();
+    let pose = Isometry3::from_parts(Translation3::new(-80.0, -60.0, 700.0), UnitQuaternion::identity());
+    let [flat, curled] = [&flat, &curled].map(|board| VirtualScene::of_board(board, &pose, &[]));
+    let corner = [x1 - x0, y1 - y0].map(|side| side / (x1 - x0).hypot(y1 - y0));
+    // How far before the corner along the diagonal, and how high there.
+    for (before, height) in [(1e-6, 4.0), (30.0, 1.0), (60.0, 0.0), (90.0, 0.0)] {
+        let at = pose * Point3::new(x1 - before * corner[0], y1 - before * corner[1], 0.0);
+        let ray = Ray { origin: at - Vector3::z() * 300.0, dir: Vector3::z() };
+        let [hit, print] = [&curled, &flat].map(|scene| scene.hit(&ray).unwrap());
+        assert!((at.z - hit.point.z - height).abs() < 1e-2, "{before}: {}", at.z - hit.point.z);
+        assert_eq!(curled.albedo(&hit), flat.albedo(&print), "{before}");
+    }
+    for [x, y] in [[x0, y0], [x1, y0], [x0, y1]] {
+        let at = pose * Point3::new(x.clamp(x0 + 1e-6, x1 - 1e-6), y.clamp(y0 + 1e-6, y1 - 1e-6), 0.0);
+        let hit = curled.hit(&Ray { origin: at - Vector3::z() * 300.0, dir: Vector3::z() }).unwrap();
+        assert!((at.z - hit.point.z).abs() < 1e-6);
     }
 }
 

@@ -38,9 +38,10 @@ impl Smoothness {
     /// Returns the smoothness of some of the channels.
     #[must_use]
     pub fn part(&self, channels: Range<usize>) -> Self {
-        let defocus = self.defocus.as_ref().map(|defocus| {
-            Defocus { of_channels: defocus.of_channels[channels.clone()].to_vec(), ..defocus.clone() }
-        });
+        let defocus = self
+            .defocus
+            .as_ref()
+            .map(|defocus| Defocus { of_channels: defocus.of_channels[channels.clone()].to_vec(), ..defocus.clone() });
         Self { of_channels: self.of_channels[channels].to_vec(), defocus, ..*self }
     }
 }

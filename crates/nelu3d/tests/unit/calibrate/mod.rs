@@ -7,6 +7,7 @@ mod judge;
 mod light;
 mod placed_sweep;
 mod position;
+mod relief_fit;
 mod shared_displacement;
 mod smoothing;
 mod spline_fit;

@@ -145,9 +145,9 @@ fn what_the_field_is_off_by_is_known_of_positions_or_of_scenes() {
     assert!((metadata.model_sigma(0.005) - 0.03).abs() < 1e-4);
     metadata.quality = None;
     assert!((metadata.model_sigma(0.005) - 0.01).abs() < 1e-6);
-    metadata.residual = Some(ProjectorResidual { sigma: 0.05, noise_sigma: 0.03 });
+    metadata.residual = Some(ProjectorResidual { sigma: 0.05, noise_sigma: 0.03, pose_covariance: None });
     assert!((metadata.model_sigma(0.005) - 0.04).abs() < 1e-6);
-    metadata.residual = Some(ProjectorResidual { sigma: 0.02, noise_sigma: 0.03 });
+    metadata.residual = Some(ProjectorResidual { sigma: 0.02, noise_sigma: 0.03, pose_covariance: None });
     assert_eq!(metadata.model_sigma(0.005), 0.005);
 }
 
