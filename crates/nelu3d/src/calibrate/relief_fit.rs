@@ -41,7 +41,7 @@ pub struct FittedRelief {
     pub(super) turned: Vec<bool>,
     /// Motions of the boards, position by position.
     pub motions: Vec<Isometry3<f64>>,
-    /// What squares are off by without it, as [`misfit`], and which of it the others' relief explains.
+    /// What squares are off by without it, as [`misfit`] says it, and what of that the others' relief explains.
     pub(super) misfit: f64,
     pub(super) explained: f64,
     /// Scatter of squares beside their own noise that the misfit is measured by, mm.
@@ -177,7 +177,7 @@ impl Squares {
         taps.for_each(|(node, _)| *node = Relief::NODES - 1 - *node);
     }
 
-    /// What the plane that fits best leaves of the squares of a position beside a relief, in units of their noise.
+    /// Returns what the plane that fits best leaves of the squares of a position beside a relief, mm.
     fn residuals(&self, p: usize, heights: &DVector<f64>) -> Vec<f64> {
         let plane = self.plane(p, heights).unwrap_or_default();
         self.positions[p].squares.iter().map(|s| s.beside(heights) - plane.dot(&s.at)).collect()
@@ -196,8 +196,8 @@ impl Squares {
         all.filter(|_| squares > 0).map(|all| all / squares as f64)
     }
 
-    /// Robust misfit of the squares of a position beside a relief and the plane that fits best: the square of what is
-    /// near, in standard deviations, and the distance of what is far.
+    /// Returns the robust misfit of the squares of a position beside a relief and the plane that fits best: of each the
+    /// square of its standard deviations where it is near, and 5 times as many, about, where it is far.
     fn misfit(&self, p: usize, heights: &DVector<f64>) -> f64 {
         const SQUARE: f64 = OUTLIER * OUTLIER;
         let of = |(r, s): (f64, &Square)| {
@@ -207,7 +207,7 @@ impl Squares {
         self.residuals(p, heights).into_iter().zip(&self.positions[p].squares).map(of).sum()
     }
 
-    /// Weight of a square that is off by `r`, mm.
+    /// Returns the weight of a square that is off by `r` mm, 1/mm².
     fn weight(&self, s: &Square, r: f64) -> f64 {
         let variance = self.variance(s).max(1e-9);
         (1.0 + r * r / variance / (OUTLIER * OUTLIER)).sqrt().recip() / variance
