@@ -1,5 +1,7 @@
 //! The shape of a board that is not flat, free of any form: heights that are smooth over the board.
 
+use nalgebra::{Matrix3, Vector3};
+
 /// Cells of a relief along either axis of the board.
 const CELLS: usize = 8;
 /// Nodes along either axis.
@@ -55,24 +57,30 @@ impl Relief {
         self.nodes.iter_mut().zip(other.nodes).for_each(|(sum, height)| *sum += height);
     }
 
-    /// Takes off the plane that fits the heights over the board best: it belongs to the boards' poses.
+    /// Takes off the plane from which the heights over the board are least far, in the sum of their sizes: where most of
+    /// the board is flat, that is where it lies. Planes belong to the boards' poses, which the corners of the print tell.
     pub fn remove_plane(&mut self) {
-        // Places lie symmetrically about the middle, so that the plane's three numbers are found one by one.
-        let from_middle = |at: f64, i: usize| at - 0.5 * (self.extent_mm[i] + self.extent_mm[i + 2]);
-        let heights: Vec<([f64; 2], f64)> =
-            self.places().map(|at| ([from_middle(at[0], 0), from_middle(at[1], 1)], self.height(at))).collect();
-        let mean = heights.iter().map(|(_, h)| h).sum::<f64>() / heights.len() as f64;
-        let slope = |axis: usize| {
-            let sum = |of: &dyn Fn(f64, f64) -> f64| heights.iter().map(|(at, h)| of(at[axis], *h)).sum::<f64>();
-            sum(&|x, h| x * h) / sum(&|x, _| x * x)
-        };
-        let slopes = [slope(0), slope(1)];
-        let cell = |i: usize| (self.extent_mm[i + 2] - self.extent_mm[i]) / CELLS as f64;
-        let cells = [cell(0), cell(1)];
+        const ROUNDS: usize = 30;
+        let [x0, y0, x1, y1] = self.extent_mm;
+        let [cell_a, cell_b] = [(x1 - x0) / CELLS as f64, (y1 - y0) / CELLS as f64];
+        // In cells from the middle.
+        let at = |[x, y]: [f64; 2]| Vector3::new(1.0, (x - 0.5 * (x0 + x1)) / cell_a, (y - 0.5 * (y0 + y1)) / cell_b);
+        let heights: Vec<(Vector3<f64>, f64)> = self.places().map(|place| (at(place), self.height(place))).collect();
+        let least = 0.01 * (heights.iter().map(|(_, h)| h * h).sum::<f64>() / heights.len() as f64).sqrt();
+        let mut plane = Vector3::zeros();
+        for _ in 0..ROUNDS {
+            let (mut left, mut right) = (Matrix3::zeros(), Vector3::zeros());
+            for (at, h) in &heights {
+                let w = 1.0 / (h - plane.dot(at)).abs().max(least).max(f64::MIN_POSITIVE);
+                left += at * at.transpose() * w;
+                right += at * (w * h);
+            }
+            plane = left.cholesky().map_or(plane, |left| left.solve(&right));
+        }
         // A spline whose coefficients are linear in their places is that linear function.
         for (i, height) in self.nodes.iter_mut().enumerate() {
-            let [x, y] = [i % ALONG, i / ALONG].map(|at| at as f64 - 0.5 * (ALONG - 1) as f64);
-            *height -= mean + slopes[0] * x * cells[0] + slopes[1] * y * cells[1];
+            let [a, b] = [i % ALONG, i / ALONG].map(|at| at as f64 - 0.5 * (ALONG - 1) as f64);
+            *height -= plane.dot(&Vector3::new(1.0, a, b));
         }
     }
 

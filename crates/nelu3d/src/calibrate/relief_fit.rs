@@ -23,7 +23,7 @@ const MIN_EXPLAINED: f64 = 50.0;
 const MIN_SQUARES: usize = 30;
 /// Fewest positions.
 const MIN_POSITIONS: usize = 3;
-/// What every coefficient is held by: a plane belongs to the pose.
+/// What every number is held by: where nothing tells it, it is 0.
 const HOLD: f64 = 1e-3;
 /// Times that squares are weighed anew by how far off they are.
 const ROUNDS: usize = 6;
@@ -127,12 +127,14 @@ pub fn fit_relief(
     relief.nodes.copy_from_slice(squares.solve(strength, None)?.as_slice());
     relief.remove_plane();
     let heights = DVector::from_row_slice(&relief.nodes);
+    // Displacements are taken against the others' mean; what all boards share stays as the corners have it.
     let part = (n - 1) as f64 / n as f64;
-    let motion = |(p, board): (usize, &BoardPlane)| {
-        let plane = squares.plane(p, &heights).unwrap_or_default();
-        board.motion_along_rays(|[u, v]| part * plane.dot(&Vector3::new(1.0, u, v)))
+    let planes: Vec<Vector3<f64>> = (0..n).map(|p| squares.plane(p, &heights).unwrap_or_default()).collect();
+    let shared = planes.iter().sum::<Vector3<f64>>() / n as f64;
+    let motion = |(board, plane): (&BoardPlane, &Vector3<f64>)| {
+        board.motion_along_rays(|[u, v]| part * (plane - shared).dot(&Vector3::new(1.0, u, v)))
     };
-    let motions = boards.iter().enumerate().map(motion).collect();
+    let motions = boards.iter().zip(&planes).map(motion).collect();
     let reliefs = turned.iter().map(|is_turned| if *is_turned { relief.turned() } else { relief }).collect();
     Some(FittedRelief { reliefs, turned, motions, misfit: before, explained, floor_mm: squares.floor })
 }
