@@ -127,7 +127,7 @@ pub(super) fn refine_poses<'r>(
     let mut turned = (!placed.is_board_symmetric).then(|| vec![false; n]);
     for _ in 0..MAX_ROUNDS {
         let fitted = fit_relief(&placed.boards, turned.as_deref(), &best.squares);
-        let Some(FittedRelief { reliefs, motions, misfit, explained, floor_mm, turned: found }) = fitted else { break };
+        let Some(FittedRelief { reliefs, misfit, explained, floor_mm, turned: found }) = fitted else { break };
         turned = Some(found);
         // Part of what the others' reliefs explain that a field of boards with reliefs has to keep.
         const KEPT: f64 = 0.5;
@@ -136,7 +136,9 @@ pub(super) fn refine_poses<'r>(
             tracing::debug!(left, misfit, "relief of the board was tried");
             left.is_some_and(|left| left < misfit - KEPT * explained)
         };
-        if !attempt(placed, best, &Step { motions, reliefs }, &is_better)? {
+        // The poses stay as they are: what a curl had in them goes with it, and moving boards again makes scans worse.
+        let step = Step { motions: vec![Isometry3::identity(); n], reliefs };
+        if !attempt(placed, best, &step, &is_better)? {
             break;
         }
     }
@@ -148,7 +150,7 @@ pub(super) fn refine_poses<'r>(
     });
     let psnr_before_db = before.psnr_db;
     let report = PoseRefinement { largest_mm, rms_mm, off_before_mm, off_mm, psnr_before_db, relief };
-    Ok((off_mm < off_before_mm).then_some(RefinedPoses { report, motions: total }))
+    Ok((off_mm < off_before_mm || relief.is_some()).then_some(RefinedPoses { report, motions: total }))
 }
 
 /// What is done to the boards at once.

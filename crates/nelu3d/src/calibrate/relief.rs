@@ -57,8 +57,9 @@ impl Relief {
         self.nodes.iter_mut().zip(other.nodes).for_each(|(sum, height)| *sum += height);
     }
 
-    /// Takes off the plane from which the heights over the board are least far, in the sum of their sizes: where most of
-    /// the board is flat, that is where it lies. Planes belong to the boards' poses, which the corners of the print tell.
+    /// Takes off the plane from which the heights over the board are least far, in the sum of their sizes: where most
+    /// of the board is flat, that is where it lies. Planes belong to the boards' poses, which the corners of the print
+    /// tell.
     pub fn remove_plane(&mut self) {
         const ROUNDS: usize = 30;
         let [x0, y0, x1, y1] = self.extent_mm;

@@ -6,7 +6,7 @@
 //! of the board is fitted to what is no plane, and taken only if that of the other positions predicts each position's.
 //! A print that a turn of 180° leaves unchanged may have been held either way around: its relief tells.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use nelu3d_scan::statistics::median;
 
 use super::placed_sweep::BoardPlane;
@@ -33,14 +33,12 @@ const OUTLIER: f64 = 2.5;
 /// Most turns of positions by 180°.
 const MAX_TURNS: usize = 20;
 
-/// A relief, and the motions of the boards that go with it.
+/// A relief, and what it explains.
 pub struct FittedRelief {
     /// What is to be added to the boards' heights, position by position: the same, but for its turn.
     pub reliefs: Vec<Relief>,
     /// Which boards were held the other way around.
     pub(super) turned: Vec<bool>,
-    /// Motions of the boards, position by position.
-    pub motions: Vec<Isometry3<f64>>,
     /// What squares are off by without it, as [`misfit`] says it, and what of that the others' relief explains.
     pub(super) misfit: f64,
     pub(super) explained: f64,
@@ -126,17 +124,8 @@ pub fn fit_relief(
     let mut relief = flat;
     relief.nodes.copy_from_slice(squares.solve(strength, None)?.as_slice());
     relief.remove_plane();
-    let heights = DVector::from_row_slice(&relief.nodes);
-    // Displacements are taken against the others' mean; what all boards share stays as the corners have it.
-    let part = (n - 1) as f64 / n as f64;
-    let planes: Vec<Vector3<f64>> = (0..n).map(|p| squares.plane(p, &heights).unwrap_or_default()).collect();
-    let shared = planes.iter().sum::<Vector3<f64>>() / n as f64;
-    let motion = |(board, plane): (&BoardPlane, &Vector3<f64>)| {
-        board.motion_along_rays(|[u, v]| part * (plane - shared).dot(&Vector3::new(1.0, u, v)))
-    };
-    let motions = boards.iter().zip(&planes).map(motion).collect();
     let reliefs = turned.iter().map(|is_turned| if *is_turned { relief.turned() } else { relief }).collect();
-    Some(FittedRelief { reliefs, turned, motions, misfit: before, explained, floor_mm: squares.floor })
+    Some(FittedRelief { reliefs, turned, misfit: before, explained, floor_mm: squares.floor })
 }
 
 impl Squares {
