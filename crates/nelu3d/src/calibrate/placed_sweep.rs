@@ -65,7 +65,7 @@ pub struct BoardPlane {
     pub axes: [Vector3<f64>; 2],
     extent_mm: [f64; 4],
     bend: Option<Bend>,
-    /// What it stands over its plane or bend.
+    /// Heights of its surface over its plane or bend, where codewords have told them.
     relief: Option<Relief>,
 }
 
