@@ -1,6 +1,7 @@
 //! The shape of a board that is not flat, free of any form: heights that are smooth over the board.
 
 use nalgebra::{Matrix3, Vector3};
+use nelu3d_field::lattice::weights;
 
 /// Cells of a relief along either axis of the board.
 const CELLS: usize = 8;
@@ -33,7 +34,7 @@ impl Relief {
             let (lo, hi) = (self.extent_mm[i], self.extent_mm[i + 2]);
             let at = ((plane_mm[i] - lo) / (hi - lo)).clamp(0.0, 1.0) * CELLS as f64;
             let cell = (at as usize).min(CELLS - 1);
-            (cell, cubic(at - cell as f64))
+            (cell, weights(at - cell as f64))
         });
         std::array::from_fn(|i| ((y.0 + i / 4) * ALONG + x.0 + i % 4, y.1[i / 4] * x.1[i % 4]))
     }
@@ -121,11 +122,4 @@ impl Relief {
         }
         all
     }
-}
-
-/// The weights of the four cubic B-splines at a place in a cell, 0 to 1.
-fn cubic(u: f64) -> [f64; 4] {
-    let v = 1.0 - u;
-    let inner = |u: f64| (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0;
-    [v * v * v / 6.0, inner(u), inner(v), u * u * u / 6.0]
 }

@@ -225,9 +225,10 @@ impl Squares {
     /// Fits the relief's coefficients and a plane for every position, but for one that is left out.
     fn solve(&self, strength: f64, without: Option<usize>) -> Option<DVector<f64>> {
         let size = Relief::NODES + 3 * self.positions.len();
-        let mut heights = DVector::zeros(Relief::NODES);
+        let flat = DVector::zeros(Relief::NODES);
         let mut found: DVector<f64> = DVector::zeros(size);
-        for (p, plane) in (0..self.positions.len()).map(|p| (p, self.plane(p, &heights).unwrap_or_default())) {
+        for p in 0..self.positions.len() {
+            let plane = self.plane(p, &flat).unwrap_or_default();
             found.rows_mut(Relief::NODES + 3 * p, 3).copy_from(&plane);
         }
         // Of squares that weigh 1 each.
@@ -255,8 +256,7 @@ impl Squares {
             }
             found = left.cholesky()?.solve(&right);
         }
-        heights.copy_from(&found.rows(0, Relief::NODES));
-        Some(heights)
+        Some(found.rows(0, Relief::NODES).into_owned())
     }
 }
 
