@@ -35,9 +35,9 @@ const WORSE: f64 = 1.5;
 /// How many times as many pixels a neighbor has beside which a component is a speck.
 const MUCH_LARGER: usize = 20;
 /// χ² of the continued neighbor of a speck, as a multiple of that of the found one, below which it explains the speck
-/// about as well: of two such depths that of what is all around is the likelier one. What truly stands before a wall
-/// shows codewords that are far from the wall's.
-const AS_WELL: f64 = 1.5;
+/// about as well: of two such depths that of what is all around is the likelier one, and where few boards have been the
+/// field is off by more than its noise. What truly stands before a wall shows codewords that are far from the wall's.
+const AS_WELL: f64 = 2.5;
 
 /// What a component's outline tells.
 #[derive(Clone, Copy, Default)]
