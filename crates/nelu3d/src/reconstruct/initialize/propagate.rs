@@ -102,15 +102,15 @@ fn propagate(decoder: &Decoder<'_>, m: &Measurements, previous: &[f32], step: f3
 }
 
 /// Searches around the inverse depths `near`, 1/mm, at the pixels `on`, by the mean χ² over squares of every offset:
-/// what moves together has one offset. Every second pixel tells, as the squares of a chessboard: offsets are averaged
-/// over many more.
+/// what moves together has one offset. Every second pixel of every second row tells: offsets are averaged over many
+/// more.
 fn best_offsets(decoder: &Decoder<'_>, m: &Measurements, near: &[f32], on: &[bool], step: f32) -> Offsets {
     let (w, h, n, k) = (m.width, m.height, m.n(), m.k);
     let s = &decoder.settings.propagation;
     let (rays, valid) = (decoder.rays, &decoder.field.validity);
     let prior = decoder.settings.light_fractions.weights(m);
     let radius = s.radius.max(decoder.noise_reduction(m));
-    let tells = |i: usize| on[i] && (i % w + i / w).is_multiple_of(2);
+    let tells = |i: usize| on[i] && (i % w).is_multiple_of(2) && (i / w).is_multiple_of(2);
     let mut count: Vec<f32> = (0..n).map(|i| if tells(i) { 1.0 } else { 0.0 }).collect();
     box_mean(&mut count, w, h, radius);
     let costs: Vec<Vec<f32>> = (-s.search_range..=s.search_range)

@@ -18,10 +18,9 @@ use nelu3d_field::plate::{PlateStop, sweep};
 use super::thin_plate::ThinPlatePrior;
 use super::uncertainty::masked_mean;
 
-/// Times that the surface is smoothed again.
-const ROUNDS: usize = 2;
-/// Sweeps over the tiles of a system: what a pixel changes by depends on a few pixels around it.
-const SWEEPS: usize = 2;
+/// Sweeps over the tiles of a system, each time that the surface is smoothed again: what a pixel changes by depends on a
+/// few pixels around it. The second time what is smoothed has changed by little.
+const SWEEPS: [usize; 2] = [2, 1];
 /// Criterion of the solver in a tile.
 const STOP: PlateStop = PlateStop { reduction: 3e-2, settled: 0.0, iterations: 120 };
 /// Radius over which the change's mean square is compared with that of errors, px.
@@ -42,11 +41,11 @@ pub struct SmoothedAway {
 /// variance of the change from noise and other errors of the data, per pixel.
 pub fn smoothed_away(prior: &ThinPlatePrior, h: &[f32], x: &[f32], noise: &[f32]) -> SmoothedAway {
     let [n, width, height] = [x.len(), prior.width, prior.height];
-    let mut y = x.to_vec();
-    for _ in 0..ROUNDS {
-        // S y: what the data would be solved to if they were y.
-        let mut smooth = y.clone();
-        for turn in 0..SWEEPS {
+    // S y, beside y: what the data would be solved to if they were y. The first change is small against the surface, so
+    // that S y₁ is sought from S x.
+    let (mut y, mut smooth) = (x.to_vec(), x.to_vec());
+    for sweeps in SWEEPS {
+        for turn in 0..sweeps {
             let g: Vec<f32> = (0..n).map(|i| h[i] * (smooth[i] - y[i])).collect();
             sweep(&prior.system(h, &g), &mut smooth, turn, f32::INFINITY, STOP);
         }
