@@ -18,8 +18,8 @@ use nelu3d_field::plate::{PlateStop, sweep};
 use super::thin_plate::ThinPlatePrior;
 use super::uncertainty::masked_mean;
 
-/// Sweeps over the tiles of a system, each time that the surface is smoothed again: what a pixel changes by depends on a
-/// few pixels around it. The second time what is smoothed has changed by little.
+/// Sweeps over the tiles of a system, each time that the surface is smoothed again: what a pixel changes by depends on
+/// a few pixels around it. The second time what is smoothed has changed by little.
 const SWEEPS: [usize; 2] = [2, 1];
 /// Criterion of the solver in a tile.
 const STOP: PlateStop = PlateStop { reduction: 3e-2, settled: 0.0, iterations: 120 };

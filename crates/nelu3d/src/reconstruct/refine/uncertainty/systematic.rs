@@ -5,9 +5,9 @@ use rayon::prelude::*;
 
 use super::zones::Zones;
 
-/// Radii of the squares whose mean errors are told from noise, px: about what the prior averages over, which is little
-/// under stiff codes and much under slow ones.
-const RADII: [usize; 3] = [2, 4, 7];
+/// Radii of the squares whose mean errors are told from noise, px: about what the prior averages over, here much and
+/// there little.
+const RADII: [usize; 2] = [2, 4];
 /// Radius over which the size of systematic errors is estimated, px.
 const SYSTEMATIC_RADIUS: usize = 16;
 
