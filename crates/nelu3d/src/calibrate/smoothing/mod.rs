@@ -42,9 +42,8 @@ pub(super) const STIFFEST: f32 = {
 };
 /// One of so many positions is set aside.
 const EVERY: usize = 4;
-/// Pixels that a strip is wide, where few positions are held out in turn and where many are set aside at once: with the
-/// narrow one fields of four to eight boards are off by 1.02 times as much (up to 1.2), those of more by 1.00.
-const WIDTH: [usize; 2] = [32, 16];
+/// Pixels that a strip is wide.
+const WIDTH: usize = 32;
 
 /// The penalties of a frame at strength 1.
 pub fn smoothness(center: Center, of_channels: Vec<[f32; 3]>) -> Smoothness {
@@ -87,7 +86,7 @@ impl Aside {
         let folds = folds.into_iter().map(|positions| Fold { positions, samples: Vec::new() }).collect();
         let cells = [cells[0], cells[1]];
         let [middle_a, middle_b] = cells.map(|n| {
-            let width = (WIDTH[usize::from(!in_turn)] * cells_per_pixel).min(n);
+            let width = (WIDTH * cells_per_pixel).min(n);
             let first = (n - width) / 2;
             first..first + width
         });
